@@ -1,1 +1,16 @@
-//! relight-scene
+//! What light meets: surfaces and ray casting, materials and BRDFs, textures, lights, light sequences,
+//! cameras, and images.
+//!
+//! The rooms, in the order in which light passes them: [`sequence`] says which [`light`]s shine at a frame;
+//! their light meets [`surface`]s, found by [`rays`] over the triangles of a [`scene`], where a [`material`]
+//! reflects it; a [`camera`] sees it and an image keeps it.
+#![deny(unsafe_code)]
+
+pub mod animated;
+pub mod camera;
+pub mod image;
+pub mod light;
+pub mod material;
+pub mod scene;
+pub mod sequence;
+// pub mod surface; // waits for rays

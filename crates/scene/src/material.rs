@@ -1,0 +1,106 @@
+//! Materials and textures as glTF 2.0 describes them (metallic-roughness), before evaluation.
+
+use glam::{Affine2, Vec3, Vec4};
+
+/// How a material's alpha is meant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AlphaMode {
+    /// Alpha is ignored.
+    Opaque,
+    /// There is a surface where alpha is at least the cutoff, and none elsewhere.
+    Mask {
+        /// The cutoff.
+        cutoff: f32,
+    },
+    /// Alpha is coverage: a ray passes with probability 1 − α.
+    Blend,
+}
+
+/// A texture together with where it is looked up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TextureUse {
+    /// Index into [`crate::scene::Scene::textures`].
+    pub texture: u32,
+    /// Which set of texture coordinates of the mesh.
+    pub uv_set: u32,
+    /// Maps the mesh's coordinates to the texture's (KHR_texture_transform); identity otherwise.
+    pub texture_from_mesh: Affine2,
+}
+
+/// A glTF metallic-roughness material. Factors multiply the texture where there is one. A vertex colour,
+/// where the mesh has one, multiplies the base colour.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// Its name in the file; may be empty.
+    pub name: String,
+    /// Linear RGB and alpha.
+    pub base_color: Vec4,
+    /// sRGB texture; alpha is linear.
+    pub base_color_texture: Option<TextureUse>,
+    /// 0 dielectric to 1 metal.
+    pub metallic: f32,
+    /// Perceptual roughness; GGX α is its square.
+    pub roughness: f32,
+    /// Linear: green is roughness, blue is metallic.
+    pub metallic_roughness_texture: Option<TextureUse>,
+    /// Linear tangent-space normals.
+    pub normal_texture: Option<TextureUse>,
+    /// Scale of the normal's x and y.
+    pub normal_scale: f32,
+    /// Emitted radiance (emissiveFactor × emissive strength).
+    pub emission: Vec3,
+    /// sRGB.
+    pub emission_texture: Option<TextureUse>,
+    /// What alpha means.
+    pub alpha_mode: AlphaMode,
+    /// Emits on both sides (reflection is two-sided in any case; design section 2).
+    pub double_sided: bool,
+    /// KHR_materials_unlit: shows its base colour as emission and reflects nothing.
+    pub unlit: bool,
+}
+
+impl Default for Material {
+    /// glTF's default material: white, metallic 1, rough 1.
+    fn default() -> Self {
+        Material {
+            name: String::new(),
+            base_color: Vec4::ONE,
+            base_color_texture: None,
+            metallic: 1.0,
+            roughness: 1.0,
+            metallic_roughness_texture: None,
+            normal_texture: None,
+            normal_scale: 1.0,
+            emission: Vec3::ZERO,
+            emission_texture: None,
+            alpha_mode: AlphaMode::Opaque,
+            double_sided: false,
+            unlit: false,
+        }
+    }
+}
+
+/// How coordinates outside 0..1 are wrapped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wrap {
+    /// Tiles.
+    Repeat,
+    /// Tiles, every other tile mirrored.
+    Mirror,
+    /// The border's colour goes on.
+    Clamp,
+}
+
+/// An image as the source has it, with its sampler. Decoding is done once per scene, when it is prepared
+/// for rendering.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Texture {
+    /// Name for messages.
+    pub name: String,
+    /// PNG or JPEG bytes, as in the source.
+    pub encoded: Vec<u8>,
+    /// Horizontal and vertical wrapping.
+    pub wrap: [Wrap; 2],
+    /// Nearest texel instead of bilinear interpolation.
+    pub nearest: bool,
+}

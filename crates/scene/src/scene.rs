@@ -1,0 +1,54 @@
+//! A static scene as data: what an importer makes and what an asset stores.
+
+use crate::camera::CameraTrack;
+use crate::material::{Material, Texture};
+use crate::sequence::Sequence;
+use glam::{Affine3A, Vec2, Vec3, Vec4};
+
+/// Triangles with one material, in their own space. All vertex arrays have the length of `positions` or,
+/// where the mesh lacks the attribute, are empty.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Mesh space; finite.
+    pub positions: Vec<Vec3>,
+    /// Unit normals; empty: flat shading.
+    pub normals: Vec<Vec3>,
+    /// Tangents as glTF has them (w = handedness); empty: derived from the first normal-map's coordinates.
+    pub tangents: Vec<Vec4>,
+    /// Sets of texture coordinates.
+    pub uvs: Vec<Vec<Vec2>>,
+    /// Linear vertex colours with alpha.
+    pub colors: Vec<Vec4>,
+    /// Vertex indices, all in range; counter-clockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+}
+
+/// A mesh placed in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instance {
+    /// Index into [`Scene::meshes`].
+    pub mesh: u32,
+    /// May mirror: a negative determinant flips the winding, so that fronts stay fronts.
+    pub world_from_mesh: Affine3A,
+}
+
+/// A whole scene: geometry at rest, materials, and the cameras and lights that came with it.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Every mesh once, however often it is placed.
+    pub meshes: Vec<Mesh>,
+    /// Placed meshes, in the order of the source.
+    pub instances: Vec<Instance>,
+    /// At least one if there are meshes.
+    pub materials: Vec<Material>,
+    /// Referenced by the materials.
+    pub textures: Vec<Texture>,
+    /// Perspective camera nodes; the first is the default.
+    pub cameras: Vec<CameraTrack>,
+    /// The scene's own lights (punctual and emissive) and its animation's length.
+    pub sequence: Sequence,
+    /// What the importer had to leave out or change, one sentence each.
+    pub notes: Vec<String>,
+}

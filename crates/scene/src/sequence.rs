@@ -1,0 +1,26 @@
+//! Lighting sequences: what shines at which frame, seen by which camera (design section 4).
+
+use crate::camera::CameraTrack;
+use crate::light::LightTrack;
+
+/// A lighting sequence: `frames` frames of lights and, if it names one, a camera.
+#[derive(Clone, Debug)]
+pub struct Sequence {
+    /// Number of frames, at least 1.
+    pub frames: u32,
+    /// Frames per second.
+    pub fps: f64,
+    /// Which camera looks, if the sequence says so.
+    pub camera: Option<SequenceCamera>,
+    /// All lights; those of the scene itself do not shine beside them.
+    pub lights: Vec<LightTrack>,
+}
+
+/// The camera of a sequence.
+#[derive(Clone, Debug)]
+pub enum SequenceCamera {
+    /// A camera node of the scene, by name.
+    Node(String),
+    /// A camera of the sequence's own.
+    Own(CameraTrack),
+}
