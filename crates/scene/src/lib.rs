@@ -8,6 +8,7 @@
 
 pub mod animated;
 pub mod camera;
+pub mod image;
 pub mod light;
 pub mod material;
 pub mod scene;
