@@ -8,9 +8,12 @@
 
 pub mod animated;
 pub mod camera;
+pub mod environment;
 pub mod image;
 pub mod light;
+pub mod light_set;
 pub mod material;
 pub mod scene;
 pub mod sequence;
+pub mod sky;
 // pub mod surface; // waits for rays
