@@ -29,9 +29,15 @@ const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// names the first. They are not repaired here, because a repaired sun is a wrong sun.
 pub fn read_environment(path: &Path) -> Result<EnvironmentMap, ImageError> {
     let file = path.display().to_string();
-    let io = |source| ImageError::Io { file: file.clone(), action: "opening", source };
+    let io = |source| ImageError::Io {
+        file: file.clone(),
+        action: "opening",
+        source,
+    };
     let mut magic = Vec::new();
-    std::fs::File::open(path).and_then(|f| f.take(4).read_to_end(&mut magic)).map_err(io)?;
+    std::fs::File::open(path)
+        .and_then(|f| f.take(4).read_to_end(&mut magic))
+        .map_err(io)?;
     let image = if magic == EXR_MAGIC {
         let layers = read_exr(path, &Limits::default())?;
         let only = (layers.layers.len() == 1).then(|| layers.layers[0].name.clone());
@@ -47,7 +53,12 @@ pub fn read_environment(path: &Path) -> Result<EnvironmentMap, ImageError> {
 }
 
 fn environment_from_image(file: &str, image: FloatImage) -> Result<EnvironmentMap, ImageError> {
-    let invalid = |detail| Err(ImageError::Invalid { file: file.into(), detail });
+    let invalid = |detail| {
+        Err(ImageError::Invalid {
+            file: file.into(),
+            detail,
+        })
+    };
     if image.width == 0 || image.height == 0 {
         return invalid("an environment map must have at least one pixel".into());
     }
@@ -102,12 +113,21 @@ fn bilinear(width: usize, height: usize, uv: [f32; 2]) -> Bilinear {
     let (x0, y0) = (x.floor(), y.floor());
     let (fx, fy) = (x - x0, y - y0);
     // x0 is −1..width − 1.
-    let left = if x0 < 0.0 { width - 1 } else { (x0 as usize).min(width - 1) };
+    let left = if x0 < 0.0 {
+        width - 1
+    } else {
+        (x0 as usize).min(width - 1)
+    };
     let right = if left + 1 == width { 0 } else { left + 1 };
     let top = (y0 as usize).min(height - 1);
     let bottom = (top + 1).min(height - 1);
     Bilinear {
-        index: [top * width + left, top * width + right, bottom * width + left, bottom * width + right],
+        index: [
+            top * width + left,
+            top * width + right,
+            bottom * width + left,
+            bottom * width + right,
+        ],
         weight: [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy],
     }
 }
@@ -147,7 +167,10 @@ impl EnvironmentSampler {
             return None;
         }
         // Relative to the brightest channel, so that weights neither overflow nor vanish.
-        let peak = map.pixels.iter().fold(0.0f32, |peak, p| peak.max(p.max_element()));
+        let peak = map
+            .pixels
+            .iter()
+            .fold(0.0f32, |peak, p| peak.max(p.max_element()));
         if peak.is_nan() || peak <= 0.0 || peak.is_infinite() {
             return None;
         }
@@ -178,7 +201,14 @@ impl EnvironmentSampler {
         // A pixel spans 2π/width · π/height · sin θ.
         let pixel_angle = 2.0 * std::f64::consts::PI.powi(2) / pixels;
         let flux = (flux * pixel_angle * f64::from(peak)).as_vec3();
-        Some(EnvironmentSampler { width, height, density, rows, columns, flux })
+        Some(EnvironmentSampler {
+            width,
+            height,
+            density,
+            rows,
+            columns,
+            flux,
+        })
     }
 
     /// ∫ radiance dω over the whole sphere, RGB, W/m².
@@ -189,7 +219,10 @@ impl EnvironmentSampler {
     /// A place (u, v) and its density per steradian, from two random numbers in [0, 1).
     pub fn sample(&self, random: [f32; 2]) -> ([f32; 2], f32) {
         let (y, inside_y) = pick(&self.rows, f64::from(random[1]));
-        let (x, inside_x) = pick(&self.columns[y * self.width..][..self.width], f64::from(random[0]));
+        let (x, inside_x) = pick(
+            &self.columns[y * self.width..][..self.width],
+            f64::from(random[0]),
+        );
         let u = (x as f64 + 0.5 + tent(inside_x)) / self.width as f64;
         let mut v = (y as f64 + 0.5 + tent(inside_y)) / self.height as f64;
         // The half of a tent that reaches over a pole folds back: clamped lookup has the same density.
@@ -227,7 +260,14 @@ fn pick(sums: &[f64], random: f64) -> (usize, f64) {
     }
     let before = if i == 0 { 0.0 } else { sums[i - 1] };
     let span = sums[i] - before;
-    (i, if span > 0.0 { ((random - before) / span).clamp(0.0, 1.0) } else { 0.5 })
+    (
+        i,
+        if span > 0.0 {
+            ((random - before) / span).clamp(0.0, 1.0)
+        } else {
+            0.5
+        },
+    )
 }
 
 /// Offset in −1..1 with density 1 − |offset|, from a number in 0..=1.
@@ -245,15 +285,26 @@ mod tests {
 
     fn map(width: usize, height: usize, pixel: impl Fn(usize, usize) -> Vec3) -> EnvironmentMap {
         let pixels = (0..width * height).map(|i| pixel(i % width, i / width)).collect();
-        EnvironmentMap { width, height, pixels }
+        EnvironmentMap {
+            width,
+            height,
+            pixels,
+        }
     }
 
     /// Truth: design section 2. The tolerance is f32 rounding of atan2 and sin.
     #[test]
     fn columns_and_rows_look_where_the_design_says() {
-        for (d, uv) in [(Vec3::Z, [0.5, 0.5]), (Vec3::X, [0.25, 0.5]), (Vec3::NEG_X, [0.75, 0.5])] {
+        for (d, uv) in [
+            (Vec3::Z, [0.5, 0.5]),
+            (Vec3::X, [0.25, 0.5]),
+            (Vec3::NEG_X, [0.75, 0.5]),
+        ] {
             let found = uv_from_direction(d);
-            assert!((found[0] - uv[0]).abs() < 1e-6 && (found[1] - uv[1]).abs() < 1e-6, "{d} {found:?}");
+            assert!(
+                (found[0] - uv[0]).abs() < 1e-6 && (found[1] - uv[1]).abs() < 1e-6,
+                "{d} {found:?}"
+            );
         }
         assert!(uv_from_direction(Vec3::Y)[1] < 1e-6 && uv_from_direction(Vec3::NEG_Y)[1] > 1.0 - 1e-6);
         for uv in [[0.1, 0.2], [0.6, 0.9], [0.99, 0.5]] {
@@ -268,38 +319,74 @@ mod tests {
     fn sampling_integrates_what_the_lookup_shows() {
         let maps = [
             map(1, 1, |_, _| Vec3::new(1.0, 2.0, 3.0)),
-            map(16, 8, |x, y| if (x, y) == (5, 2) { Vec3::splat(1e9) } else { Vec3::splat(1.0) }),
-            map(16, 8, |x, y| if (x, y) == (0, 0) { Vec3::splat(1e-19) } else { Vec3::ZERO }),
-            map(32, 16, |x, y| Vec3::new(x as f32, y as f32, ((x * 7 + y * 3) % 5) as f32)),
+            map(16, 8, |x, y| {
+                if (x, y) == (5, 2) {
+                    Vec3::splat(1e9)
+                } else {
+                    Vec3::splat(1.0)
+                }
+            }),
+            map(16, 8, |x, y| {
+                if (x, y) == (0, 0) {
+                    Vec3::splat(1e-19)
+                } else {
+                    Vec3::ZERO
+                }
+            }),
+            map(32, 16, |x, y| {
+                Vec3::new(x as f32, y as f32, ((x * 7 + y * 3) % 5) as f32)
+            }),
         ];
         for map in maps {
             let sampler = EnvironmentSampler::new(&map).unwrap();
             let (n, mut sum) = (256, glam::DVec3::ZERO);
             for i in 0..n * n {
-                let random = [((i % n) as f32 + 0.5) / n as f32, ((i / n) as f32 + 0.5) / n as f32];
+                let random = [
+                    ((i % n) as f32 + 0.5) / n as f32,
+                    ((i / n) as f32 + 0.5) / n as f32,
+                ];
                 let (uv, pdf) = sampler.sample(random);
                 assert!(pdf > 0.0 && pdf.is_finite());
                 sum += map.at(uv).as_dvec3() / f64::from(pdf) / (n * n) as f64;
             }
             let (w, h, mut truth) = (1024, 1024, glam::DVec3::ZERO);
             for i in 0..w * h {
-                let uv = [((i % w) as f32 + 0.5) / w as f32, ((i / w) as f32 + 0.5) / h as f32];
+                let uv = [
+                    ((i % w) as f32 + 0.5) / w as f32,
+                    ((i / w) as f32 + 0.5) / h as f32,
+                ];
                 let angle = 2.0 * std::f64::consts::PI.powi(2) / (w * h) as f64;
                 truth += map.at(uv).as_dvec3() * (f64::from(uv[1]) * std::f64::consts::PI).sin() * angle;
             }
-            let error = ((sum - truth) / truth.max(glam::DVec3::splat(1e-300))).abs().max_element();
-            assert!(error < 0.01, "{}x{}: {sum} against {truth}", map.width, map.height);
+            let error = ((sum - truth) / truth.max(glam::DVec3::splat(1e-300)))
+                .abs()
+                .max_element();
+            assert!(
+                error < 0.01,
+                "{}x{}: {sum} against {truth}",
+                map.width,
+                map.height
+            );
         }
     }
 
     /// Truth: a probability density integrates to 1 over the sphere.
     #[test]
     fn density_integrates_to_one() {
-        let map = map(16, 8, |x, y| if (x, y) == (15, 4) { Vec3::splat(1e4) } else { Vec3::splat(0.5) });
+        let map = map(16, 8, |x, y| {
+            if (x, y) == (15, 4) {
+                Vec3::splat(1e4)
+            } else {
+                Vec3::splat(0.5)
+            }
+        });
         let sampler = EnvironmentSampler::new(&map).unwrap();
         let (w, h, mut sum) = (512, 512, 0.0f64);
         for i in 0..w * h {
-            let uv = [((i % w) as f32 + 0.5) / w as f32, ((i / w) as f32 + 0.5) / h as f32];
+            let uv = [
+                ((i % w) as f32 + 0.5) / w as f32,
+                ((i / w) as f32 + 0.5) / h as f32,
+            ];
             let angle = 2.0 * std::f64::consts::PI.powi(2) / (w * h) as f64;
             sum += f64::from(sampler.pdf(uv)) * (f64::from(uv[1]) * std::f64::consts::PI).sin() * angle;
         }
@@ -312,7 +399,10 @@ mod tests {
         image.pixels[5] = [0.0, -1.0, 0.0];
         image.pixels[6] = [f32::NAN, 0.0, f32::INFINITY];
         let message = environment_from_image("sky.hdr", image).unwrap_err().to_string();
-        assert!(message.contains("sky.hdr: 2 of 8 pixels") && message.contains("column 1, row 1"), "{message}");
+        assert!(
+            message.contains("sky.hdr: 2 of 8 pixels") && message.contains("column 1, row 1"),
+            "{message}"
+        );
     }
 
     #[test]

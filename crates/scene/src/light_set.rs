@@ -120,10 +120,13 @@ impl<'a> LightRig<'a> {
             tables.push(match &track.kind {
                 LightKind::Emissive { material, .. } => {
                     let wanted = |t: &EmissiveTriangle| {
-                        material.as_ref().is_none_or(|material| name_of(t.material) == material)
+                        material
+                            .as_ref()
+                            .is_none_or(|material| name_of(t.material) == material)
                     };
-                    let chosen: Vec<u32> =
-                        (0..all.len() as u32).filter(|&i| wanted(&all[i as usize])).collect();
+                    let chosen: Vec<u32> = (0..all.len() as u32)
+                        .filter(|&i| wanted(&all[i as usize]))
+                        .collect();
                     if let (Some(material), true) = (material, chosen.is_empty()) {
                         let mut known: Vec<String> =
                             all.iter().map(|t| name_of(t.material).to_owned()).collect();
@@ -140,7 +143,12 @@ impl<'a> LightRig<'a> {
                 _ => None,
             });
         }
-        Ok(LightRig { tracks, emitters, samplers, tables })
+        Ok(LightRig {
+            tracks,
+            emitters,
+            samplers,
+            tables,
+        })
     }
 
     /// The lights at `frame`. Values that interpolation carries out of their range (a negative intensity
@@ -155,47 +163,95 @@ impl<'a> LightRig<'a> {
                 shape: self.shape(i, &track.kind, frame),
             })
             .collect();
-        LightSet { lights, emitters: self.emitters }
+        LightSet {
+            lights,
+            emitters: self.emitters,
+        }
     }
 
     fn shape(&self, i: usize, kind: &LightKind, frame: f64) -> Shape {
-        let positive = |v: Vec3| if v.is_finite() { v.max(Vec3::ZERO) } else { Vec3::ZERO };
+        let positive = |v: Vec3| {
+            if v.is_finite() {
+                v.max(Vec3::ZERO)
+            } else {
+                Vec3::ZERO
+            }
+        };
         match kind {
             LightKind::Point { position, intensity } => Shape::Point {
                 position: position.at(frame).as_dvec3(),
                 intensity: positive(intensity.at(frame)),
                 cone: None,
             },
-            LightKind::Spot { position, direction, inner_angle_deg, outer_angle_deg, intensity } => {
-                let Some(axis) = unit(direction.at(frame)) else { return Shape::Dark };
+            LightKind::Spot {
+                position,
+                direction,
+                inner_angle_deg,
+                outer_angle_deg,
+                intensity,
+            } => {
+                let Some(axis) = unit(direction.at(frame)) else {
+                    return Shape::Dark;
+                };
                 let cos = |degrees: f32| f64::from(degrees.clamp(0.0, 90.0)).to_radians().cos();
                 let cos_outer = cos(outer_angle_deg.at(frame));
                 let cos_inner = cos(inner_angle_deg.at(frame)).max(cos_outer);
                 Shape::Point {
                     position: position.at(frame).as_dvec3(),
                     intensity: positive(intensity.at(frame)),
-                    cone: Some(Cone { axis, cos_inner, cos_outer }),
+                    cone: Some(Cone {
+                        axis,
+                        cos_inner,
+                        cos_outer,
+                    }),
                 }
             }
-            LightKind::Directional { direction, irradiance } => match unit(direction.at(frame)) {
-                Some(d) => Shape::Directional { towards: -d, irradiance: positive(irradiance.at(frame)) },
+            LightKind::Directional {
+                direction,
+                irradiance,
+            } => match unit(direction.at(frame)) {
+                Some(d) => Shape::Directional {
+                    towards: -d,
+                    irradiance: positive(irradiance.at(frame)),
+                },
                 None => Shape::Dark,
             },
-            LightKind::Rect { center, edge_u, edge_v, radiance } => {
-                match Rect::new(center.at(frame), edge_u.at(frame), edge_v.at(frame)) {
-                    Some(rect) => Shape::Rect { rect, radiance: positive(radiance.at(frame)) },
-                    None => Shape::Dark,
-                }
-            }
-            LightKind::Sphere { center, radius, radiance } => {
+            LightKind::Rect {
+                center,
+                edge_u,
+                edge_v,
+                radiance,
+            } => match Rect::new(center.at(frame), edge_u.at(frame), edge_v.at(frame)) {
+                Some(rect) => Shape::Rect {
+                    rect,
+                    radiance: positive(radiance.at(frame)),
+                },
+                None => Shape::Dark,
+            },
+            LightKind::Sphere {
+                center,
+                radius,
+                radiance,
+            } => {
                 let radius = f64::from(radius.at(frame));
                 if radius.is_nan() || radius <= 0.0 {
                     return Shape::Dark;
                 }
-                let sphere = Sphere { center: center.at(frame).as_dvec3(), radius };
-                Shape::Sphere { sphere, radiance: positive(radiance.at(frame)) }
+                let sphere = Sphere {
+                    center: center.at(frame).as_dvec3(),
+                    radius,
+                };
+                Shape::Sphere {
+                    sphere,
+                    radiance: positive(radiance.at(frame)),
+                }
             }
-            LightKind::Environment { map, scale, rotation_deg, .. } => match &self.samplers[i] {
+            LightKind::Environment {
+                map,
+                scale,
+                rotation_deg,
+                ..
+            } => match &self.samplers[i] {
                 Some(sampler) => Shape::Environment(Environment {
                     map: map.clone(),
                     sampler: sampler.clone(),
@@ -204,16 +260,30 @@ impl<'a> LightRig<'a> {
                 }),
                 None => Shape::Dark,
             },
-            LightKind::SunSky { turbidity, sun_direction, scale } => {
-                let SunSky { sky, sun_direction, sun_radiance } =
-                    sun_sky(turbidity.at(frame), sun_direction.at(frame));
+            LightKind::SunSky {
+                turbidity,
+                sun_direction,
+                scale,
+            } => {
+                let SunSky {
+                    sky,
+                    sun_direction,
+                    sun_radiance,
+                } = sun_sky(turbidity.at(frame), sun_direction.at(frame));
                 let scale = positive(scale.at(frame));
-                let Some(sampler) = EnvironmentSampler::new(&sky) else { return Shape::Dark };
+                let Some(sampler) = EnvironmentSampler::new(&sky) else {
+                    return Shape::Dark;
+                };
                 let one_minus_cos = 2.0 * (SUN_HALF_ANGLE / 2.0).sin().powi(2);
                 let sun = f64::from(luminance(sun_radiance)) * 2.0 * PI * one_minus_cos;
                 let chance = sun / (sun + f64::from(luminance(sampler.flux())));
                 Shape::SunSky {
-                    sky: Environment { map: Arc::new(sky), sampler: Arc::new(sampler), scale, turn: 0.0 },
+                    sky: Environment {
+                        map: Arc::new(sky),
+                        sampler: Arc::new(sampler),
+                        scale,
+                        turn: 0.0,
+                    },
                     sun: SunDisc {
                         axis: sun_direction.as_dvec3().normalize(),
                         radiance: sun_radiance * scale,
@@ -223,7 +293,10 @@ impl<'a> LightRig<'a> {
                 }
             }
             LightKind::Emissive { scale, .. } => match &self.tables[i] {
-                Some(table) => Shape::Emissive { table: table.clone(), scale: positive(scale.at(frame)) },
+                Some(table) => Shape::Emissive {
+                    table: table.clone(),
+                    scale: positive(scale.at(frame)),
+                },
                 None => Shape::Dark,
             },
         }
@@ -244,13 +317,32 @@ struct Light {
 enum Shape {
     /// Nothing shines.
     Dark,
-    Point { position: DVec3, intensity: Vec3, cone: Option<Cone> },
-    Directional { towards: DVec3, irradiance: Vec3 },
-    Rect { rect: Rect, radiance: Vec3 },
-    Sphere { sphere: Sphere, radiance: Vec3 },
+    Point {
+        position: DVec3,
+        intensity: Vec3,
+        cone: Option<Cone>,
+    },
+    Directional {
+        towards: DVec3,
+        irradiance: Vec3,
+    },
+    Rect {
+        rect: Rect,
+        radiance: Vec3,
+    },
+    Sphere {
+        sphere: Sphere,
+        radiance: Vec3,
+    },
     Environment(Environment),
-    SunSky { sky: Environment, sun: SunDisc },
-    Emissive { table: Arc<EmissiveTable>, scale: Vec3 },
+    SunSky {
+        sky: Environment,
+        sun: SunDisc,
+    },
+    Emissive {
+        table: Arc<EmissiveTable>,
+        scale: Vec3,
+    },
 }
 
 struct Cone {
@@ -351,7 +443,10 @@ impl<'a> LightSet<'a> {
 
     /// Whether a light has no extent: one sample says all about it.
     pub fn is_delta(&self, light: usize) -> bool {
-        matches!(self.lights[light].shape, Shape::Point { .. } | Shape::Directional { .. } | Shape::Dark)
+        matches!(
+            self.lights[light].shape,
+            Shape::Point { .. } | Shape::Directional { .. } | Shape::Dark
+        )
     }
 
     /// Draws a direction from `x` (world space) towards a light, from three random numbers in [0, 1). `None`
@@ -370,7 +465,11 @@ impl<'a> LightSet<'a> {
         };
         let sample = match &self.lights[light].shape {
             Shape::Dark => return None,
-            Shape::Point { position, intensity, cone } => {
+            Shape::Point {
+                position,
+                intensity,
+                cone,
+            } => {
                 let d = *position - from;
                 let squared = d.length_squared();
                 let direction = d.try_normalize()?;
@@ -442,20 +541,32 @@ impl<'a> LightSet<'a> {
                         && t < f64::from(t_max)
                     {
                         let pdf = rect.pdf(from, from + t * d) as f32;
-                        visit(LightHit { light, radiance: *radiance, pdf });
+                        visit(LightHit {
+                            light,
+                            radiance: *radiance,
+                            pdf,
+                        });
                     }
                 }
                 Shape::Sphere { sphere, radiance } => {
                     if let Some(t) = sphere.hit(from, d)
                         && t < f64::from(t_max)
                     {
-                        visit(LightHit { light, radiance: *radiance, pdf: sphere.pdf(from) as f32 });
+                        visit(LightHit {
+                            light,
+                            radiance: *radiance,
+                            pdf: sphere.pdf(from) as f32,
+                        });
                     }
                 }
                 Shape::Environment(environment) if t_max == f32::INFINITY => {
                     let uv = environment.map_uv(direction);
                     let pdf = environment.sampler.pdf(uv);
-                    visit(LightHit { light, radiance: environment.radiance(uv), pdf });
+                    visit(LightHit {
+                        light,
+                        radiance: environment.radiance(uv),
+                        pdf,
+                    });
                 }
                 Shape::SunSky { sky, sun } if t_max == f32::INFINITY => {
                     visit(sun_sky_hit(light, sky, sun, direction));
@@ -481,16 +592,21 @@ impl<'a> LightSet<'a> {
             if let Shape::Emissive { table, scale } = shape
                 && let Some(pdf) = table.pdf(primitive, f64::from(distance), f64::from(cos))
             {
-                let emission =
-                    *emission.get_or_insert_with(|| self.emitters.emitted(primitive, barycentric));
-                visit(LightHit { light, radiance: emission * *scale, pdf: pdf as f32 });
+                let emission = *emission.get_or_insert_with(|| self.emitters.emitted(primitive, barycentric));
+                visit(LightHit {
+                    light,
+                    radiance: emission * *scale,
+                    pdf: pdf as f32,
+                });
             }
         }
     }
 
     /// Whether any light makes surfaces shine.
     pub fn has_emissive(&self) -> bool {
-        self.lights.iter().any(|light| matches!(light.shape, Shape::Emissive { .. }))
+        self.lights
+            .iter()
+            .any(|light| matches!(light.shape, Shape::Emissive { .. }))
     }
 
     /// About how much irradiance a light can give at `x`, occlusion and the receiver's cosine aside: for
@@ -505,7 +621,11 @@ impl<'a> LightSet<'a> {
         };
         match &self.lights[light].shape {
             Shape::Dark => 0.0,
-            Shape::Point { position, intensity, cone } => {
+            Shape::Point {
+                position,
+                intensity,
+                cone,
+            } => {
                 let d = from - *position;
                 let falloff = match (cone, d.try_normalize()) {
                     (Some(cone), Some(direction)) => f64::from(cone.falloff(direction)),
@@ -566,5 +686,9 @@ fn sun_sky_hit(light: usize, sky: &Environment, sun: &SunDisc, direction: Vec3) 
         radiance += sun.radiance;
         pdf += sun.chance * sun.pdf();
     }
-    LightHit { light, radiance, pdf: pdf as f32 }
+    LightHit {
+        light,
+        radiance,
+        pdf: pdf as f32,
+    }
 }

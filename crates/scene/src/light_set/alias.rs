@@ -13,8 +13,10 @@ pub(super) struct AliasTable {
 impl AliasTable {
     /// `None` if no weight is above zero. Weights that are not finite or not above zero count as zero.
     pub fn new(weights: &[f64]) -> Option<AliasTable> {
-        let weights: Vec<f64> =
-            weights.iter().map(|&w| if w.is_finite() && w > 0.0 { w } else { 0.0 }).collect();
+        let weights: Vec<f64> = weights
+            .iter()
+            .map(|&w| if w.is_finite() && w > 0.0 { w } else { 0.0 })
+            .collect();
         let peak = weights.iter().copied().fold(0.0, f64::max);
         if peak <= 0.0 {
             return None;
@@ -46,14 +48,22 @@ impl AliasTable {
                 (keep[s], alias[s]) = (0.0, best as u32);
             }
         }
-        Some(AliasTable { keep, alias, probability: probability.iter().map(|&p| p as f32).collect() })
+        Some(AliasTable {
+            keep,
+            alias,
+            probability: probability.iter().map(|&p| p as f32).collect(),
+        })
     }
 
     /// An index, from a random number in [0, 1).
     pub fn sample(&self, random: f32) -> usize {
         let place = f64::from(random) * self.keep.len() as f64;
         let i = (place as usize).min(self.keep.len() - 1);
-        if (place - i as f64) < f64::from(self.keep[i]) { i } else { self.alias[i] as usize }
+        if (place - i as f64) < f64::from(self.keep[i]) {
+            i
+        } else {
+            self.alias[i] as usize
+        }
     }
 
     /// Probability of index `i`.
@@ -69,7 +79,12 @@ mod tests {
     /// Truth: the weights themselves; 10^6 evenly spaced numbers find each share to 1e-5.
     #[test]
     fn shares_are_proportional_to_weights() {
-        for weights in [vec![3.0, 0.0, 1.0, 4.0], vec![1.0], vec![1e-300, 1e300], vec![0.0, f64::NAN, 2.0]] {
+        for weights in [
+            vec![3.0, 0.0, 1.0, 4.0],
+            vec![1.0],
+            vec![1e-300, 1e300],
+            vec![0.0, f64::NAN, 2.0],
+        ] {
             let table = AliasTable::new(&weights).unwrap();
             let n = 1_000_000;
             let mut count = vec![0; weights.len()];

@@ -82,8 +82,10 @@ fn cross(vertices: &[Vec3; 3]) -> DVec3 {
 impl EmissiveTable {
     /// `chosen` are indices into `all`, rising.
     pub fn new(all: &[EmissiveTriangle], chosen: Vec<u32>) -> EmissiveTable {
-        let areas: Vec<f64> =
-            chosen.iter().map(|&i| 0.5 * cross(&all[i as usize].vertices).length()).collect();
+        let areas: Vec<f64> = chosen
+            .iter()
+            .map(|&i| 0.5 * cross(&all[i as usize].vertices).length())
+            .collect();
         let sides = |t: &EmissiveTriangle| if t.double_sided { 2.0 } else { 1.0 };
         let mut power = DVec3::ZERO;
         let (mut weighted, mut total) = (DVec3::ZERO, 0.0);
@@ -96,16 +98,31 @@ impl EmissiveTable {
             weighted += (a + b + c) / 3.0 * area;
             total += area;
         }
-        let center = if total > 0.0 { weighted / total } else { DVec3::ZERO };
+        let center = if total > 0.0 {
+            weighted / total
+        } else {
+            DVec3::ZERO
+        };
         let radius = chosen
             .iter()
             .flat_map(|&i| all[i as usize].vertices)
             .map(|v| v.as_dvec3().distance(center))
             .fold(0.0, f64::max);
-        let mut by_primitive: Vec<(u32, u32)> =
-            chosen.iter().enumerate().map(|(k, &i)| (all[i as usize].primitive, k as u32)).collect();
+        let mut by_primitive: Vec<(u32, u32)> = chosen
+            .iter()
+            .enumerate()
+            .map(|(k, &i)| (all[i as usize].primitive, k as u32))
+            .collect();
         by_primitive.sort_unstable();
-        EmissiveTable { triangles: chosen, areas, alias: AliasTable::new(&weights), by_primitive, center, radius, power }
+        EmissiveTable {
+            triangles: chosen,
+            areas,
+            alias: AliasTable::new(&weights),
+            by_primitive,
+            center,
+            radius,
+            power,
+        }
     }
 
     /// A point on one of the triangles, seen from `x`; `None` where what was drawn turns its back.
@@ -142,9 +159,14 @@ impl EmissiveTable {
     /// Density per steradian with which [`EmissiveTable::sample`] draws a point of `primitive` at a distance
     /// whose direction makes an angle of cosine `cos` with its normal; `None` if it is none of these triangles.
     pub fn pdf(&self, primitive: u32, distance: f64, cos: f64) -> Option<f64> {
-        let i = self.by_primitive.binary_search_by_key(&primitive, |entry| entry.0).ok()?;
+        let i = self
+            .by_primitive
+            .binary_search_by_key(&primitive, |entry| entry.0)
+            .ok()?;
         let k = self.by_primitive[i].1 as usize;
-        let Some(alias) = &self.alias else { return Some(0.0) };
+        let Some(alias) = &self.alias else {
+            return Some(0.0);
+        };
         let pdf = f64::from(alias.probability(k)) / self.areas[k] * distance * distance / cos.abs();
         Some(if pdf.is_finite() { pdf } else { 0.0 })
     }

@@ -146,7 +146,17 @@ impl SphericalRectangle {
         let (g0, g1, g2, g3) = (angle(n0, n1), angle(n1, n2), angle(n2, n3), angle(n3, n0));
         let k = 2.0 * PI - g2 - g3;
         let solid_angle = g0 + g1 - k;
-        (solid_angle > 1e-6).then_some(SphericalRectangle { x0, y0, x1, y1, z0, b0: n0, b1: n2, k, solid_angle })
+        (solid_angle > 1e-6).then_some(SphericalRectangle {
+            x0,
+            y0,
+            x1,
+            y1,
+            z0,
+            b0: n0,
+            b1: n2,
+            k,
+            solid_angle,
+        })
     }
 
     /// The paper's steps 1 to 4.
@@ -154,7 +164,9 @@ impl SphericalRectangle {
         // Step 1: cos φu.
         let au = u * self.solid_angle + self.k;
         let fu = (au.cos() * self.b0 - self.b1) / au.sin();
-        let cu = (1.0 / (fu * fu + self.b0 * self.b0).sqrt()).copysign(fu).clamp(-1.0, 1.0);
+        let cu = (1.0 / (fu * fu + self.b0 * self.b0).sqrt())
+            .copysign(fu)
+            .clamp(-1.0, 1.0);
         // Step 2: x on the rectangle. cu = ±1 is the horizon, far beyond any edge.
         let xu = -(cu * self.z0) / (1.0 - cu * cu).max(1e-300).sqrt();
         let xu = xu.clamp(self.x0, self.x1);
@@ -163,7 +175,11 @@ impl SphericalRectangle {
         let h0 = self.y0 / d.hypot(self.y0);
         let h1 = self.y1 / d.hypot(self.y1);
         let hv = h0 + v * (h1 - h0);
-        let yv = if hv * hv < 1.0 - 1e-12 { hv * d / (1.0 - hv * hv).sqrt() } else { self.y1 };
+        let yv = if hv * hv < 1.0 - 1e-12 {
+            hv * d / (1.0 - hv * hv).sqrt()
+        } else {
+            self.y1
+        };
         let yv = yv.clamp(self.y0, self.y1);
         // Step 4: back to the world.
         let (unit_u, unit_v) = (rect.edge_u.normalize(), rect.edge_v.normalize());

@@ -25,9 +25,11 @@ impl Sphere {
         let axis = (self.center - x).normalize();
         let direction = sample_cone(axis, one_minus_cos, random);
         // A direction that rounding put on the rim may miss by a hair: then the tangent point is meant.
-        let distance = self
-            .hit(x, direction)
-            .unwrap_or_else(|| ((self.center - x).length_squared() - self.radius * self.radius).max(0.0).sqrt());
+        let distance = self.hit(x, direction).unwrap_or_else(|| {
+            ((self.center - x).length_squared() - self.radius * self.radius)
+                .max(0.0)
+                .sqrt()
+        });
         let pdf = 1.0 / (2.0 * PI * one_minus_cos);
         (pdf.is_finite() && distance > 0.0).then_some((direction, distance, pdf))
     }

@@ -54,7 +54,10 @@ pub(super) type Field<T> = Result<T, FieldError>;
 /// A complaint about the field at `path`.
 pub(super) fn complain<T>(path: &str, message: impl Into<String>) -> Field<T> {
     let path = if path.is_empty() { "the sequence" } else { path };
-    Err(FieldError { path: path.into(), message: message.into() })
+    Err(FieldError {
+        path: path.into(),
+        message: message.into(),
+    })
 }
 
 /// A complaint that names what was expected and shows what is there.
@@ -73,7 +76,11 @@ pub(super) fn show(value: &Value) -> String {
 
 /// The path of a field of an object.
 pub(super) fn join(path: &str, field: &str) -> String {
-    if path.is_empty() { field.into() } else { format!("{path}.{field}") }
+    if path.is_empty() {
+        field.into()
+    } else {
+        format!("{path}.{field}")
+    }
 }
 
 /// An object whose fields are all among `known`.
@@ -82,7 +89,10 @@ pub(super) fn object<'a>(value: &'a Value, path: &str, known: &[&str]) -> Field<
         return expected(path, "an object", value);
     };
     if let Some(unknown) = map.keys().find(|key| !known.contains(&key.as_str())) {
-        return complain(&join(path, unknown), format!("unknown field; known here: {}", known.join(", ")));
+        return complain(
+            &join(path, unknown),
+            format!("unknown field; known here: {}", known.join(", ")),
+        );
     }
     Ok(map)
 }
@@ -153,11 +163,19 @@ pub(super) fn scalar(value: &Value, path: &str, range: Range) -> Field<f32> {
     let wide = number(value, path, range)?;
     let narrow = wide as f32;
     if !narrow.is_finite() {
-        return expected(path, &format!("a number of at most {:e} in size", f32::MAX), value);
+        return expected(
+            path,
+            &format!("a number of at most {:e} in size", f32::MAX),
+            value,
+        );
     }
     // A positive number must not become zero on the way.
     if matches!(range, Range::Positive) && narrow <= 0.0 {
-        return expected(path, &format!("a number of at least {:e}", f32::MIN_POSITIVE), value);
+        return expected(
+            path,
+            &format!("a number of at least {:e}", f32::MIN_POSITIVE),
+            value,
+        );
     }
     Ok(narrow)
 }
@@ -212,7 +230,13 @@ pub(super) fn animated<T>(
             Some("step") => Interpolation::Step,
             Some("linear") => Interpolation::Linear,
             Some("cubic") => Interpolation::Cubic,
-            _ => return expected(&join(path, "interpolation"), "\"step\", \"linear\" or \"cubic\"", word),
+            _ => {
+                return expected(
+                    &join(path, "interpolation"),
+                    "\"step\", \"linear\" or \"cubic\"",
+                    word,
+                );
+            }
         },
     };
     let keys_path = join(path, "keys");

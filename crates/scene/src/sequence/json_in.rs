@@ -24,8 +24,10 @@ const VERSION: u64 = 1;
 /// # Errors
 /// See [`SequenceError`].
 pub fn read_sequence(path: &Path) -> Result<Sequence, SequenceError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| SequenceError::Read { file: path.to_owned(), source })?;
+    let text = std::fs::read_to_string(path).map_err(|source| SequenceError::Read {
+        file: path.to_owned(),
+        source,
+    })?;
     let base = path.parent().unwrap_or(Path::new(""));
     parse_sequence(&text, base, &path.display().to_string())
 }
@@ -37,7 +39,10 @@ pub fn read_sequence(path: &Path) -> Result<Sequence, SequenceError> {
 /// See [`SequenceError`].
 pub fn parse_sequence(text: &str, base_dir: &Path, name: &str) -> Result<Sequence, SequenceError> {
     let value = parse_json(text, name)?;
-    let mut maps = Maps { base_dir: Some(base_dir.to_owned()), loaded: HashMap::new() };
+    let mut maps = Maps {
+        base_dir: Some(base_dir.to_owned()),
+        loaded: HashMap::new(),
+    };
     sequence(&value, "", &mut maps).map_err(|error| named(error, name))
 }
 
@@ -53,7 +58,11 @@ pub fn stage_from_json(text: &str) -> Result<(Vec<CameraTrack>, Sequence), Seque
 }
 
 fn named(error: FieldError, name: &str) -> SequenceError {
-    SequenceError::Field { name: name.into(), path: error.path, message: error.message }
+    SequenceError::Field {
+        name: name.into(),
+        path: error.path,
+        message: error.message,
+    }
 }
 
 fn parse_json(text: &str, name: &str) -> Result<Value, SequenceError> {
@@ -84,8 +93,14 @@ fn stage(value: &Value) -> Field<(Vec<CameraTrack>, Sequence)> {
             own_camera(map, &path, name)
         })
         .collect::<Field<Vec<CameraTrack>>>()?;
-    let mut maps = Maps { base_dir: None, loaded: HashMap::new() };
-    Ok((cameras, sequence(required(map, "", "sequence")?, "sequence", &mut maps)?))
+    let mut maps = Maps {
+        base_dir: None,
+        loaded: HashMap::new(),
+    };
+    Ok((
+        cameras,
+        sequence(required(map, "", "sequence")?, "sequence", &mut maps)?,
+    ))
 }
 
 /// Environment maps of one sequence: a file that several lights name is read once.
@@ -123,12 +138,19 @@ fn list<'a>(value: &'a Value, path: &str) -> Field<&'a Vec<Value>> {
 }
 
 fn sequence(value: &Value, path: &str, maps: &mut Maps) -> Field<Sequence> {
-    let map = object(value, path, &["relight_sequence", "frames", "fps", "camera", "lights"])?;
+    let map = object(
+        value,
+        path,
+        &["relight_sequence", "frames", "fps", "camera", "lights"],
+    )?;
     let version = required(map, path, "relight_sequence")?;
     if version.as_u64() != Some(VERSION) {
         return complain(
             &join(path, "relight_sequence"),
-            format!("expected {VERSION}, the version that this program reads, found {}", show(version)),
+            format!(
+                "expected {VERSION}, the version that this program reads, found {}",
+                show(version)
+            ),
         );
     }
     let frames = match map.get("frames") {
@@ -142,29 +164,50 @@ fn sequence(value: &Value, path: &str, maps: &mut Maps) -> Field<Sequence> {
         None => 24.0,
         Some(value) => number(value, &join(path, "fps"), Range::Positive)?,
     };
-    let camera = map.get("camera").map(|value| camera(value, &join(path, "camera"))).transpose()?;
+    let camera = map
+        .get("camera")
+        .map(|value| camera(value, &join(path, "camera")))
+        .transpose()?;
     let lights_path = join(path, "lights");
     let mut names = HashSet::new();
     let mut lights = Vec::new();
-    for (i, value) in list(required(map, path, "lights")?, &lights_path)?.iter().enumerate() {
+    for (i, value) in list(required(map, path, "lights")?, &lights_path)?
+        .iter()
+        .enumerate()
+    {
         let light_path = format!("{lights_path}[{i}]");
         let light = light(value, &light_path, maps)?;
         if !names.insert(light.name.clone()) {
             return complain(
                 &join(&light_path, "name"),
-                format!("{:?} is already the name of another light; names must differ", light.name),
+                format!(
+                    "{:?} is already the name of another light; names must differ",
+                    light.name
+                ),
             );
         }
         lights.push(light);
     }
-    Ok(Sequence { frames, fps, camera, lights })
+    Ok(Sequence {
+        frames,
+        fps,
+        camera,
+        lights,
+    })
 }
 
 fn camera(value: &Value, path: &str) -> Field<SequenceCamera> {
-    let map = object(value, path, &["node", "position", "look_at", "up", "vfov_deg", "aspect"])?;
+    let map = object(
+        value,
+        path,
+        &["node", "position", "look_at", "up", "vfov_deg", "aspect"],
+    )?;
     if let Some(node) = map.get("node") {
         if map.len() > 1 {
-            return complain(path, "either `node`, or `position`, `look_at`, `up` and `vfov_deg`, not both");
+            return complain(
+                path,
+                "either `node`, or `position`, `look_at`, `up` and `vfov_deg`, not both",
+            );
         }
         return Ok(SequenceCamera::Node(text(node, &join(path, "node"))?));
     }
@@ -173,9 +216,14 @@ fn camera(value: &Value, path: &str) -> Field<SequenceCamera> {
 
 fn own_camera(map: &Map<String, Value>, path: &str, name: String) -> Field<CameraTrack> {
     let point = |field: &str| {
-        animated(required(map, path, field)?, &join(path, field), |v, p| vector(v, p, Range::Any))
+        animated(required(map, path, field)?, &join(path, field), |v, p| {
+            vector(v, p, Range::Any)
+        })
     };
-    let aspect = map.get("aspect").map(|v| scalar(v, &join(path, "aspect"), Range::Positive)).transpose()?;
+    let aspect = map
+        .get("aspect")
+        .map(|v| scalar(v, &join(path, "aspect"), Range::Positive))
+        .transpose()?;
     Ok(CameraTrack {
         name,
         position: point("position")?,
@@ -184,9 +232,11 @@ fn own_camera(map: &Map<String, Value>, path: &str, name: String) -> Field<Camer
             None => Animated::Constant(Vec3::Y),
             Some(value) => animated(value, &join(path, "up"), direction)?,
         },
-        vfov_deg: animated(required(map, path, "vfov_deg")?, &join(path, "vfov_deg"), |v, p| {
-            scalar(v, p, Range::Between(0.0, 180.0))
-        })?,
+        vfov_deg: animated(
+            required(map, path, "vfov_deg")?,
+            &join(path, "vfov_deg"),
+            |v, p| scalar(v, p, Range::Between(0.0, 180.0)),
+        )?,
         aspect,
     })
 }
@@ -194,7 +244,16 @@ fn own_camera(map: &Map<String, Value>, path: &str, name: String) -> Field<Camer
 /// The light types and their fields beside `name` and `type`.
 const LIGHT_TYPES: [(&str, &[&str]); 8] = [
     ("point", &["position", "intensity"]),
-    ("spot", &["position", "direction", "inner_angle_deg", "outer_angle_deg", "intensity"]),
+    (
+        "spot",
+        &[
+            "position",
+            "direction",
+            "inner_angle_deg",
+            "outer_angle_deg",
+            "intensity",
+        ],
+    ),
     ("directional", &["direction", "irradiance"]),
     ("rect", &["center", "edge_u", "edge_v", "radiance"]),
     ("sphere", &["center", "radius", "radiance"]),
@@ -211,7 +270,10 @@ fn light(value: &Value, path: &str, maps: &mut Maps) -> Field<LightTrack> {
     let kind = text(required(map, path, "type")?, &type_path)?;
     let Some((_, fields)) = LIGHT_TYPES.iter().find(|(name, _)| *name == kind) else {
         let known: Vec<&str> = LIGHT_TYPES.iter().map(|(name, _)| *name).collect();
-        return complain(&type_path, format!("unknown light type {kind:?}; known: {}", known.join(", ")));
+        return complain(
+            &type_path,
+            format!("unknown light type {kind:?}; known: {}", known.join(", ")),
+        );
     };
     let mut known = vec!["name", "type"];
     known.extend(*fields);
@@ -243,7 +305,10 @@ fn light(value: &Value, path: &str, maps: &mut Maps) -> Field<LightTrack> {
         Some(value) => animated(value, &join(path, "scale"), factor),
     };
     let kind = match kind.as_str() {
-        "point" => LightKind::Point { position: point("position")?, intensity: color("intensity")? },
+        "point" => LightKind::Point {
+            position: point("position")?,
+            intensity: color("intensity")?,
+        },
         "spot" => {
             let inner = match map.get("inner_angle_deg") {
                 None => Animated::Constant(0.0),
@@ -259,13 +324,19 @@ fn light(value: &Value, path: &str, maps: &mut Maps) -> Field<LightTrack> {
                 intensity: color("intensity")?,
             }
         }
-        "directional" => {
-            LightKind::Directional { direction: way("direction")?, irradiance: color("irradiance")? }
-        }
+        "directional" => LightKind::Directional {
+            direction: way("direction")?,
+            irradiance: color("irradiance")?,
+        },
         "rect" => {
             let (edge_u, edge_v) = (way("edge_u")?, way("edge_v")?);
             check_edges(&edge_u, &edge_v, path)?;
-            LightKind::Rect { center: point("center")?, edge_u, edge_v, radiance: color("radiance")? }
+            LightKind::Rect {
+                center: point("center")?,
+                edge_u,
+                edge_v,
+                radiance: color("radiance")?,
+            }
         }
         "sphere" => LightKind::Sphere {
             center: point("center")?,
@@ -280,7 +351,12 @@ fn light(value: &Value, path: &str, maps: &mut Maps) -> Field<LightTrack> {
                 Some(_) => number("rotation_deg", Range::Any)?,
             };
             let scale = scale()?;
-            LightKind::Environment { map: maps.get(&file, &file_path)?, file, scale, rotation_deg }
+            LightKind::Environment {
+                map: maps.get(&file, &file_path)?,
+                file,
+                scale,
+                rotation_deg,
+            }
         }
         "sun_sky" => LightKind::SunSky {
             turbidity: match map.get("turbidity") {

@@ -73,7 +73,13 @@ fn light_value(light: &LightTrack) -> Value {
             put("position", animated(position, vector));
             put("intensity", animated(intensity, vector));
         }
-        LightKind::Spot { position, direction, inner_angle_deg, outer_angle_deg, intensity } => {
+        LightKind::Spot {
+            position,
+            direction,
+            inner_angle_deg,
+            outer_angle_deg,
+            intensity,
+        } => {
             put("type", "spot".into());
             put("position", animated(position, vector));
             put("direction", animated(direction, vector));
@@ -81,31 +87,52 @@ fn light_value(light: &LightTrack) -> Value {
             put("outer_angle_deg", animated(outer_angle_deg, scalar));
             put("intensity", animated(intensity, vector));
         }
-        LightKind::Directional { direction, irradiance } => {
+        LightKind::Directional {
+            direction,
+            irradiance,
+        } => {
             put("type", "directional".into());
             put("direction", animated(direction, vector));
             put("irradiance", animated(irradiance, vector));
         }
-        LightKind::Rect { center, edge_u, edge_v, radiance } => {
+        LightKind::Rect {
+            center,
+            edge_u,
+            edge_v,
+            radiance,
+        } => {
             put("type", "rect".into());
             put("center", animated(center, vector));
             put("edge_u", animated(edge_u, vector));
             put("edge_v", animated(edge_v, vector));
             put("radiance", animated(radiance, vector));
         }
-        LightKind::Sphere { center, radius, radiance } => {
+        LightKind::Sphere {
+            center,
+            radius,
+            radiance,
+        } => {
             put("type", "sphere".into());
             put("center", animated(center, vector));
             put("radius", animated(radius, scalar));
             put("radiance", animated(radiance, vector));
         }
-        LightKind::Environment { map: _, file, scale, rotation_deg } => {
+        LightKind::Environment {
+            map: _,
+            file,
+            scale,
+            rotation_deg,
+        } => {
             put("type", "environment".into());
             put("file", file.clone().into());
             put("scale", animated(scale, vector));
             put("rotation_deg", animated(rotation_deg, scalar));
         }
-        LightKind::SunSky { turbidity, sun_direction, scale } => {
+        LightKind::SunSky {
+            turbidity,
+            sun_direction,
+            scale,
+        } => {
             put("type", "sun_sky".into());
             put("turbidity", animated(turbidity, scalar));
             put("sun_direction", animated(sun_direction, vector));
@@ -126,7 +153,10 @@ fn animated<T: Copy>(value: &Animated<T>, write: impl Fn(T) -> Value) -> Value {
     match value {
         Animated::Constant(value) => write(*value),
         Animated::Keys { keys, interpolation } => {
-            let keys: Vec<Value> = keys.iter().map(|&(frame, value)| json!([frame, write(value)])).collect();
+            let keys: Vec<Value> = keys
+                .iter()
+                .map(|&(frame, value)| json!([frame, write(value)]))
+                .collect();
             let interpolation = match interpolation {
                 Interpolation::Step => "step",
                 Interpolation::Linear => "linear",

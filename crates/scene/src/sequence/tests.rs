@@ -28,12 +28,22 @@ fn parse(text: &str) -> Result<Sequence, String> {
 #[test]
 fn the_designs_example_is_read_as_it_is_meant() {
     let sequence = parse(EXAMPLE).unwrap();
-    assert_eq!((sequence.frames, sequence.fps, sequence.lights.len()), (48, 24.0, 7));
+    assert_eq!(
+        (sequence.frames, sequence.fps, sequence.lights.len()),
+        (48, 24.0, 7)
+    );
     assert_eq!(sequence.camera, Some(SequenceCamera::Node("hall".into())));
-    let LightKind::Spot { position, intensity, .. } = &sequence.lights[0].kind else { panic!() };
+    let LightKind::Spot {
+        position, intensity, ..
+    } = &sequence.lights[0].kind
+    else {
+        panic!()
+    };
     assert_eq!(position.at(47.0), Vec3::new(6.0, 2.0, 0.0));
     assert_eq!(intensity.at(3.0), Vec3::new(40.0, 36.0, 30.0));
-    let LightKind::SunSky { scale, .. } = &sequence.lights[5].kind else { panic!() };
+    let LightKind::SunSky { scale, .. } = &sequence.lights[5].kind else {
+        panic!()
+    };
     assert_eq!(scale.at(0.0), Vec3::ONE);
 }
 
@@ -65,9 +75,7 @@ fn writing_and_reading_back_changes_nothing() {
 /// One wrong light, or one wrong top-level field, at a time, and what the message must say.
 #[test]
 fn messages_name_the_path_and_what_was_found() {
-    let light = |fields: &str| {
-        format!(r#"{{"relight_sequence": 1, "lights": [{{"name": "a", {fields}}}]}}"#)
-    };
+    let light = |fields: &str| format!(r#"{{"relight_sequence": 1, "lights": [{{"name": "a", {fields}}}]}}"#);
     let point = r#""type": "point", "position": [0,0,0]"#;
     let cases = [
         (light(&format!(r#"{point}, "intensity": "red""#)), "lights[0].intensity: expected 3 numbers, found \"red\""),
@@ -97,11 +105,14 @@ fn messages_name_the_path_and_what_was_found() {
         (r#"{"relight_sequence": 1, "camera": {"position": [0,0,0], "look_at": [1,0,0], "vfov_deg": 180}, "lights": []}"#.into(), "camera.vfov_deg: expected a number above 0 and below 180"),
         (r#"{"relight_sequence": 1, "lights": [{"name": "a", "type": "emissive"}, {"name": "a", "type": "emissive"}]}"#.into(), "lights[1].name: \"a\" is already"),
         ("[]".into(), "the sequence: expected an object"),
-        ("{\n  \"relight_sequence\": 1,,".into(), "not valid JSON at line 2, column 24"),
+        ("{\n  \"relight_sequence\": 1,,".into(), "not valid JSON at line 2, column 25"),
     ];
     for (text, wanted) in cases {
         let message = parse(&text).unwrap_err();
-        assert!(message.starts_with("seq.json: ") && message.contains(wanted), "{message}\nlacks\n{wanted}");
+        assert!(
+            message.starts_with("seq.json: ") && message.contains(wanted),
+            "{message}\nlacks\n{wanted}"
+        );
     }
 }
 
@@ -111,13 +122,19 @@ fn an_asset_refuses_environment_maps_by_name() {
     sequence.lights.push(LightTrack {
         name: "sky".into(),
         kind: LightKind::Environment {
-            map: Arc::new(EnvironmentMap { width: 1, height: 1, pixels: vec![Vec3::ONE] }),
+            map: Arc::new(EnvironmentMap {
+                width: 1,
+                height: 1,
+                pixels: vec![Vec3::ONE],
+            }),
             file: "meadow.hdr".into(),
             scale: Animated::Constant(Vec3::ONE),
             rotation_deg: Animated::Constant(0.0),
         },
     });
-    let error = stage_from_json(&stage_to_json(&[], &sequence)).unwrap_err().to_string();
+    let error = stage_from_json(&stage_to_json(&[], &sequence))
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("sequence.lights[0].file"), "{error}");
 }
 
