@@ -11,6 +11,7 @@ pub mod camera;
 pub mod image;
 pub mod light;
 pub mod material;
+pub mod rays;
 pub mod scene;
 pub mod sequence;
 // pub mod surface; // waits for rays
