@@ -8,6 +8,8 @@
 
 pub mod animated;
 pub mod camera;
+#[cfg(feature = "gltf")]
+pub mod gltf;
 pub mod image;
 pub mod light;
 pub mod material;
