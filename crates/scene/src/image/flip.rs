@@ -419,12 +419,12 @@ mod tests {
             hdr.mean
         );
         assert!(
-            (hdr.exposures.0 - -4.518_719_673).abs() < 1e-4,
+            (hdr.exposures.0 - -4.518_719_673).abs() < 1e-5,
             "{:?}",
             hdr.exposures
         );
         assert!(
-            (hdr.exposures.1 - -3.519_381_762).abs() < 1e-4,
+            (hdr.exposures.1 - -3.519_381_762).abs() < 1e-5,
             "{:?}",
             hdr.exposures
         );

@@ -173,4 +173,36 @@ mod tests {
             .is_err()
         );
     }
+
+    /// A header of 60,000 × 60,000 pixels with a right checksum (CRC-32, PNG specification annex D), and no pixels.
+    #[test]
+    fn a_small_file_that_claims_a_huge_image_is_refused_by_its_header() {
+        let mut bytes = encode_png("t", &image(255)).unwrap();
+        // Behind the signature (8), the chunk's length (4) and its name (4): width and height.
+        bytes[16..20].copy_from_slice(&60_000_u32.to_be_bytes());
+        bytes[20..24].copy_from_slice(&60_000_u32.to_be_bytes());
+        let mut crc = u32::MAX;
+        for byte in &bytes[12..29] {
+            crc ^= u32::from(*byte);
+            for _ in 0..8 {
+                crc = if crc & 1 == 1 {
+                    (crc >> 1) ^ 0xedb8_8320
+                } else {
+                    crc >> 1
+                };
+            }
+        }
+        bytes[29..33].copy_from_slice(&(!crc).to_be_bytes());
+        let error = decode_ldr("t", &bytes, &Limits::default()).unwrap_err();
+        assert!(
+            matches!(
+                error,
+                ImageError::LimitExceeded {
+                    found: 3_600_000_000,
+                    ..
+                }
+            ),
+            "{error}"
+        );
+    }
 }
