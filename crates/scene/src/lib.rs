@@ -8,9 +8,12 @@
 
 pub mod animated;
 pub mod camera;
+#[cfg(feature = "gltf")]
+pub mod gltf;
 pub mod image;
 pub mod light;
 pub mod material;
+pub mod rays;
 pub mod scene;
 pub mod sequence;
 // pub mod surface; // waits for rays
