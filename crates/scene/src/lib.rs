@@ -7,9 +7,14 @@
 #![deny(unsafe_code)]
 
 pub mod animated;
+pub mod bsdf;
 pub mod camera;
 pub mod light;
 pub mod material;
+pub mod rays;
 pub mod scene;
 pub mod sequence;
-// pub mod surface; // waits for rays
+pub mod shading;
+pub mod surface;
+pub mod texture;
+pub mod traced;
