@@ -321,7 +321,7 @@ fn directions_are_sampled_with_the_stated_density() {
                 (rest_found - rest_expected).abs() < 5.0 * rest_expected.max(9.0).sqrt() + 20.0,
                 "{rest_found} samples where {rest_expected} are due"
             );
-            let limit = degrees + 5.0 * (2.0 * degrees as f64).sqrt();
+            let limit = degrees + 5.0 * (2.0f64 * degrees).sqrt();
             assert!(
                 statistic < limit,
                 "metallic {metallic}, alpha {alpha}, cosine {cos}: chi-square {statistic} over {limit}"
