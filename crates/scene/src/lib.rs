@@ -9,6 +9,9 @@
 pub mod animated;
 pub mod bsdf;
 pub mod camera;
+#[cfg(feature = "gltf")]
+pub mod gltf;
+pub mod image;
 pub mod light;
 pub mod material;
 pub mod rays;

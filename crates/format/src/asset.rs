@@ -1,0 +1,284 @@
+//! What an asset holds, as plain arrays.
+//!
+//! Conventions (design section 2): metres, right-handed, +Y up, linear Rec. 709, f32. World space unless said
+//! otherwise. The field order of the structures that derive `Serialize` is the layout of their section
+//! (SPEC 6): moving a field changes the file, and a test on stored bytes fails.
+
+use serde::{Deserialize, Serialize};
+
+/// Everything in one file. A part that is empty or `None` has no section in the file.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Asset {
+    /// Where the asset came from and what was left out of it. Always stored.
+    pub provenance: Provenance,
+    /// Triangle meshes and their instances.
+    pub geometry: Geometry,
+    /// Materials, indexed by [`Mesh::material`].
+    pub materials: Vec<Material>,
+    /// Images, indexed by [`TextureRef::texture`].
+    pub textures: Vec<Texture>,
+    /// Cameras, lights and animations of the scene.
+    pub stage: Stage,
+    /// Points of the meshless hierarchy, coarsest level first. A global point index counts through all levels.
+    pub points: Vec<Level>,
+    /// T: vector irradiance at the points per unit radiosity of the sender points.
+    pub transfer: Option<Links>,
+    /// One bounce as a flat, non-negative scalar operator on one sender level.
+    pub bounce: Option<BounceLinks>,
+    /// S = T + T² + …, when the bake stored it; it fixes the albedo.
+    pub solution: Option<Links>,
+    /// Error estimates of the bake.
+    pub estimates: Option<Estimates>,
+}
+
+/// Where an asset came from. Nothing in it may vary from run to run (no times, paths, thread counts).
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Provenance {
+    /// Version of the tool that baked, such as `relight 0.1.0`.
+    pub tool_version: String,
+    /// Settings of the bake as names and values, in the order of the command line's help.
+    pub settings: Vec<(String, String)>,
+    /// [`content_hash`](crate::content_hash) of the source scene's bytes.
+    pub source_hash: u64,
+    /// Seed of all random numbers of the bake.
+    pub seed: u64,
+    /// Every material was treated as Lambert with its base colour.
+    pub lambert: bool,
+    /// Parts that were left out, with reasons.
+    pub left_out: Vec<LeftOut>,
+    /// Deterministic counts of the bake as names and values, such as `rays` and `potential_links`.
+    pub counts: Vec<(String, u64)>,
+    /// Sentences for whoever inspects the asset, such as warnings about the scene.
+    pub notes: Vec<String>,
+}
+
+/// One part that a bake left out.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// What: "texture coordinates", "environment cuts", ...
+    pub what: String,
+    /// Why nothing will miss it.
+    pub why: String,
+    /// Bytes that it would have taken in the file, estimated.
+    pub saved_bytes: u64,
+}
+
+/// Triangle meshes and where they stand.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Geometry {
+    /// Meshes in their own spaces; one glTF primitive is one mesh.
+    pub meshes: Vec<Mesh>,
+    /// Placed copies of meshes.
+    pub instances: Vec<Instance>,
+}
+
+/// One placed copy of a mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Instance {
+    /// Index into [`Geometry::meshes`].
+    pub mesh: u32,
+    /// 3 × 4 matrix, row-major: world = M · (mesh, 1). Negative determinants mirror.
+    pub world_from_mesh: [f32; 12],
+}
+
+/// Triangles of one material. All arrays that are present have one entry per vertex.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Mesh {
+    /// Vertex positions, mesh space, metres. Stored exactly.
+    pub positions: Vec<[f32; 3]>,
+    /// Unit vertex normals, mesh space. Stored as octahedral 2 × 16 bits.
+    pub normals: Option<Vec<[f32; 3]>>,
+    /// Texture coordinate sets, 0 to 8 of them. Stored exactly.
+    pub uvs: Vec<Vec<[f32; 2]>>,
+    /// Linear RGBA vertex colours. Stored exactly.
+    pub colors: Option<Vec<[f32; 4]>>,
+    /// Unit tangent and handedness (±1), mesh space. Stored as octahedral 2 × 16 bits and a sign.
+    pub tangents: Option<Vec<[f32; 4]>>,
+    /// Vertex indices, three per triangle, counter-clockwise seen from the front. Order and rotation are kept.
+    pub triangles: Vec<[u32; 3]>,
+    /// Index into [`Asset::materials`].
+    pub material: u32,
+}
+
+/// glTF metallic-roughness parameters. All values finite.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Material {
+    /// Name in the source, for lighting sequences and material edits. May be empty or shared.
+    pub name: String,
+    /// Linear RGBA factor of the base colour.
+    pub base_color: [f32; 4],
+    /// Factor of metalness, 0 to 1.
+    pub metallic: f32,
+    /// Factor of perceptual roughness, 0 to 1.
+    pub roughness: f32,
+    /// Emitted radiance factor, linear RGB, emissive strength multiplied in; not negative.
+    pub emissive: [f32; 3],
+    /// How alpha acts.
+    pub alpha_mode: AlphaMode,
+    /// Emits and is shaded on both sides.
+    pub double_sided: bool,
+    /// KHR_materials_unlit.
+    pub unlit: bool,
+    /// Scale of the normal texture's x and y.
+    pub normal_scale: f32,
+    /// Base colour and alpha, sRGB.
+    pub base_color_texture: Option<TextureRef>,
+    /// Roughness in G, metalness in B, linear.
+    pub metallic_roughness_texture: Option<TextureRef>,
+    /// Tangent-space normals, linear.
+    pub normal_texture: Option<TextureRef>,
+    /// Emission, sRGB.
+    pub emissive_texture: Option<TextureRef>,
+}
+
+impl Default for Material {
+    /// glTF's default material: white, fully metallic and fully rough.
+    fn default() -> Self {
+        Material {
+            name: String::new(),
+            base_color: [1.0; 4],
+            metallic: 1.0,
+            roughness: 1.0,
+            emissive: [0.0; 3],
+            alpha_mode: AlphaMode::Opaque,
+            double_sided: false,
+            unlit: false,
+            normal_scale: 1.0,
+            base_color_texture: None,
+            metallic_roughness_texture: None,
+            normal_texture: None,
+            emissive_texture: None,
+        }
+    }
+}
+
+/// How a material's alpha acts.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub enum AlphaMode {
+    /// Alpha is ignored.
+    #[default]
+    Opaque,
+    /// Alpha below the cutoff is a hole.
+    Mask(f32),
+    /// Alpha is coverage.
+    Blend,
+}
+
+/// Which image a material reads, and how texture coordinates reach it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TextureRef {
+    /// Index into [`Asset::textures`].
+    pub texture: u32,
+    /// Index into [`Mesh::uvs`].
+    pub uv_set: u8,
+    /// 2 × 3 matrix, row-major: (u′, v′) = M · (u, v, 1). KHR_texture_transform.
+    pub transform: [f32; 6],
+}
+
+impl TextureRef {
+    /// The transform that changes nothing.
+    pub const IDENTITY: [f32; 6] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+}
+
+/// An encoded image with its sampler. Whether it is sRGB is decided by its use.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Texture {
+    /// The source's bytes, unchanged.
+    pub bytes: Vec<u8>,
+    /// `image/png` or `image/jpeg`.
+    pub mime: String,
+    /// Along u.
+    pub wrap_u: Wrap,
+    /// Along v.
+    pub wrap_v: Wrap,
+    /// Between texels.
+    pub filter: Filter,
+}
+
+/// What texture coordinates outside 0 to 1 read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Wrap {
+    /// The image again.
+    #[default]
+    Repeat,
+    /// The image mirrored.
+    MirroredRepeat,
+    /// The edge texel.
+    ClampToEdge,
+}
+
+/// How texels are interpolated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Filter {
+    /// Bilinear.
+    #[default]
+    Linear,
+    /// Nearest texel.
+    Nearest,
+}
+
+/// Cameras, lights and animations of the scene as UTF-8 JSON text. The `scene` crate writes and reads it; this
+/// crate keeps it as it is. Empty means none.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Stage {
+    /// The text.
+    pub json: String,
+}
+
+/// Points of one level of the meshless hierarchy. All arrays have one entry per point; their order is kept, and
+/// spatially coherent order makes the file smaller.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Level {
+    /// R: Poisson-disk radius of the level, metres, above zero. Positions are stored to R/256.
+    pub disk_radius: f32,
+    /// r: radius of the basis functions' support, metres, above zero.
+    pub support_radius: f32,
+    /// Positions, world space, metres.
+    pub positions: Vec<[f32; 3]>,
+    /// Unit normals, world space. Stored as octahedral 2 × 12 bits.
+    pub normals: Vec<[f32; 3]>,
+    /// Total hemispherical albedo, linear RGB, each 0 to 1. Stored in 12 bits.
+    pub albedo: Vec<[f32; 3]>,
+    /// Surface area that a point stands for, square metres, not negative. Stored to a relative 2⁻⁹.
+    pub area: Vec<f32>,
+}
+
+/// A sparse `receivers × senders` matrix of vectors: vector irradiance (W·m⁻²) at a receiver per unit radiosity
+/// (W·m⁻²) of a sender, world space. Compressed rows: the links of receiver i stand at
+/// `row_offsets[i]..row_offsets[i + 1]`, sorted by column, no column twice.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Links {
+    /// Number of rows; a row is a global point index.
+    pub receivers: u32,
+    /// Number of columns; a column is a global point index among the sender levels.
+    pub senders: u32,
+    /// `receivers + 1` offsets, from 0 to the number of links.
+    pub row_offsets: Vec<u32>,
+    /// Sender of each link.
+    pub columns: Vec<u32>,
+    /// Vector of each link. Stored to a relative 2⁻⁹, see [`quantised_vector`](crate::quantised_vector).
+    pub vectors: Vec<[f32; 3]>,
+}
+
+/// A sparse, square, non-negative matrix of scalars on the points of one sender level: irradiance at a row's
+/// point per unit radiosity of a column's, so that no row sums to more than 1. Compressed rows as in [`Links`].
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct BounceLinks {
+    /// Number of rows and of columns: points of the level.
+    pub rows: u32,
+    /// `rows + 1` offsets, from 0 to the number of links.
+    pub row_offsets: Vec<u32>,
+    /// Column of each link.
+    pub columns: Vec<u32>,
+    /// Weight of each link. Stored in 16 bits relative to the row's largest.
+    pub weights: Vec<f32>,
+    /// Sum of each row's weights, 0 to 1. Stored exactly; a reader rescales the weights to it.
+    pub row_sums: Vec<f32>,
+}
+
+/// Error estimates of the bake, as names and values.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Estimates {
+    /// Such as `relmse_indirect` and its value; all finite.
+    pub values: Vec<(String, f64)>,
+}

@@ -1,0 +1,418 @@
+//! The container: header, sections, table of contents (SPEC 3 to 5). Everything is checked against the file's real
+//! length before anything is allocated, every byte is under a checksum, and sections lie end to end.
+
+use xxhash_rust::xxh3::xxh3_64;
+
+use crate::error::{Place, Result, invalid, limit, unsupported};
+use crate::layout::{
+    BYTE_ORDER_MARK, Codec, ENTRY_BYTES, FLAG_REQUIRED, HEADER_BYTES, Kind, MAGIC, MAX_RATIO, MAX_SECTIONS,
+    SPEC_VERSION, ZSTD_LEVEL, entry, header,
+};
+
+/// What a reader may take. Files are refused with `LimitExceeded` before it is taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Longest file, bytes.
+    pub file_bytes: u64,
+    /// Longest section after decompression, bytes.
+    pub section_bytes: u64,
+    /// Most memory for decoded arrays together with the section being decompressed, bytes.
+    pub total_bytes: u64,
+}
+
+impl Default for Limits {
+    /// Eight, four and sixteen gibibytes: more than any scene that a workstation bakes, less than would fill it.
+    fn default() -> Self {
+        Limits {
+            file_bytes: 8 << 30,
+            section_bytes: 4 << 30,
+            total_bytes: 16 << 30,
+        }
+    }
+}
+
+/// One entry of the table of contents.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SectionInfo {
+    /// Number of the kind in the table.
+    pub kind_number: u32,
+    /// The kind, if this version knows it.
+    pub kind: Option<Kind>,
+    /// Name of the kind, or `unknown_N`.
+    pub name: String,
+    /// Version of the section's layout.
+    pub version: u16,
+    /// A reader that cannot decode it must refuse the file.
+    pub required: bool,
+    /// Number of the codec.
+    pub codec_number: u32,
+    /// The codec, if this version knows it.
+    pub codec: Option<Codec>,
+    /// Lowest specification version whose readers decode it.
+    pub needs: u32,
+    /// Where its stored bytes start in the file.
+    pub offset: u64,
+    /// Bytes in the file.
+    pub stored_bytes: u64,
+    /// Bytes after decompression.
+    pub raw_bytes: u64,
+    /// XXH3-64 of the stored bytes.
+    pub checksum: u64,
+}
+
+impl SectionInfo {
+    /// The kind and codec when this version decodes the section. A section that it does not know is `None` when
+    /// optional.
+    ///
+    /// # Errors
+    /// `Unsupported` when the section is required.
+    pub(crate) fn readable(&self, entry_offset: u64) -> Result<Option<(Kind, Codec)>> {
+        match (self.kind, self.codec) {
+            (Some(kind), Some(codec)) if kind.version() == self.version => Ok(Some((kind, codec))),
+            _ if !self.required => Ok(None),
+            _ => Err(unsupported(
+                &self.name,
+                Place::File(entry_offset),
+                format_args!("what a reader of format version {SPEC_VERSION} knows"),
+                format_args!(
+                    "a required section of version {} with codec {}, which needs a reader of format version {}",
+                    self.version, self.codec_number, self.needs
+                ),
+            )),
+        }
+    }
+}
+
+/// Lays out a file: header, the sections in the given order, table.
+///
+/// # Errors
+/// `Io` never; `Invalid` when zstd fails, which it does only without memory.
+pub(crate) fn assemble(sections: &[(Kind, Vec<u8>)]) -> Result<Vec<u8>> {
+    let mut file = vec![0; HEADER_BYTES as usize];
+    let mut table = Vec::new();
+    for (kind, raw) in sections {
+        let (codec, compressed) = compress(*kind, raw)?;
+        let stored = compressed.as_deref().unwrap_or(raw);
+        table.extend_from_slice(&(*kind as u32).to_le_bytes());
+        table.extend_from_slice(&kind.version().to_le_bytes());
+        table.extend_from_slice(&(if kind.required() { FLAG_REQUIRED } else { 0 }).to_le_bytes());
+        table.extend_from_slice(&(codec as u32).to_le_bytes());
+        // Every section of version 1 is readable since specification version 1.
+        table.extend_from_slice(&SPEC_VERSION.to_le_bytes());
+        for number in [
+            file.len() as u64,
+            stored.len() as u64,
+            raw.len() as u64,
+            xxh3_64(stored),
+        ] {
+            table.extend_from_slice(&number.to_le_bytes());
+        }
+        file.extend_from_slice(stored);
+    }
+    let table_offset = file.len() as u64;
+    file.extend_from_slice(&table);
+    let file_bytes = file.len() as u64;
+    let mut put = |at: usize, bytes: &[u8]| file[at..at + bytes.len()].copy_from_slice(bytes);
+    put(header::MAGIC, &MAGIC);
+    put(header::BYTE_ORDER_MARK, &BYTE_ORDER_MARK.to_le_bytes());
+    put(header::VERSION, &SPEC_VERSION.to_le_bytes());
+    put(header::FILE_BYTES, &file_bytes.to_le_bytes());
+    put(header::TABLE_OFFSET, &table_offset.to_le_bytes());
+    put(header::SECTION_COUNT, &(sections.len() as u32).to_le_bytes());
+    put(header::TABLE_CHECKSUM, &xxh3_64(&table).to_le_bytes());
+    let checksum = xxh3_64(&file[..header::HEADER_CHECKSUM]);
+    file[header::HEADER_CHECKSUM..][..8].copy_from_slice(&checksum.to_le_bytes());
+    Ok(file)
+}
+
+/// The codec to use and the compressed bytes, unless the section is better stored as it is.
+fn compress(kind: Kind, raw: &[u8]) -> Result<(Codec, Option<Vec<u8>>)> {
+    if kind.preferred_codec() == Codec::Stored {
+        return Ok((Codec::Stored, None));
+    }
+    let compressed = zstd::bulk::compress(raw, ZSTD_LEVEL)
+        .map_err(|error| invalid(kind.name(), Place::Raw(0), "bytes that zstd compresses", error))?;
+    let worthwhile = compressed.len() < raw.len() && raw.len() as u64 <= compressed.len() as u64 * MAX_RATIO;
+    Ok(if worthwhile {
+        (Codec::Zstd, Some(compressed))
+    } else {
+        (Codec::Stored, None)
+    })
+}
+
+/// The checked fields of a header.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Header {
+    pub version: u32,
+    pub table_offset: u64,
+    pub table_bytes: u64,
+    table_checksum: u64,
+}
+
+fn u16_at(bytes: &[u8], at: usize) -> u16 {
+    bytes[at..]
+        .iter()
+        .take(2)
+        .rev()
+        .fold(0, |n, &byte| n << 8 | u16::from(byte))
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    bytes[at..]
+        .iter()
+        .take(4)
+        .rev()
+        .fold(0, |n, &byte| n << 8 | u32::from(byte))
+}
+
+fn u64_at(bytes: &[u8], at: usize) -> u64 {
+    bytes[at..]
+        .iter()
+        .take(8)
+        .rev()
+        .fold(0, |n, &byte| n << 8 | u64::from(byte))
+}
+
+/// Checks the first bytes of a file of `file_bytes` bytes. `bytes` are its first [`HEADER_BYTES`], or all if there
+/// are fewer.
+pub(crate) fn parse_header(bytes: &[u8], file_bytes: u64, limits: &Limits) -> Result<Header> {
+    let fail = |at: usize, expected: &dyn std::fmt::Display, found: &dyn std::fmt::Display| {
+        invalid("header", Place::File(at as u64), expected, found)
+    };
+    let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
+    if magic != MAGIC {
+        let found = format!("{magic:02x?}");
+        return Err(fail(
+            header::MAGIC,
+            &format!("the magic {MAGIC:02x?} of a relight asset"),
+            &found,
+        ));
+    }
+    if (bytes.len() as u64) < HEADER_BYTES {
+        return Err(fail(
+            bytes.len(),
+            &format!("a header of {HEADER_BYTES} bytes"),
+            &"the end of the file",
+        ));
+    }
+    if file_bytes > limits.file_bytes {
+        let expected = format_args!("a file of at most {} bytes", limits.file_bytes);
+        return Err(limit("file", Place::File(0), expected, file_bytes));
+    }
+    let mark = u32_at(bytes, header::BYTE_ORDER_MARK);
+    if mark != BYTE_ORDER_MARK {
+        let expected = format!("the byte order mark {BYTE_ORDER_MARK:#010x}");
+        return Err(fail(header::BYTE_ORDER_MARK, &expected, &format!("{mark:#010x}")));
+    }
+    let checksum = u64_at(bytes, header::HEADER_CHECKSUM);
+    let actual = xxh3_64(&bytes[..header::HEADER_CHECKSUM]);
+    if checksum != actual {
+        let expected = format!("the header's checksum {actual:#018x}");
+        return Err(fail(
+            header::HEADER_CHECKSUM,
+            &expected,
+            &format!("{checksum:#018x}"),
+        ));
+    }
+    let version = u32_at(bytes, header::VERSION);
+    if version == 0 || version > SPEC_VERSION {
+        return Err(unsupported(
+            "header",
+            Place::File(header::VERSION as u64),
+            format_args!("a format version of 1 to {SPEC_VERSION}"),
+            format_args!("{version}, which needs a reader of format version {version}"),
+        ));
+    }
+    if u32_at(bytes, header::RESERVED) != 0 {
+        return Err(fail(
+            header::RESERVED,
+            &"a reserved field of 0",
+            &u32_at(bytes, header::RESERVED),
+        ));
+    }
+    let declared = u64_at(bytes, header::FILE_BYTES);
+    if declared != file_bytes {
+        return Err(fail(
+            header::FILE_BYTES,
+            &format!("the file's length {file_bytes}"),
+            &declared,
+        ));
+    }
+    let count = u32_at(bytes, header::SECTION_COUNT);
+    if count > MAX_SECTIONS {
+        return Err(fail(
+            header::SECTION_COUNT,
+            &format!("at most {MAX_SECTIONS} sections"),
+            &count,
+        ));
+    }
+    let table_offset = u64_at(bytes, header::TABLE_OFFSET);
+    let table_bytes = u64::from(count) * ENTRY_BYTES;
+    if table_offset < HEADER_BYTES || table_offset.checked_add(table_bytes) != Some(file_bytes) {
+        let expected = format!("a table of {count} entries that ends at the end of the file");
+        return Err(fail(
+            header::TABLE_OFFSET,
+            &expected,
+            &format!("offset {table_offset}"),
+        ));
+    }
+    Ok(Header {
+        version,
+        table_offset,
+        table_bytes,
+        table_checksum: u64_at(bytes, header::TABLE_CHECKSUM),
+    })
+}
+
+/// Checks the table of contents: checksum, contiguous sections from header to table, no kind twice, lengths that
+/// limits and stored bytes justify, provenance first.
+pub(crate) fn parse_table(table: &[u8], header: &Header, limits: &Limits) -> Result<Vec<SectionInfo>> {
+    let actual = xxh3_64(table);
+    if actual != header.table_checksum {
+        let expected = format_args!("the checksum {:#018x} that the header has", header.table_checksum);
+        return Err(invalid(
+            "table",
+            Place::File(header.table_offset),
+            expected,
+            format_args!("{actual:#018x}"),
+        ));
+    }
+    let mut sections: Vec<SectionInfo> = Vec::with_capacity(table.len() / ENTRY_BYTES as usize);
+    let mut end = HEADER_BYTES;
+    for (index, bytes) in table.chunks_exact(ENTRY_BYTES as usize).enumerate() {
+        let section = parse_entry(bytes);
+        let entry_offset = header.table_offset + index as u64 * ENTRY_BYTES;
+        let place = |field: usize| Place::File(entry_offset + field as u64);
+        let flags = u16_at(bytes, entry::FLAGS);
+        if flags > FLAG_REQUIRED {
+            return Err(invalid(
+                &section.name,
+                place(entry::FLAGS),
+                "flags of 0 or 1",
+                flags,
+            ));
+        }
+        if sections
+            .iter()
+            .any(|other| other.kind_number == section.kind_number)
+        {
+            return Err(invalid(
+                &section.name,
+                place(entry::KIND),
+                "each kind once",
+                "a second one",
+            ));
+        }
+        let stored_end = section.offset.checked_add(section.stored_bytes);
+        if section.offset != end || stored_end.is_none_or(|stored_end| stored_end > header.table_offset) {
+            return Err(invalid(
+                &section.name,
+                place(entry::OFFSET),
+                format_args!("bytes from {end} on that end by {}", header.table_offset),
+                format_args!("{} bytes from {} on", section.stored_bytes, section.offset),
+            ));
+        }
+        end += section.stored_bytes;
+        check_lengths(&section, place(entry::RAW_BYTES), limits)?;
+        sections.push(section);
+    }
+    if end != header.table_offset {
+        let expected = format_args!("sections that end at {}", header.table_offset);
+        return Err(invalid("table", Place::File(end), expected, end));
+    }
+    match sections.first() {
+        Some(first) if first.kind == Some(Kind::Provenance) => Ok(sections),
+        other => {
+            let found = other.map_or("no section", |section| section.name.as_str());
+            Err(invalid(
+                "table",
+                Place::File(header.table_offset),
+                "provenance as the first section",
+                found,
+            ))
+        }
+    }
+}
+
+fn parse_entry(bytes: &[u8]) -> SectionInfo {
+    let kind_number = u32_at(bytes, entry::KIND);
+    let kind = Kind::from_number(kind_number);
+    let codec_number = u32_at(bytes, entry::CODEC);
+    SectionInfo {
+        kind_number,
+        kind,
+        name: kind.map_or_else(
+            || format!("unknown_{kind_number}"),
+            |kind| kind.name().to_string(),
+        ),
+        version: u16_at(bytes, entry::VERSION),
+        required: u16_at(bytes, entry::FLAGS) & FLAG_REQUIRED != 0,
+        codec_number,
+        codec: Codec::from_number(codec_number),
+        needs: u32_at(bytes, entry::NEEDS),
+        offset: u64_at(bytes, entry::OFFSET),
+        stored_bytes: u64_at(bytes, entry::STORED_BYTES),
+        raw_bytes: u64_at(bytes, entry::RAW_BYTES),
+        checksum: u64_at(bytes, entry::CHECKSUM),
+    }
+}
+
+fn check_lengths(section: &SectionInfo, place: Place, limits: &Limits) -> Result<()> {
+    let SectionInfo {
+        name,
+        stored_bytes,
+        raw_bytes,
+        ..
+    } = section;
+    if section.codec == Some(Codec::Stored) && raw_bytes != stored_bytes {
+        return Err(invalid(
+            name,
+            place,
+            format_args!("{stored_bytes} raw bytes, as stored"),
+            raw_bytes,
+        ));
+    }
+    if *raw_bytes > stored_bytes.saturating_mul(MAX_RATIO) {
+        let expected = format_args!("at most {MAX_RATIO} raw bytes for each of {stored_bytes} stored");
+        return Err(limit(name, place, expected, raw_bytes));
+    }
+    if *raw_bytes > limits.section_bytes {
+        return Err(limit(
+            name,
+            place,
+            format_args!("at most {} bytes", limits.section_bytes),
+            raw_bytes,
+        ));
+    }
+    Ok(())
+}
+
+/// Verifies a section's stored bytes against its checksum.
+pub(crate) fn verify(section: &SectionInfo, stored: &[u8]) -> Result<()> {
+    let actual = xxh3_64(stored);
+    if actual == section.checksum {
+        return Ok(());
+    }
+    let expected = format_args!("stored bytes with the checksum {:#018x}", section.checksum);
+    Err(invalid(
+        &section.name,
+        Place::File(section.offset),
+        expected,
+        format_args!("{actual:#018x}"),
+    ))
+}
+
+/// The raw bytes of verified zstd bytes, whose declared length was checked by [`parse_table`].
+pub(crate) fn decompress(section: &SectionInfo, stored: &[u8]) -> Result<Vec<u8>> {
+    let fail = |found: &dyn std::fmt::Display| {
+        let expected = format_args!("a zstd frame of {} raw bytes", section.raw_bytes);
+        invalid(&section.name, Place::File(section.offset), expected, found)
+    };
+    let capacity = usize::try_from(section.raw_bytes).map_err(|error| fail(&error))?;
+    let raw = zstd::bulk::decompress(stored, capacity).map_err(|error| fail(&error))?;
+    if raw.len() == capacity {
+        Ok(raw)
+    } else {
+        Err(fail(&raw.len()))
+    }
+}

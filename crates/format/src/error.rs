@@ -1,0 +1,119 @@
+//! The four ways in which reading or writing an asset fails, each with the evidence.
+
+use std::fmt;
+use std::path::PathBuf;
+
+/// Shorthand for results of this crate.
+pub type Result<T> = std::result::Result<T, FormatError>;
+
+/// Why an asset could not be read or written. The class says who can act: the system's administrator
+/// ([`Io`](Self::Io)), whoever made the file or the structure ([`Invalid`](Self::Invalid)), whoever installs
+/// relight ([`Unsupported`](Self::Unsupported)), or the caller ([`LimitExceeded`](Self::LimitExceeded)).
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FormatError {
+    /// The operating system refused a file operation.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// What was being done: "open", "read", "write", ...
+        action: &'static str,
+        /// The file concerned.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+    /// The bytes are damaged or no asset, or a structure breaks one of its rules.
+    #[error("invalid asset: {0}; bake it again, or fetch it again if it was copied")]
+    Invalid(Box<Fault>),
+    /// The bytes may be right, but need another version of relight.
+    #[error("unsupported asset: {0}; use a relight that reads it, or bake it again with this one")]
+    Unsupported(Box<Fault>),
+    /// Reading would take more than [`Limits`](crate::Limits) allow, or than the file can justify.
+    #[error("limit exceeded: {0}; raise the limit if the file can be trusted")]
+    LimitExceeded(Box<Fault>),
+}
+
+/// The evidence of a failure: where it is, what should stand there and what does.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fault {
+    /// `"header"`, `"table"`, `"file"`, or the name of a section as [`layout::Kind::name`](crate::layout::Kind::name) has it.
+    pub section: String,
+    /// The place inside it.
+    pub place: Place,
+    /// What the specification or a limit asks for.
+    pub expected: String,
+    /// What was found instead.
+    pub found: String,
+}
+
+/// A place in an asset.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// Byte offset from the start of the file.
+    File(u64),
+    /// Byte offset in the section's raw (decompressed) bytes.
+    Raw(u64),
+    /// Index of the offending element of an array in memory (vertex, point, row, link, material ...).
+    Element(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Place::File(offset) => write!(f, "byte {offset} of the file"),
+            Place::Raw(offset) => write!(f, "byte {offset} of the section's raw bytes"),
+            Place::Element(index) => write!(f, "element {index}"),
+        }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Fault {
+            section,
+            place,
+            expected,
+            found,
+        } = self;
+        write!(f, "{section}, {place}: expected {expected}, found {found}")
+    }
+}
+
+fn fault(section: &str, place: Place, expected: impl fmt::Display, found: impl fmt::Display) -> Box<Fault> {
+    Box::new(Fault {
+        section: section.to_string(),
+        place,
+        expected: expected.to_string(),
+        found: found.to_string(),
+    })
+}
+
+/// An [`FormatError::Invalid`] with its evidence.
+pub(crate) fn invalid(
+    section: &str,
+    place: Place,
+    expected: impl fmt::Display,
+    found: impl fmt::Display,
+) -> FormatError {
+    FormatError::Invalid(fault(section, place, expected, found))
+}
+
+/// An [`FormatError::Unsupported`] with its evidence.
+pub(crate) fn unsupported(
+    section: &str,
+    place: Place,
+    expected: impl fmt::Display,
+    found: impl fmt::Display,
+) -> FormatError {
+    FormatError::Unsupported(fault(section, place, expected, found))
+}
+
+/// An [`FormatError::LimitExceeded`] with its evidence.
+pub(crate) fn limit(
+    section: &str,
+    place: Place,
+    expected: impl fmt::Display,
+    found: impl fmt::Display,
+) -> FormatError {
+    FormatError::LimitExceeded(fault(section, place, expected, found))
+}

@@ -1,0 +1,185 @@
+//! The numbers of the layout: magic, versions, kinds, codecs, offsets. `SPEC.md` sections 3 to 5 list the same
+//! numbers, and a test compares the two: a change here without one there fails.
+
+/// Version of the specification that this crate writes, and the highest that it reads. SPEC 3.
+pub const SPEC_VERSION: u32 = 1;
+
+/// First eight bytes of every asset. The first byte has its high bit set and CR LF and ^Z follow the letters, so
+/// that transfers which strip the eighth bit or translate line ends are noticed at once (as in PNG). SPEC 3.1.
+pub const MAGIC: [u8; 8] = [0x8b, b'R', b'L', b'T', 0x0d, 0x0a, 0x1a, 0x0a];
+
+/// Written little-endian, so a reader that sees 0x04030201 has mixed up its byte order. SPEC 3.2.
+pub const BYTE_ORDER_MARK: u32 = 0x0102_0304;
+
+/// Bytes of the header. SPEC 3.
+pub const HEADER_BYTES: u64 = 56;
+/// Offsets of the header's fields from the start of the file. SPEC 3.
+pub mod header {
+    /// Magic, 8 bytes.
+    pub const MAGIC: usize = 0;
+    /// Byte order mark, u32.
+    pub const BYTE_ORDER_MARK: usize = 8;
+    /// Specification version that reads header and table, u32.
+    pub const VERSION: usize = 12;
+    /// Length of the file, u64.
+    pub const FILE_BYTES: usize = 16;
+    /// Offset of the table of contents, u64.
+    pub const TABLE_OFFSET: usize = 24;
+    /// Number of sections, u32.
+    pub const SECTION_COUNT: usize = 32;
+    /// Zero, u32.
+    pub const RESERVED: usize = 36;
+    /// XXH3-64 of the table, u64.
+    pub const TABLE_CHECKSUM: usize = 40;
+    /// XXH3-64 of the header's bytes before this field, u64.
+    pub const HEADER_CHECKSUM: usize = 48;
+}
+
+/// Bytes of one entry of the table of contents. SPEC 4.
+pub const ENTRY_BYTES: u64 = 48;
+/// Offsets of an entry's fields from the start of the entry. SPEC 4.
+pub mod entry {
+    /// Kind, u32.
+    pub const KIND: usize = 0;
+    /// Version of the section's layout, u16.
+    pub const VERSION: usize = 4;
+    /// Flags, u16.
+    pub const FLAGS: usize = 6;
+    /// Codec, u32.
+    pub const CODEC: usize = 8;
+    /// Lowest specification version whose readers decode this section, u32.
+    pub const NEEDS: usize = 12;
+    /// Offset of the stored bytes in the file, u64.
+    pub const OFFSET: usize = 16;
+    /// Length of the stored bytes, u64.
+    pub const STORED_BYTES: usize = 24;
+    /// Length of the raw bytes, u64.
+    pub const RAW_BYTES: usize = 32;
+    /// XXH3-64 of the stored bytes, u64.
+    pub const CHECKSUM: usize = 40;
+}
+
+/// Entry flag: a reader that cannot decode this section must refuse the file. SPEC 4.3.
+pub const FLAG_REQUIRED: u16 = 1;
+
+/// Most sections that a table may list: far more than there are kinds, far fewer than would hurt. SPEC 4.
+pub const MAX_SECTIONS: u32 = 256;
+
+/// Most raw bytes per stored byte. zstd alone reaches 32,750; real sections stay under 100, and a writer stores
+/// a section uncompressed when it would pass this bound. SPEC 4.4.
+pub const MAX_RATIO: u64 = 1024;
+
+/// zstd level for bulk sections: the highest that still encodes a large asset in about a second (docs/format.md).
+pub const ZSTD_LEVEL: i32 = 9;
+
+/// Most raw bytes of a section of small records (provenance, materials, estimates): sixteen mebibytes hold some
+/// hundred thousand materials. SPEC 6.
+pub const MAX_RECORD_BYTES: usize = 16 << 20;
+
+/// How a section's stored bytes become its raw bytes. SPEC 4.4.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Codec {
+    /// Stored and raw bytes are the same.
+    Stored = 0,
+    /// The stored bytes are one zstd frame (RFC 8878).
+    Zstd = 1,
+}
+
+impl Codec {
+    /// The codec of a number in the table, if this version knows it.
+    pub fn from_number(number: u32) -> Option<Self> {
+        [Codec::Stored, Codec::Zstd]
+            .into_iter()
+            .find(|codec| *codec as u32 == number)
+    }
+
+    /// The name used in summaries.
+    pub fn name(self) -> &'static str {
+        match self {
+            Codec::Stored => "stored",
+            Codec::Zstd => "zstd",
+        }
+    }
+}
+
+/// What a section holds. The discriminant is the number in the table. SPEC 5.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u32)]
+pub enum Kind {
+    /// Tool version, settings, source hash, what was left out and why.
+    Provenance = 1,
+    /// Meshes and instances.
+    Geometry = 2,
+    /// glTF metallic-roughness materials.
+    Materials = 3,
+    /// Encoded images with their samplers.
+    Textures = 4,
+    /// Cameras, lights and animations, as JSON text.
+    Stage = 5,
+    /// Points of all levels.
+    Points = 6,
+    /// The transfer operator T.
+    LinksTransfer = 7,
+    /// The flat scalar operator for bounces.
+    LinksBounce = 8,
+    /// The baked solution S.
+    LinksSolution = 9,
+    /// Error estimates.
+    Estimates = 10,
+}
+
+impl Kind {
+    /// All kinds, in the order in which they stand in a file.
+    pub const ALL: [Kind; 10] = [
+        Kind::Provenance,
+        Kind::Geometry,
+        Kind::Materials,
+        Kind::Textures,
+        Kind::Stage,
+        Kind::Points,
+        Kind::LinksTransfer,
+        Kind::LinksBounce,
+        Kind::LinksSolution,
+        Kind::Estimates,
+    ];
+
+    /// The kind of a number in the table, if this version knows it.
+    pub fn from_number(number: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| *kind as u32 == number)
+    }
+
+    /// The name used in summaries and errors.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Provenance => "provenance",
+            Kind::Geometry => "geometry",
+            Kind::Materials => "materials",
+            Kind::Textures => "textures",
+            Kind::Stage => "stage",
+            Kind::Points => "points",
+            Kind::LinksTransfer => "links_transfer",
+            Kind::LinksBounce => "links_bounce",
+            Kind::LinksSolution => "links_solution",
+            Kind::Estimates => "estimates",
+        }
+    }
+
+    /// Version of the section's layout that this crate writes and reads.
+    pub fn version(self) -> u16 {
+        1
+    }
+
+    /// Whether a reader that cannot decode the section must refuse the file: estimates only inform.
+    pub fn required(self) -> bool {
+        self != Kind::Estimates
+    }
+
+    /// Codec that a writer tries. Textures are PNG and JPEG already; provenance stays readable in a hex dump.
+    pub(crate) fn preferred_codec(self) -> Codec {
+        match self {
+            Kind::Provenance | Kind::Textures => Codec::Stored,
+            _ => Codec::Zstd,
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! Meshes and instances (SPEC 6.2). Positions, texture coordinates and colours keep their bits; normals and
+//! tangents become octahedral; indices become distances below the highest index seen so far.
+
+use crate::asset::{Geometry, Instance, Mesh};
+use crate::codec::bytes::{Cursor, Planes, put_planes, put_varint, unzigzag, zigzag};
+use crate::codec::octahedral;
+use crate::error::Result;
+use crate::validate::MAX_UV_SETS;
+
+/// Bits of each component of an octahedral vertex normal or tangent.
+const NORMAL_BITS: u32 = 16;
+
+const FLAG_NORMALS: u8 = 1;
+const FLAG_COLORS: u8 = 2;
+const FLAG_TANGENTS: u8 = 4;
+
+/// Bytes of a mesh's fixed fields.
+const MESH_BYTES: usize = 16;
+/// Bytes of an instance.
+const INSTANCE_BYTES: usize = 52;
+
+pub fn encode(geometry: &Geometry, out: &mut Vec<u8>) {
+    out.extend_from_slice(&(geometry.meshes.len() as u32).to_le_bytes());
+    for mesh in &geometry.meshes {
+        out.extend_from_slice(&(mesh.positions.len() as u32).to_le_bytes());
+        out.extend_from_slice(&(mesh.triangles.len() as u32).to_le_bytes());
+        out.extend_from_slice(&mesh.material.to_le_bytes());
+        let flag = |present: bool, flag: u8| if present { flag } else { 0 };
+        let flags = flag(mesh.normals.is_some(), FLAG_NORMALS)
+            | flag(mesh.colors.is_some(), FLAG_COLORS)
+            | flag(mesh.tangents.is_some(), FLAG_TANGENTS);
+        out.extend_from_slice(&[flags, mesh.uvs.len() as u8, 0, 0]);
+        put_floats(&mesh.positions, out);
+        if let Some(normals) = &mesh.normals {
+            put_normals(normals.iter().copied(), out);
+        }
+        for uvs in &mesh.uvs {
+            put_floats(uvs, out);
+        }
+        if let Some(colors) = &mesh.colors {
+            put_floats(colors, out);
+        }
+        if let Some(tangents) = &mesh.tangents {
+            put_normals(tangents.iter().map(|t| [t[0], t[1], t[2]]), out);
+            out.extend(tangents.iter().map(|t| u8::from(t[3] < 0.0)));
+        }
+        put_triangles(&mesh.triangles, out);
+    }
+    out.extend_from_slice(&(geometry.instances.len() as u32).to_le_bytes());
+    for instance in &geometry.instances {
+        out.extend_from_slice(&instance.mesh.to_le_bytes());
+        instance
+            .world_from_mesh
+            .iter()
+            .for_each(|m| out.extend_from_slice(&m.to_le_bytes()));
+    }
+}
+
+pub fn decode(cursor: &mut Cursor<'_>) -> Result<Geometry> {
+    let mesh_count = cursor.u32()? as usize;
+    let mut meshes = cursor.vec(mesh_count, MESH_BYTES)?;
+    for _ in 0..mesh_count {
+        let vertices = cursor.u32()? as usize;
+        let triangle_count = cursor.u32()? as usize;
+        let material = cursor.u32()?;
+        let flags = cursor.u8()?;
+        if flags > FLAG_NORMALS | FLAG_COLORS | FLAG_TANGENTS {
+            return Err(cursor.invalid("mesh flags of 0 to 7", flags));
+        }
+        let uv_sets = usize::from(cursor.u8()?);
+        if uv_sets > MAX_UV_SETS {
+            return Err(cursor.invalid(format_args!("at most {MAX_UV_SETS} sets of coordinates"), uv_sets));
+        }
+        cursor.zero_u8()?;
+        cursor.zero_u8()?;
+        let positions = floats(cursor, vertices)?;
+        let normals = if flags & FLAG_NORMALS != 0 {
+            Some(decode_normals(cursor, vertices)?)
+        } else {
+            None
+        };
+        let mut uvs = cursor.vec(uv_sets, 0)?;
+        for _ in 0..uv_sets {
+            uvs.push(floats(cursor, vertices)?);
+        }
+        let colors = if flags & FLAG_COLORS != 0 {
+            Some(floats(cursor, vertices)?)
+        } else {
+            None
+        };
+        let tangents = if flags & FLAG_TANGENTS != 0 {
+            Some(decode_tangents(cursor, vertices)?)
+        } else {
+            None
+        };
+        let triangles = decode_triangles(cursor, triangle_count, vertices)?;
+        meshes.push(Mesh {
+            positions,
+            normals,
+            uvs,
+            colors,
+            tangents,
+            triangles,
+            material,
+        });
+    }
+    let instance_count = cursor.u32()? as usize;
+    let mut instances = cursor.vec(instance_count, INSTANCE_BYTES)?;
+    for _ in 0..instance_count {
+        let mesh = cursor.u32()?;
+        let mut world_from_mesh = [0.0; 12];
+        for m in &mut world_from_mesh {
+            *m = cursor.f32()?;
+        }
+        instances.push(Instance {
+            mesh,
+            world_from_mesh,
+        });
+    }
+    Ok(Geometry { meshes, instances })
+}
+
+/// Exact floats, component by component, as four planes of the difference of neighbouring bit patterns (SPEC 7.4).
+fn put_floats<const N: usize>(values: &[[f32; N]], out: &mut Vec<u8>) {
+    for component in 0..N {
+        let mut previous = 0u32;
+        let delta = |value: &[f32; N]| {
+            let bits = value[component].to_bits();
+            zigzag(bits.wrapping_sub(std::mem::replace(&mut previous, bits)))
+        };
+        put_planes(out, 4, &values.iter().map(delta).collect::<Vec<_>>());
+    }
+}
+
+fn floats<const N: usize>(cursor: &mut Cursor<'_>, count: usize) -> Result<Vec<[f32; N]>> {
+    let mut values = cursor.vec(count, 4 * N)?;
+    values.resize(count, [0.0; N]);
+    for component in 0..N {
+        let mut previous = 0u32;
+        for (value, code) in values.iter_mut().zip(Planes::take(cursor, 4, count)?.values()) {
+            previous = previous.wrapping_add(unzigzag(code));
+            value[component] = f32::from_bits(previous);
+        }
+    }
+    Ok(values)
+}
+
+fn put_normals(normals: impl Iterator<Item = [f32; 3]>, out: &mut Vec<u8>) {
+    // Codes are stored as u + M, 0 to 2M.
+    let offset = octahedral::max_code(NORMAL_BITS);
+    let codes: Vec<[u32; 2]> = normals
+        .map(|n| octahedral::encode(n, NORMAL_BITS).map(|c| (c + offset) as u32))
+        .collect();
+    for component in 0..2 {
+        put_planes(
+            out,
+            2,
+            &codes.iter().map(|code| code[component]).collect::<Vec<_>>(),
+        );
+    }
+}
+
+fn decode_normals(cursor: &mut Cursor<'_>, count: usize) -> Result<Vec<[f32; 3]>> {
+    let mut normals = cursor.vec(count, 4)?;
+    let u = Planes::take(cursor, 2, count)?.values();
+    let v = Planes::take(cursor, 2, count)?.values();
+    let offset = octahedral::max_code(NORMAL_BITS);
+    normals.extend(
+        u.zip(v)
+            .map(|(u, v)| octahedral::decode([u as i32 - offset, v as i32 - offset], NORMAL_BITS)),
+    );
+    Ok(normals)
+}
+
+fn decode_tangents(cursor: &mut Cursor<'_>, count: usize) -> Result<Vec<[f32; 4]>> {
+    let directions = decode_normals(cursor, count)?;
+    let mut tangents = cursor.vec(count, 1)?;
+    let signs = cursor.take(count)?;
+    if let Some(sign) = signs.iter().find(|&&sign| sign > 1) {
+        return Err(cursor.invalid("a tangent sign of 0 or 1", sign));
+    }
+    let handed = |([x, y, z], sign): ([f32; 3], &u8)| [x, y, z, if *sign == 0 { 1.0 } else { -1.0 }];
+    tangents.extend(directions.into_iter().zip(signs).map(handed));
+    Ok(tangents)
+}
+
+/// Indices as zigzag varints of the distance below the next unseen index: vertices that appear in order cost a
+/// zero each, and reused ones are near (SPEC 7.13).
+fn put_triangles(triangles: &[[u32; 3]], out: &mut Vec<u8>) {
+    let mut next = 0u32;
+    for &index in triangles.iter().flatten() {
+        put_varint(out, zigzag(next.wrapping_sub(index)));
+        next = next.max(index.wrapping_add(1));
+    }
+}
+
+fn decode_triangles(cursor: &mut Cursor<'_>, count: usize, vertices: usize) -> Result<Vec<[u32; 3]>> {
+    let mut triangles = cursor.vec(count, 3)?;
+    let mut next = 0u32;
+    for _ in 0..count {
+        let mut triangle = [0; 3];
+        for corner in &mut triangle {
+            let index = next.wrapping_sub(unzigzag(cursor.varint()?));
+            if index as usize >= vertices {
+                return Err(cursor.invalid(format_args!("a vertex index below {vertices}"), index));
+            }
+            next = next.max(index + 1);
+            *corner = index;
+        }
+        triangles.push(triangle);
+    }
+    Ok(triangles)
+}

@@ -1,0 +1,94 @@
+//! Sections: how each part of an asset becomes raw bytes and back (SPEC 6). Every module has a pair `encode` and
+//! `decode`; decoding checks what memory safety and allocation need, `validate` the rest.
+
+pub mod bounce;
+pub mod geometry;
+pub mod links;
+pub mod points;
+pub mod records;
+pub mod rows;
+pub mod textures;
+
+use crate::asset::Asset;
+use crate::codec::bytes::Cursor;
+use crate::error::Result;
+use crate::layout::Kind;
+
+/// The raw bytes of one section of an asset, or `None` when the asset does not need it.
+///
+/// # Errors
+/// `LimitExceeded` when small records take more than the format allows.
+pub fn encode(kind: Kind, asset: &Asset) -> Result<Option<Vec<u8>>> {
+    let mut out = Vec::new();
+    let needed = match kind {
+        Kind::Provenance => {
+            records::encode(kind, &asset.provenance, &mut out)?;
+            true
+        }
+        Kind::Geometry => {
+            let geometry = &asset.geometry;
+            geometry::encode(geometry, &mut out);
+            !(geometry.meshes.is_empty() && geometry.instances.is_empty())
+        }
+        Kind::Materials => {
+            records::encode(kind, &asset.materials, &mut out)?;
+            !asset.materials.is_empty()
+        }
+        Kind::Textures => {
+            textures::encode(&asset.textures, &mut out);
+            !asset.textures.is_empty()
+        }
+        Kind::Stage => {
+            out.extend_from_slice(asset.stage.json.as_bytes());
+            !asset.stage.json.is_empty()
+        }
+        Kind::Points => {
+            points::encode(&asset.points, &mut out);
+            !asset.points.is_empty()
+        }
+        Kind::LinksTransfer => asset
+            .transfer
+            .as_ref()
+            .map(|links| links::encode(links, &mut out))
+            .is_some(),
+        Kind::LinksBounce => asset
+            .bounce
+            .as_ref()
+            .map(|links| bounce::encode(links, &mut out))
+            .is_some(),
+        Kind::LinksSolution => asset
+            .solution
+            .as_ref()
+            .map(|links| links::encode(links, &mut out))
+            .is_some(),
+        Kind::Estimates => match &asset.estimates {
+            Some(estimates) => {
+                records::encode(kind, estimates, &mut out)?;
+                true
+            }
+            None => false,
+        },
+    };
+    Ok(needed.then_some(out))
+}
+
+/// Decodes a section's raw bytes into the asset. `memory` is what decoded arrays may still take.
+///
+/// # Errors
+/// `Invalid` when the bytes are not what SPEC 6 says, `LimitExceeded` when `memory` does not suffice.
+pub fn decode(kind: Kind, raw: &[u8], memory: &mut u64, asset: &mut Asset) -> Result<()> {
+    let mut cursor = Cursor::new(kind.name(), raw, memory);
+    match kind {
+        Kind::Provenance => asset.provenance = records::decode(&mut cursor)?,
+        Kind::Geometry => asset.geometry = geometry::decode(&mut cursor)?,
+        Kind::Materials => asset.materials = records::decode(&mut cursor)?,
+        Kind::Textures => asset.textures = textures::decode(&mut cursor)?,
+        Kind::Stage => asset.stage.json = textures::text(&mut cursor, raw.len())?,
+        Kind::Points => asset.points = points::decode(&mut cursor)?,
+        Kind::LinksTransfer => asset.transfer = Some(links::decode(&mut cursor)?),
+        Kind::LinksBounce => asset.bounce = Some(bounce::decode(&mut cursor)?),
+        Kind::LinksSolution => asset.solution = Some(links::decode(&mut cursor)?),
+        Kind::Estimates => asset.estimates = Some(records::decode(&mut cursor)?),
+    }
+    cursor.finish()
+}

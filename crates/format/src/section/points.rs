@@ -1,0 +1,243 @@
+//! Points of the levels: grid positions, octahedral normals, albedo, area (SPEC 6.6).
+
+use crate::asset::Level;
+use crate::codec::bytes::{Cursor, Planes, put_planes, unzigzag, width_of, zigzag};
+use crate::codec::grid::Grid;
+use crate::codec::{albedo, area, octahedral};
+use crate::error::Result;
+
+/// Bits of each component of a point's octahedral normal.
+const NORMAL_BITS: u32 = 12;
+
+/// How positions are stored. SPEC 6.6.
+const MODE_EXACT: u8 = 0;
+const MODE_GRID: u8 = 1;
+const MODE_GRID_DELTA: u8 = 2;
+
+/// Fewest raw bytes of a level: its fixed fields and the area's base and width.
+const MIN_LEVEL_BYTES: usize = 18;
+/// Fewest raw bytes of a point: 3 of position, 3 of normal, 4 of albedo, 1 of area.
+const MIN_POINT_BYTES: usize = 11;
+
+pub fn encode(levels: &[Level], out: &mut Vec<u8>) {
+    out.extend_from_slice(&(levels.len() as u32).to_le_bytes());
+    for level in levels {
+        out.extend_from_slice(&level.disk_radius.to_le_bytes());
+        out.extend_from_slice(&level.support_radius.to_le_bytes());
+        out.extend_from_slice(&(level.positions.len() as u32).to_le_bytes());
+        encode_positions(level, out);
+        encode_normals(&level.normals, out);
+        encode_albedo(&level.albedo, out);
+        encode_area(&level.area, out);
+    }
+}
+
+pub fn decode(cursor: &mut Cursor<'_>) -> Result<Vec<Level>> {
+    let count = cursor.u32()? as usize;
+    let mut levels = cursor.vec(count, MIN_LEVEL_BYTES)?;
+    for _ in 0..count {
+        let disk_radius = cursor.f32()?;
+        let support_radius = cursor.f32()?;
+        let points = cursor.u32()? as usize;
+        let positions = decode_positions(cursor, points)?;
+        let normals = decode_normals(cursor, points)?;
+        let albedo = decode_albedo(cursor, points)?;
+        let area = decode_area(cursor, points)?;
+        levels.push(Level {
+            disk_radius,
+            support_radius,
+            positions,
+            normals,
+            albedo,
+            area,
+        });
+    }
+    Ok(levels)
+}
+
+/// Differences from the point before, as zigzag codes; the first from 0.
+fn deltas(values: &[u32]) -> Vec<u32> {
+    let mut previous = 0;
+    let delta = |&value: &u32| zigzag(value.wrapping_sub(std::mem::replace(&mut previous, value)));
+    values.iter().map(delta).collect()
+}
+
+/// Bits that an ideal coder of magnitudes would take, about: enough to choose between two codings.
+fn cost(codes: &[u32]) -> u64 {
+    codes
+        .iter()
+        .map(|code| u64::from(32 - code.leading_zeros()))
+        .sum()
+}
+
+fn encode_positions(level: &Level, out: &mut Vec<u8>) {
+    let Some(grid) = Grid::of(level.disk_radius, &level.positions) else {
+        out.push(MODE_EXACT);
+        for axis in 0..3 {
+            let bits: Vec<u32> = level.positions.iter().map(|p| p[axis].to_bits()).collect();
+            put_planes(out, 4, &bits);
+        }
+        return;
+    };
+    let mut axes = [Vec::new(), Vec::new(), Vec::new()];
+    for &position in &level.positions {
+        for (axis, code) in axes.iter_mut().zip(grid.encode(position)) {
+            axis.push(code);
+        }
+    }
+    let delta_axes = axes.each_ref().map(|axis| deltas(axis));
+    let total = |axes: &[Vec<u32>; 3]| axes.iter().map(|axis| cost(axis)).sum::<u64>();
+    let (mode, axes) = if total(&delta_axes) < total(&axes) {
+        (MODE_GRID_DELTA, delta_axes)
+    } else {
+        (MODE_GRID, axes)
+    };
+    out.push(mode);
+    grid.origin
+        .iter()
+        .for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
+    out.extend_from_slice(&grid.step.to_le_bytes());
+    for axis in &axes {
+        let width = width_of(axis.iter().copied().max().unwrap_or(0));
+        out.push(width as u8);
+        put_planes(out, width, axis);
+    }
+}
+
+fn decode_positions(cursor: &mut Cursor<'_>, points: usize) -> Result<Vec<[f32; 3]>> {
+    let mode = cursor.u8()?;
+    let mut positions = cursor.vec(points, MIN_POINT_BYTES)?;
+    positions.resize(points, [0.0; 3]);
+    if mode == MODE_EXACT {
+        for axis in 0..3 {
+            for (position, bits) in positions
+                .iter_mut()
+                .zip(Planes::take(cursor, 4, points)?.values())
+            {
+                position[axis] = f32::from_bits(bits);
+            }
+        }
+        return Ok(positions);
+    }
+    if mode > MODE_GRID_DELTA {
+        return Err(cursor.invalid("a position mode of 0 to 2", mode));
+    }
+    let grid = Grid {
+        origin: [cursor.f32()?, cursor.f32()?, cursor.f32()?],
+        step: cursor.f32()?,
+    };
+    for axis in 0..3 {
+        let width = cursor.plane_width()?;
+        let mut previous = 0u32;
+        for (position, code) in positions
+            .iter_mut()
+            .zip(Planes::take(cursor, width, points)?.values())
+        {
+            previous = if mode == MODE_GRID {
+                code
+            } else {
+                previous.wrapping_add(unzigzag(code))
+            };
+            position[axis] = grid.decode_axis(axis, previous);
+        }
+    }
+    Ok(positions)
+}
+
+fn encode_normals(normals: &[[f32; 3]], out: &mut Vec<u8>) {
+    // Codes are stored as u + M, 0 to 2M.
+    let offset = octahedral::max_code(NORMAL_BITS);
+    let codes: Vec<[u32; 2]> = normals
+        .iter()
+        .map(|&n| octahedral::encode(n, NORMAL_BITS).map(|c| (c + offset) as u32))
+        .collect();
+    out.extend(codes.iter().map(|[u, _]| (u >> 4) as u8));
+    out.extend(codes.iter().map(|[_, v]| (v >> 4) as u8));
+    out.extend(codes.iter().map(|[u, v]| (u & 15) as u8 | ((v & 15) << 4) as u8));
+}
+
+fn decode_normals(cursor: &mut Cursor<'_>, points: usize) -> Result<Vec<[f32; 3]>> {
+    let mut normals = cursor.vec(points, 3)?;
+    let [high_u, high_v, low] = [cursor.take(points)?, cursor.take(points)?, cursor.take(points)?];
+    let offset = octahedral::max_code(NORMAL_BITS);
+    normals.extend((0..points).map(|i| {
+        let u = i32::from(high_u[i]) << 4 | i32::from(low[i] & 15);
+        let v = i32::from(high_v[i]) << 4 | i32::from(low[i] >> 4);
+        octahedral::decode([u - offset, v - offset], NORMAL_BITS)
+    }));
+    Ok(normals)
+}
+
+fn encode_albedo(albedos: &[[f32; 3]], out: &mut Vec<u8>) {
+    for channel in 0..3 {
+        let codes: Vec<u32> = albedos.iter().map(|rgb| albedo::encode(rgb[channel])).collect();
+        out.extend(codes.iter().map(|code| (code >> 4) as u8));
+        let nibble = |code: Option<&u32>| code.map_or(0, |code| (code & 15) as u8);
+        out.extend(
+            codes
+                .chunks(2)
+                .map(|pair| nibble(pair.first()) | nibble(pair.get(1)) << 4),
+        );
+    }
+}
+
+fn decode_albedo(cursor: &mut Cursor<'_>, points: usize) -> Result<Vec<[f32; 3]>> {
+    let mut albedos = cursor.vec(points, 4)?;
+    albedos.resize(points, [0.0; 3]);
+    for channel in 0..3 {
+        let high = cursor.take(points)?;
+        let low = cursor.take(points.div_ceil(2))?;
+        for (i, rgb) in albedos.iter_mut().enumerate() {
+            let nibble = low[i / 2] >> (4 * (i % 2)) & 15;
+            rgb[channel] = albedo::decode(u32::from(high[i]) << 4 | u32::from(nibble));
+        }
+    }
+    Ok(albedos)
+}
+
+fn encode_area(areas: &[f32], out: &mut Vec<u8>) {
+    let mut codes: Vec<u32> = areas.iter().map(|&a| area::encode(a)).collect();
+    let base = codes.iter().copied().min().unwrap_or(0);
+    codes.iter_mut().for_each(|code| *code -= base);
+    let width = width_of(codes.iter().copied().max().unwrap_or(0));
+    out.extend_from_slice(&base.to_le_bytes());
+    out.push(width as u8);
+    put_planes(out, width, &codes);
+}
+
+fn decode_area(cursor: &mut Cursor<'_>, points: usize) -> Result<Vec<f32>> {
+    let base = cursor.u32()?;
+    let width = cursor.plane_width()?;
+    let mut areas = cursor.vec(points, width)?;
+    let codes = Planes::take(cursor, width, points)?.values();
+    areas.extend(codes.map(|code| area::decode(base.saturating_add(code))));
+    Ok(areas)
+}
+
+/// The level that a reader of the file will see in place of `level`; bounds in [`codec`](crate::codec).
+pub fn quantised_level(level: &Level) -> Level {
+    let positions = match Grid::of(level.disk_radius, &level.positions) {
+        Some(grid) => level
+            .positions
+            .iter()
+            .map(|&p| grid.decode(grid.encode(p)))
+            .collect(),
+        None => level.positions.clone(),
+    };
+    let normal = |&n: &[f32; 3]| octahedral::decode(octahedral::encode(n, NORMAL_BITS), NORMAL_BITS);
+    Level {
+        positions,
+        normals: level.normals.iter().map(normal).collect(),
+        albedo: level
+            .albedo
+            .iter()
+            .map(|rgb| rgb.map(|c| albedo::decode(albedo::encode(c))))
+            .collect(),
+        area: level
+            .area
+            .iter()
+            .map(|&a| area::decode(area::encode(a)))
+            .collect(),
+        ..*level
+    }
+}

@@ -1,0 +1,321 @@
+//! Files that are cut, flipped, forged or from the future are refused, and never harm the reader.
+
+mod common;
+
+use common::{Forged, forge, reseal_header, sections_of, small_asset};
+use relight_format::*;
+
+fn read(bytes: &[u8]) -> Result<Asset> {
+    read_asset(bytes, &Limits::default())
+}
+
+/// The error's class and evidence.
+fn fault(error: &FormatError) -> (&'static str, &Fault) {
+    match error {
+        FormatError::Invalid(fault) => ("invalid", fault),
+        FormatError::Unsupported(fault) => ("unsupported", fault),
+        FormatError::LimitExceeded(fault) => ("limit", fault),
+        other => panic!("no fault: {other}"),
+    }
+}
+
+#[test]
+fn the_independent_writer_agrees_with_ours() {
+    let bytes = write_asset(&small_asset()).unwrap();
+    assert_eq!(forge(&sections_of(&bytes)), bytes);
+}
+
+#[test]
+fn every_strict_prefix_is_refused() {
+    let bytes = write_asset(&small_asset()).unwrap();
+    for length in 0..bytes.len() {
+        assert!(
+            read(&bytes[..length]).is_err(),
+            "{length} of {} bytes",
+            bytes.len()
+        );
+        assert!(summarise(&bytes[..length]).is_err());
+    }
+}
+
+#[test]
+fn a_longer_file_is_refused() {
+    let mut bytes = write_asset(&small_asset()).unwrap();
+    bytes.push(0);
+    assert!(read(&bytes).is_err());
+}
+
+#[test]
+fn every_flipped_bit_is_refused() {
+    let mut bytes = write_asset(&small_asset()).unwrap();
+    for bit in 0..bytes.len() * 8 {
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        assert!(read(&bytes).is_err(), "bit {bit}");
+        bytes[bit / 8] ^= 1 << (bit % 8);
+    }
+    assert!(read(&bytes).is_ok());
+}
+
+/// Behind right checksums the decoders stand alone: any byte of any section's raw bytes replaced, and every raw prefix,
+/// gives an error or a valid asset, never a panic.
+#[test]
+fn forged_contents_never_panic() {
+    let sections = sections_of(&write_asset(&small_asset()).unwrap());
+    for i in 0..sections.len() {
+        let mut raw_section = sections[i].clone();
+        if raw_section.codec == 1 {
+            raw_section.stored =
+                zstd::bulk::decompress(&raw_section.stored, raw_section.raw_bytes as usize).unwrap();
+            raw_section.codec = 0;
+        }
+        let raw = raw_section.stored.clone();
+        let try_raw = |stored: &[u8]| {
+            let mut sections = sections.clone();
+            sections[i] = Forged {
+                stored: stored.to_vec(),
+                raw_bytes: stored.len() as u64,
+                ..raw_section.clone()
+            };
+            if let Ok(asset) = read(&forge(&sections)) {
+                asset.validate().unwrap();
+                write_asset(&asset).unwrap();
+            }
+        };
+        for length in 0..raw.len() {
+            try_raw(&raw[..length]);
+        }
+        for at in 0..raw.len() {
+            for value in [0, 1, 3, 0x7f, 0x80, 0xff] {
+                let mut changed = raw.clone();
+                changed[at] = value;
+                try_raw(&changed);
+            }
+        }
+    }
+}
+
+fn with(extra: Forged) -> Vec<u8> {
+    let mut sections = sections_of(&write_asset(&small_asset()).unwrap());
+    sections.push(extra);
+    forge(&sections)
+}
+
+#[test]
+fn an_unknown_optional_section_is_skipped_but_still_checked() {
+    let extra = Forged {
+        flags: 0,
+        codec: 77,
+        needs: 9,
+        ..Forged::new(1000, b"from the future".to_vec())
+    };
+    let mut bytes = with(extra);
+    let expected = read(&write_asset(&small_asset()).unwrap()).unwrap();
+    assert_eq!(read(&bytes).unwrap(), expected);
+    assert_eq!(summarise(&bytes).unwrap().sections[10].name, "unknown_1000");
+    let at = bytes.windows(6).position(|w| w == b"future").unwrap();
+    bytes[at] ^= 1;
+    assert_eq!(fault(&read(&bytes).unwrap_err()).0, "invalid");
+}
+
+#[test]
+fn an_unknown_required_section_is_refused_with_the_version_it_needs() {
+    let error = read(&with(Forged {
+        needs: 9,
+        ..Forged::new(1000, vec![1, 2, 3])
+    }))
+    .unwrap_err();
+    assert_eq!(fault(&error).0, "unsupported");
+    assert!(
+        error.to_string().contains("needs a reader of format version 9"),
+        "{error}"
+    );
+}
+
+#[test]
+fn newer_versions_of_known_sections_count_as_unknown() {
+    let mut sections = sections_of(&write_asset(&small_asset()).unwrap());
+    sections[9].version = 2;
+    assert_eq!(
+        read(&forge(&sections)).unwrap().estimates,
+        None,
+        "estimates are optional"
+    );
+    sections[5].version = 2;
+    assert_eq!(fault(&read(&forge(&sections)).unwrap_err()).0, "unsupported");
+}
+
+#[test]
+fn a_newer_container_is_refused_with_its_version() {
+    let mut bytes = write_asset(&small_asset()).unwrap();
+    bytes[12] = 2;
+    reseal_header(&mut bytes);
+    let error = read(&bytes).unwrap_err();
+    assert_eq!(fault(&error).0, "unsupported");
+    assert!(
+        error.to_string().contains("needs a reader of format version 2"),
+        "{error}"
+    );
+}
+
+#[test]
+fn what_is_no_asset_is_named_so() {
+    for bytes in [
+        &b""[..],
+        b"glTF",
+        b"PK\x03\x04 and more than fifty-six bytes of something else entirely",
+    ] {
+        let error = read(bytes).unwrap_err();
+        assert!(error.to_string().contains("the magic"), "{error}");
+    }
+}
+
+#[test]
+fn bombs_are_refused_by_their_declared_length() {
+    let zeros = vec![0; 1 << 20];
+    let stored = zstd::bulk::compress(&zeros, 19).unwrap();
+    assert!(
+        stored.len() * 1024 < zeros.len(),
+        "zstd packs zeros far tighter than any real section"
+    );
+    let bomb = |raw_bytes: u64| {
+        let mut sections = sections_of(&write_asset(&small_asset()).unwrap());
+        sections[4] = Forged {
+            codec: 1,
+            raw_bytes,
+            stored: stored.clone(),
+            ..sections[4].clone()
+        };
+        read(&forge(&sections)).unwrap_err()
+    };
+    assert_eq!(fault(&bomb(1 << 20)).0, "limit");
+    assert_eq!(fault(&bomb(u64::MAX)).0, "limit");
+    // A length that lies within the ratio does not fit the frame.
+    assert_eq!(fault(&bomb(stored.len() as u64 * 1000)).0, "invalid");
+}
+
+#[test]
+fn limits_hold() {
+    let bytes = write_asset(&small_asset()).unwrap();
+    let read = |limits: Limits| read_asset(&bytes, &limits);
+    let all = Limits::default();
+    for limits in [
+        Limits {
+            file_bytes: bytes.len() as u64 - 1,
+            ..all
+        },
+        Limits {
+            section_bytes: 100,
+            ..all
+        },
+        Limits {
+            total_bytes: 1000,
+            ..all
+        },
+    ] {
+        assert_eq!(fault(&read(limits).unwrap_err()).0, "limit");
+    }
+    assert!(
+        read(Limits {
+            file_bytes: bytes.len() as u64,
+            ..all
+        })
+        .is_ok()
+    );
+}
+
+/// Counts of 2³² − 1 elements with a few bytes behind them.
+#[test]
+fn declared_counts_without_bytes_are_refused() {
+    let base = sections_of(&write_asset(&small_asset()).unwrap());
+    for kind in [2u32, 3, 4, 6, 7, 8, 9, 10] {
+        let mut sections = base.clone();
+        let section = sections.iter_mut().find(|s| s.kind == kind).unwrap();
+        *section = Forged {
+            codec: 0,
+            flags: section.flags,
+            ..Forged::new(kind, vec![0xff; 64])
+        };
+        assert_eq!(
+            fault(&read(&forge(&sections)).unwrap_err()).0,
+            "invalid",
+            "kind {kind}"
+        );
+    }
+}
+
+#[test]
+fn tables_that_overlap_repeat_or_gape_are_refused() {
+    let good = write_asset(&small_asset()).unwrap();
+    let sections = sections_of(&good);
+    let mut twice = sections.clone();
+    twice.push(sections[9].clone());
+    assert!(read(&forge(&twice)).is_err(), "a kind twice");
+    assert!(read(&forge(&sections[1..])).is_err(), "no provenance");
+    assert!(read(&forge(&[])).is_err(), "nothing");
+    let mut swapped = sections.clone();
+    swapped.swap(0, 1);
+    assert!(read(&forge(&swapped)).is_err(), "provenance not first");
+    // A section that starts a byte late, table checksum and header resealed.
+    let table = u64::from_le_bytes(good[24..32].try_into().unwrap()) as usize;
+    for (entry, delta) in [(1, 1i64), (1, -1), (9, 1)] {
+        let mut bytes = good.clone();
+        let at = table + 48 * entry + 16;
+        let offset = i64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) + delta;
+        bytes[at..at + 8].copy_from_slice(&offset.to_le_bytes());
+        let checksum = xxhash_rust::xxh3::xxh3_64(&bytes[table..]);
+        bytes[40..48].copy_from_slice(&checksum.to_le_bytes());
+        reseal_header(&mut bytes);
+        let error = read(&bytes).unwrap_err();
+        assert_eq!(fault(&error).0, "invalid", "{error}");
+    }
+}
+
+#[test]
+fn structures_that_break_a_rule_are_not_written() {
+    type Break = fn(&mut Asset);
+    let breaks: [(&str, &str, Break); 14] = [
+        ("geometry", "vertex indices", |a| {
+            a.geometry.meshes[0].triangles[1][2] = 4
+        }),
+        ("geometry", "unit normals", |a| {
+            a.geometry.meshes[0].normals.as_mut().unwrap()[0] = [0.0; 3]
+        }),
+        ("geometry", "finite positions", |a| {
+            a.geometry.meshes[0].positions[0][1] = f32::INFINITY
+        }),
+        ("geometry", "mesh below", |a| a.geometry.instances[0].mesh = 1),
+        ("geometry", "material below", |a| {
+            a.geometry.meshes[0].material = 1
+        }),
+        ("materials", "texture below", |a| a.textures.clear()),
+        ("materials", "finite", |a| a.materials[0].roughness = f32::NAN),
+        ("points", "albedo", |a| a.points[0].albedo[1][0] = 1.01),
+        ("points", "normals, one per point", |a| {
+            a.points[0].normals.truncate(1)
+        }),
+        ("points", "radius", |a| a.points[1].disk_radius = 0.0),
+        ("links_transfer", "rising", |a| {
+            a.transfer.as_mut().unwrap().columns.swap(1, 2)
+        }),
+        ("links_transfer", "below 5", |a| {
+            a.transfer.as_mut().unwrap().columns[4] = 5
+        }),
+        ("links_bounce", "row sum", |a| {
+            a.bounce.as_mut().unwrap().row_sums[0] = 1.5
+        }),
+        ("links_bounce", "sum to", |a| {
+            a.bounce.as_mut().unwrap().row_sums[0] = 0.3
+        }),
+    ];
+    for (section, expected, apply) in breaks {
+        let mut asset = small_asset();
+        apply(&mut asset);
+        let error = write_asset(&asset).unwrap_err();
+        let (class, fault) = fault(&error);
+        assert_eq!((class, fault.section.as_str()), ("invalid", section), "{error}");
+        assert!(
+            fault.expected.contains(expected) || error.to_string().contains(expected),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,274 @@
+//! What is written is what is read, up to the stated quantisation.
+
+mod common;
+
+use common::small_asset;
+use proptest::prelude::*;
+use relight_format::*;
+
+fn round_trip(asset: &Asset) -> Asset {
+    read_asset(&write_asset(asset).unwrap(), &Limits::default()).unwrap()
+}
+
+/// What a reader should see, from the public quantising functions alone. Vertex normals of `small_asset` are not all
+/// on the 16-bit grid: compared by angle below.
+fn expected(asset: &Asset) -> Asset {
+    let mut asset = asset.clone();
+    asset.points = asset.points.iter().map(quantised_level).collect();
+    asset.transfer = asset.transfer.as_ref().map(quantised_links);
+    asset.solution = asset.solution.as_ref().map(quantised_links);
+    asset.bounce = asset.bounce.as_ref().map(quantised_bounce);
+    asset
+}
+
+#[test]
+fn every_section_survives() {
+    let asset = small_asset();
+    let mut read = round_trip(&asset);
+    let normals = read.geometry.meshes[0].normals.clone().unwrap();
+    for (a, b) in asset.geometry.meshes[0]
+        .normals
+        .as_ref()
+        .unwrap()
+        .iter()
+        .zip(&normals)
+    {
+        let distance = (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt();
+        assert!(distance <= 6.6e-5, "the octahedral bound for 16 bits");
+    }
+    read.geometry.meshes[0].normals = asset.geometry.meshes[0].normals.clone();
+    assert_eq!(read, expected(&asset));
+}
+
+#[test]
+fn writing_what_was_read_gives_the_same_bytes() {
+    let bytes = write_asset(&small_asset()).unwrap();
+    assert_eq!(write_asset(&small_asset()).unwrap(), bytes);
+    assert_eq!(
+        write_asset(&read_asset(&bytes, &Limits::default()).unwrap()).unwrap(),
+        bytes
+    );
+}
+
+#[test]
+fn an_asset_of_nothing_holds_provenance_alone() {
+    let asset = Asset::default();
+    assert_eq!(round_trip(&asset), asset);
+    let summary = summarise(&write_asset(&asset).unwrap()).unwrap();
+    assert_eq!(
+        summary
+            .sections
+            .iter()
+            .map(|s| s.name.as_str())
+            .collect::<Vec<_>>(),
+        ["provenance"]
+    );
+}
+
+#[test]
+fn a_summary_names_sections_and_adds_up_to_the_file() {
+    let bytes = write_asset(&small_asset()).unwrap();
+    let summary = summarise(&bytes).unwrap();
+    let names: Vec<_> = summary.sections.iter().map(|s| s.name.as_str()).collect();
+    let all = "provenance geometry materials textures stage points links_transfer links_bounce links_solution estimates";
+    assert_eq!(names.join(" "), all);
+    let stored: u64 = summary.sections.iter().map(|s| s.stored_bytes).sum();
+    // Header of 56 bytes, table entries of 48.
+    assert_eq!(56 + stored + 48 * 10, bytes.len() as u64);
+    assert_eq!(summary.provenance, small_asset().provenance);
+}
+
+#[test]
+fn files_are_written_whole_and_read_back() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.relight");
+    write_file(&path, &Asset::default()).unwrap();
+    write_file(&path, &small_asset()).unwrap();
+    assert_eq!(
+        std::fs::read(&path).unwrap(),
+        write_asset(&small_asset()).unwrap()
+    );
+    assert_eq!(
+        read_file(&path, &Limits::default()).unwrap(),
+        round_trip(&small_asset())
+    );
+    assert_eq!(
+        read_summary(&path).unwrap(),
+        summarise(&std::fs::read(&path).unwrap()).unwrap()
+    );
+    // An asset that may not be written leaves what was there.
+    let mut broken = small_asset();
+    broken.points[0].area[0] = f32::NAN;
+    assert!(matches!(write_file(&path, &broken), Err(FormatError::Invalid(_))));
+    assert_eq!(
+        read_file(&path, &Limits::default()).unwrap(),
+        round_trip(&small_asset())
+    );
+    assert_eq!(
+        std::fs::read_dir(directory.path()).unwrap().count(),
+        1,
+        "no partial file is left"
+    );
+}
+
+#[test]
+fn file_errors_name_the_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let missing = directory.path().join("missing/a.relight");
+    for error in [
+        write_file(&missing, &Asset::default()).unwrap_err(),
+        read_file(&missing, &Limits::default()).unwrap_err(),
+        read_summary(&missing).unwrap_err(),
+        write_file(directory.path(), &Asset::default()).unwrap_err(),
+    ] {
+        assert!(matches!(error, FormatError::Io { .. }));
+        assert!(
+            error.to_string().contains(directory.path().to_str().unwrap()),
+            "{error}"
+        );
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_symbolic_link_is_followed() {
+    let directory = tempfile::tempdir().unwrap();
+    let [real, link] = ["real.relight", "link.relight"].map(|name| directory.path().join(name));
+    write_file(&real, &Asset::default()).unwrap();
+    std::os::unix::fs::symlink(&real, &link).unwrap();
+    write_file(&link, &small_asset()).unwrap();
+    assert!(link.is_symlink());
+    assert_eq!(read_summary(&real).unwrap().provenance, small_asset().provenance);
+}
+
+/// Rows of any links over `senders` columns.
+fn sparse_rows(senders: u32) -> impl Strategy<Value = (Vec<u32>, Vec<u32>)> {
+    prop::collection::vec(prop::collection::btree_set(0..senders, 0..12), 0..20).prop_map(|rows| {
+        let mut offsets = vec![0];
+        let mut columns = Vec::new();
+        for row in rows {
+            columns.extend(row);
+            offsets.push(columns.len() as u32);
+        }
+        (offsets, columns)
+    })
+}
+
+fn points(count: usize) -> Level {
+    Level {
+        disk_radius: 0.1,
+        support_radius: 0.2,
+        positions: (0..count)
+            .map(|i| [i as f32 * 0.37, (i % 7) as f32, -2.0])
+            .collect(),
+        normals: vec![[0.0, 1.0, 0.0]; count],
+        albedo: vec![[0.5; 3]; count],
+        area: vec![0.01; count],
+    }
+}
+
+proptest! {
+    #[test]
+    fn links_survive_quantised((row_offsets, columns) in sparse_rows(300), seed in any::<u32>()) {
+        let rows = row_offsets.len() as u32 - 1;
+        let hash = |i: u32| (i.wrapping_mul(2_654_435_761) ^ seed).wrapping_mul(2_246_822_519);
+        let component = |i: u32| (f64::from(hash(i)) / f64::from(u32::MAX) * 4.0 - 2.0) as f32;
+        let vectors: Vec<_> =
+            (0..columns.len() as u32).map(|i| [0, 1, 2].map(|k| component(3 * i + k))).collect();
+        let links = Links { receivers: 320, senders: 300, row_offsets, columns, vectors };
+        // Rows after the last are empty.
+        let mut links = links;
+        let last = *links.row_offsets.last().unwrap();
+        links.row_offsets.extend((rows..320).map(|_| last));
+        let asset = Asset { points: vec![points(320)], transfer: Some(links.clone()), ..Asset::default() };
+        let read = round_trip(&asset);
+        let stored = read.transfer.as_ref().unwrap();
+        prop_assert_eq!(stored, &quantised_links(&links));
+        prop_assert_eq!(write_asset(&read).unwrap(), write_asset(&asset).unwrap());
+        for (v, q) in links.vectors.iter().zip(&stored.vectors) {
+            prop_assert_eq!(*q, quantised_vector(*v), "each vector for itself");
+        }
+    }
+
+    #[test]
+    fn bounce_rows_keep_their_sums((row_offsets, columns) in sparse_rows(20), scale in 0.01f32..0.08) {
+        let rows = row_offsets.len() - 1;
+        let mut row_offsets = row_offsets;
+        let last = row_offsets[rows];
+        row_offsets.extend((rows..20).map(|_| last));
+        let weights: Vec<f32> = (0..columns.len()).map(|i| scale * (1 + i * 7 % 11) as f32 / 11.0).collect();
+        let row_sums = row_offsets
+            .windows(2)
+            .map(|p| weights[p[0] as usize..p[1] as usize].iter().map(|&w| f64::from(w)).sum::<f64>() as f32)
+            .collect();
+        let bounce = BounceLinks { rows: 20, row_offsets, columns, weights, row_sums };
+        let asset = Asset { points: vec![points(20)], bounce: Some(bounce.clone()), ..Asset::default() };
+        let read = round_trip(&asset);
+        let stored = read.bounce.as_ref().unwrap();
+        prop_assert_eq!(stored, &quantised_bounce(&bounce));
+        prop_assert_eq!(write_asset(&read).unwrap(), write_asset(&asset).unwrap());
+        prop_assert_eq!(&stored.row_sums, &bounce.row_sums);
+        for (p, &sum) in stored.row_offsets.windows(2).zip(&stored.row_sums) {
+            let total: f64 = stored.weights[p[0] as usize..p[1] as usize].iter().map(|&w| f64::from(w)).sum();
+            // Each weight is rounded to f32 once.
+            prop_assert!((total - f64::from(sum)).abs() <= 6e-8 * f64::from(sum));
+        }
+    }
+
+    #[test]
+    fn levels_survive_within_their_bounds(
+        unit in prop::collection::vec((prop::array::uniform3(-1.0f32..1.0), -1.0f32..1.0, 0.0f32..6.3), 0..60),
+        radius in 0.001f32..0.5, scale in -20i32..20,
+    ) {
+        let scale = 2f32.powi(scale);
+        let level = Level {
+            disk_radius: radius * scale,
+            support_radius: 2.0 * radius * scale,
+            positions: unit.iter().map(|(p, ..)| p.map(|c| c * scale)).collect(),
+            normals: unit.iter().map(|&(_, z, phi)| {
+                let s = (1.0 - z * z).sqrt();
+                [s * phi.cos(), z, s * phi.sin()]
+            }).collect(),
+            albedo: unit.iter().map(|(p, ..)| p.map(f32::abs)).collect(),
+            area: unit.iter().map(|&(_, z, _)| (1.0 + z) * scale * scale).collect(),
+        };
+        let asset = Asset { points: vec![level.clone()], ..Asset::default() };
+        let read = round_trip(&asset);
+        let stored = &read.points[0];
+        prop_assert_eq!(stored, &quantised_level(&level));
+        prop_assert_eq!(write_asset(&read).unwrap(), write_asset(&asset).unwrap());
+        let distance = |a: [f32; 3], b: [f32; 3]| {
+            (0..3).map(|i| (f64::from(a[i]) - f64::from(b[i])).powi(2)).sum::<f64>().sqrt()
+        };
+        for i in 0..unit.len() {
+            prop_assert!(distance(level.positions[i], stored.positions[i]) <= f64::from(level.disk_radius) / 256.0);
+            prop_assert!(distance(level.normals[i], stored.normals[i]) <= 1.1e-3);
+            prop_assert!((0..3).all(|c| (level.albedo[i][c] - stored.albedo[i][c]).abs() <= 1.9e-4));
+            prop_assert!((level.area[i] - stored.area[i]).abs() <= level.area[i] / 512.0);
+        }
+    }
+
+    #[test]
+    fn meshes_keep_their_bits_and_their_triangles(
+        bits in prop::collection::vec(prop::array::uniform5(any::<u32>()), 1..60),
+        corners in prop::collection::vec(prop::array::uniform3(any::<u32>()), 0..60),
+    ) {
+        let float = |b: u32| Some(f32::from_bits(b)).filter(|f| f.is_finite()).unwrap_or(-0.0);
+        let vertices = bits.len() as u32;
+        let mesh = Mesh {
+            positions: bits.iter().map(|b| [float(b[0]), float(b[1]), float(b[2])]).collect(),
+            uvs: vec![bits.iter().map(|b| [float(b[3]), float(b[4])]).collect(); 2],
+            triangles: corners.iter().map(|t| t.map(|i| i % vertices)).collect(),
+            ..Mesh::default()
+        };
+        let geometry = Geometry { meshes: vec![mesh], instances: vec![] };
+        let asset = Asset { geometry, materials: vec![Material::default()], ..Asset::default() };
+        let read = round_trip(&asset);
+        let to_bits = |mesh: &Mesh| {
+            let positions: Vec<_> = mesh.positions.iter().map(|p| p.map(f32::to_bits)).collect();
+            let uvs: Vec<Vec<_>> = mesh.uvs.iter().map(|s| s.iter().map(|p| p.map(f32::to_bits)).collect()).collect();
+            (positions, uvs, mesh.triangles.clone())
+        };
+        prop_assert_eq!(to_bits(&read.geometry.meshes[0]), to_bits(&asset.geometry.meshes[0]));
+    }
+}

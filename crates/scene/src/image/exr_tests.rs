@@ -1,0 +1,341 @@
+//! What is written is read back, by our reader and by the `exr` crate alone; damaged files are refused.
+
+use super::*;
+use exr::meta::attribute::AttributeValue;
+use exr::prelude::{self as ex, ReadChannels, ReadLayers, WritableImage};
+
+fn ramp(width: usize, height: usize, scale: f32) -> FloatImage {
+    let mut image = FloatImage::black(width, height);
+    for (i, p) in image.pixels.iter_mut().enumerate() {
+        let (x, y) = ((i % width) as f32, (i / width) as f32);
+        *p = [
+            scale * (x + 1.0) / width as f32,
+            scale * (y + 0.5) / height as f32,
+            scale * (x * y).sin().abs(),
+        ];
+    }
+    image
+}
+
+fn frame() -> Layers {
+    // 37 columns and 35 rows: an odd width and a last block that is not full.
+    let mut layers = Layers::from_image(BEAUTY, &ramp(37, 35, 1.0));
+    layers.push_rgb("indirect", &ramp(37, 35, 0.1).pixels);
+    layers.push_rgb(
+        "light.a name of more than thirty-one bytes",
+        &ramp(37, 35, 3.0).pixels,
+    );
+    layers.push_rgb("normal", &ramp(37, 35, -1.0).pixels);
+    layers.push_scalar(
+        "depth",
+        &(0..37 * 35).map(|i| i as f32 * 0.37).collect::<Vec<_>>(),
+    );
+    layers
+}
+
+fn assert_close(read: &Layers, written: &Layers, relative: f32) {
+    assert_eq!((read.width, read.height), (written.width, written.height));
+    assert_eq!(read.layers.len(), written.layers.len());
+    for layer in &written.layers {
+        let other = read
+            .layer(&layer.name)
+            .unwrap_or_else(|| panic!("no layer {}", layer.name));
+        assert_eq!(other.channels, layer.channels);
+        for (a, b) in layer.data.iter().zip(&other.data) {
+            // 2⁻²⁵ is half of half's smallest denormal.
+            assert!(
+                (a - b).abs() <= relative * a.abs() + 2.0_f32.powi(-25),
+                "{}: {a} {b}",
+                layer.name
+            );
+        }
+    }
+}
+
+/// Truth: the values themselves. Half keeps 11 significant bits, so rounding moves a value by at most 2⁻¹¹ of it.
+#[test]
+fn a_frame_comes_back_within_half_precision_and_exactly_in_float() {
+    for (float, relative) in [(false, 2.0_f32.powi(-11)), (true, 0.0)] {
+        let (bytes, warnings) = encode_exr("t", &frame(), &ExrHeader::new(), float).unwrap();
+        assert_eq!(warnings, []);
+        let read = decode_exr("t", &bytes, &Limits::default()).unwrap();
+        assert_eq!(read.layers[0].name, BEAUTY);
+        assert_close(&read, &frame(), relative);
+    }
+}
+
+/// Truth: the `exr` crate, an independent reader, in its pedantic mode.
+#[test]
+fn the_exr_crate_reads_our_files_pedantically_with_names_and_attributes() {
+    let header = ExrHeader {
+        asset_hash: Some("00ff".into()),
+        seed: Some(u64::MAX),
+        frames_per_second: Some(24.0),
+        frame: Some(7),
+        ..ExrHeader::new()
+    };
+    let (bytes, _) = encode_exr("t", &frame(), &header, false).unwrap();
+    let image = ex::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .pedantic()
+        .from_buffered(std::io::Cursor::new(&bytes))
+        .unwrap();
+    assert_eq!(image.layer_data.len(), 1, "one part");
+    let part = &image.layer_data[0];
+    let names: Vec<String> = part
+        .channel_data
+        .list
+        .iter()
+        .map(|c| c.name.to_string())
+        .collect();
+    for name in ["R", "G", "B", "indirect.R", "normal.X", "normal.Z", "depth.Z"] {
+        assert!(names.iter().any(|n| n == name), "{name} in {names:?}");
+    }
+    assert!(
+        part.channel_data
+            .list
+            .iter()
+            .all(|c| matches!(c.sample_data, ex::FlatSamples::F16(_)))
+    );
+    assert_eq!(part.encoding.compression, ex::Compression::ZIP16);
+    let white = image.attributes.chromaticities.unwrap().white;
+    assert_eq!((white.0, white.1), (0.3127, 0.3290));
+    assert!(
+        part.attributes
+            .software_name
+            .as_ref()
+            .unwrap()
+            .to_string()
+            .starts_with("relight ")
+    );
+    assert_eq!(part.attributes.frames_per_second, Some((24, 1)));
+    let other = |name: &str| part.attributes.other.get(&ex::Text::from(name)).unwrap().clone();
+    assert_eq!(other("imageCounter"), AttributeValue::I32(7));
+    assert_eq!(other("relightAssetHash"), AttributeValue::Text("00ff".into()));
+    assert_eq!(
+        other("relightSeed"),
+        AttributeValue::Text("18446744073709551615".into())
+    );
+}
+
+#[test]
+fn equal_frames_give_equal_bytes_whatever_the_number_of_threads() {
+    let encode = || encode_exr("t", &frame(), &ExrHeader::new(), false).unwrap().0;
+    let one = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .unwrap()
+        .install(encode);
+    let many = rayon::ThreadPoolBuilder::new()
+        .num_threads(5)
+        .build()
+        .unwrap()
+        .install(encode);
+    assert_eq!(one, many);
+}
+
+/// Truth: half's largest finite number is 65504; 65520 is the first that rounds up to infinity (IEEE 754 binary16).
+#[test]
+fn light_beyond_half_precision_is_written_in_32_bits_with_a_warning() {
+    let mut layers = Layers::new(2, 1);
+    layers.push_scalar("just fits", &[65519.0, 1.0]);
+    layers.push_scalar("too bright", &[65520.0, 1.0]);
+    layers.push_scalar("starlight", &[1e-20, 0.0]);
+    layers.push_scalar("black", &[0.0, 0.0]);
+    let (bytes, warnings) = encode_exr("t", &layers, &ExrHeader::new(), false).unwrap();
+    let beyond = |layer: &str, largest| ExrWarning::BeyondHalf {
+        layer: layer.into(),
+        largest,
+    };
+    assert_eq!(
+        warnings,
+        [beyond("too bright", 65520.0), beyond("starlight", 1e-20)]
+    );
+    let read = decode_exr("t", &bytes, &Limits::default()).unwrap();
+    assert_eq!(read.layer("just fits").unwrap().data, [65504.0, 1.0]);
+    assert_eq!(read.layer("too bright").unwrap().data, [65520.0, 1.0]);
+    assert_eq!(read.layer("starlight").unwrap().data, [1e-20, 0.0]);
+}
+
+#[test]
+fn values_that_are_no_numbers_are_counted_and_never_written() {
+    let mut layers = Layers::new(2, 2);
+    layers.push_scalar("bad", &[f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1.0]);
+    for (float, largest) in [(false, 65504.0), (true, f32::MAX)] {
+        let (bytes, warnings) = encode_exr("t", &layers, &ExrHeader::new(), float).unwrap();
+        assert_eq!(
+            warnings,
+            [ExrWarning::NotFinite {
+                layer: "bad".into(),
+                nan: 1,
+                infinite: 2
+            }]
+        );
+        let read = decode_exr("t", &bytes, &Limits::default()).unwrap();
+        assert_eq!(read.layer("bad").unwrap().data, [0.0, largest, -largest, 1.0]);
+    }
+}
+
+#[test]
+fn frames_that_are_no_files_are_refused_with_a_reason() {
+    let refuse = |layers: &Layers| {
+        encode_exr("out.exr", layers, &ExrHeader::new(), false)
+            .unwrap_err()
+            .to_string()
+    };
+    assert!(refuse(&Layers::new(4, 4)).contains("0 channels"));
+    let mut twice = Layers::new(1, 1);
+    twice.push_scalar("a", &[0.0]);
+    twice.push_scalar("a", &[0.0]);
+    assert!(refuse(&twice).contains("a.Y would be written twice"));
+    let mut short = Layers::new(2, 1);
+    short.push_scalar("a", &[0.0]);
+    assert!(refuse(&short).contains("out.exr: layer a has 1 values"));
+    let mut nameless = Layers::new(1, 1);
+    nameless.push_scalar("", &[0.0]);
+    assert!(refuse(&nameless).contains("no name"));
+}
+
+/// Truth: the values given to the `exr` crate's writer.
+#[test]
+fn files_of_other_programs_are_read_half_float_uint_tiles_and_parts() {
+    let size = (33, 18);
+    let n = size.0 * size.1;
+    let value = |i: usize| (i % 251) as f32;
+    let part = |name: &str, blocks, compression| {
+        let list = ex::AnyChannels::sort(
+            vec![
+                ex::AnyChannel::new("A", ex::FlatSamples::F32(vec![1.0; n])),
+                ex::AnyChannel::new(
+                    "B",
+                    ex::FlatSamples::F32((0..n).map(|i| 3.0 * value(i)).collect()),
+                ),
+                ex::AnyChannel::new(
+                    "G",
+                    ex::FlatSamples::U32((0..n).map(|i| 2 * (i as u32 % 251)).collect()),
+                ),
+                ex::AnyChannel::new(
+                    "R",
+                    ex::FlatSamples::F16((0..n).map(|i| half::f16::from_f32(value(i))).collect()),
+                ),
+                ex::AnyChannel::new("mist.V", ex::FlatSamples::F32((0..n).map(value).collect())),
+            ]
+            .into(),
+        );
+        let encoding = ex::Encoding {
+            compression,
+            blocks,
+            line_order: ex::LineOrder::Increasing,
+        };
+        ex::Layer::new(size, ex::LayerAttributes::named(name), encoding, list)
+    };
+    let write = |parts: Vec<ex::Layer<ex::AnyChannels<ex::FlatSamples>>>| {
+        let attributes = ex::ImageAttributes::with_size(size);
+        let mut out = std::io::Cursor::new(Vec::new());
+        ex::Image {
+            attributes,
+            layer_data: ex::Layers::from(parts),
+        }
+        .write()
+        .to_buffered(&mut out)
+        .unwrap();
+        decode_exr("t", &out.into_inner(), &Limits::default()).unwrap()
+    };
+    let rgb: Vec<f32> = (0..n)
+        .flat_map(|i| [value(i), 2.0 * value(i), 3.0 * value(i)])
+        .collect();
+    use ex::{Blocks, Compression};
+    for (blocks, compression) in [
+        (Blocks::ScanLines, Compression::Uncompressed),
+        (Blocks::ScanLines, Compression::ZIP1),
+        (Blocks::Tiles(ex::Vec2(16, 16)), Compression::ZIP16),
+        (Blocks::Tiles(ex::Vec2(8, 16)), Compression::RLE),
+        (Blocks::ScanLines, Compression::PIZ),
+    ] {
+        let read = write(vec![part("alone", blocks, compression)]);
+        assert_eq!(read.layer(BEAUTY).unwrap().data, rgb, "{compression:?}");
+        assert_eq!(read.layer("A").unwrap().data, vec![1.0; n]);
+        assert_eq!(read.layer("mist").unwrap().data.len(), n);
+    }
+    let two = write(vec![
+        part("left", Blocks::ScanLines, Compression::ZIP16),
+        part("right", Blocks::ScanLines, Compression::RLE),
+    ]);
+    for name in ["left", "right"] {
+        assert_eq!(two.layer(name).unwrap().data, rgb);
+        assert_eq!(two.layer(&format!("{name}.A")).unwrap().channels, 1);
+        assert_eq!(two.layer(&format!("{name}.mist")).unwrap().channels, 1);
+    }
+}
+
+#[test]
+fn a_file_over_the_limits_is_refused_before_it_is_decoded() {
+    let (bytes, _) = encode_exr("t", &frame(), &ExrHeader::new(), false).unwrap();
+    let small = Limits {
+        max_pixels: 37 * 35 - 1,
+        ..Limits::default()
+    };
+    assert!(matches!(
+        decode_exr("t", &bytes, &small),
+        Err(ImageError::LimitExceeded { .. })
+    ));
+    // 13 channels of 2 bytes in the file and 4 in memory.
+    let few_bytes = Limits {
+        max_bytes: 37 * 35 * 13 * 6 - 1,
+        ..Limits::default()
+    };
+    assert!(matches!(
+        decode_exr("t", &bytes, &few_bytes),
+        Err(ImageError::LimitExceeded { .. })
+    ));
+    let enough = Limits {
+        max_bytes: 37 * 35 * 13 * 6,
+        max_pixels: 37 * 35,
+        ..Limits::default()
+    };
+    assert!(decode_exr("t", &bytes, &enough).is_ok());
+}
+
+/// A header that asks for 2²⁶ × 64 pixels in a file of a few kilobytes is refused by the file's length alone.
+#[test]
+fn a_size_that_the_file_cannot_hold_is_refused() {
+    let (mut bytes, _) = encode_exr("t", &frame(), &ExrHeader::new(), false).unwrap();
+    let at = bytes
+        .windows(17)
+        .position(|w| w == b"dataWindow\0box2i\0")
+        .unwrap()
+        + 17
+        + 4
+        + 8;
+    bytes[at..at + 4].copy_from_slice(&((1_u32 << 20) - 1).to_le_bytes());
+    let limits = Limits {
+        max_bytes: u64::MAX,
+        max_pixels: u64::MAX,
+        ..Limits::default()
+    };
+    let message = decode_exr("t", &bytes, &limits).unwrap_err().to_string();
+    assert!(message.contains("cannot be in"), "{message}");
+}
+
+#[test]
+fn every_strict_prefix_of_a_file_is_an_error() {
+    let (bytes, _) = encode_exr("t", &frame(), &ExrHeader::new(), false).unwrap();
+    for length in (0..bytes.len()).step_by(61).chain([bytes.len() - 1]) {
+        assert!(
+            decode_exr("t", &bytes[..length], &Limits::default()).is_err(),
+            "{length} bytes"
+        );
+    }
+}
+
+#[test]
+fn a_missing_file_is_an_error_that_names_it() {
+    let message = read_exr(std::path::Path::new("no/such.exr"), &Limits::default())
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("no/such.exr"), "{message}");
+}
