@@ -11,13 +11,13 @@
 use crate::direct::{direct_sample, light_met};
 use crate::layers::{Cancelled, PixelSum, RenderSize, Watch, render_tiles};
 use crate::sampler::Sampler;
-use glam::Vec2;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use relight_scene::bsdf;
 use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
 use relight_scene::light_set::LightSet;
 use relight_scene::rays::Ray;
+use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::TracedScene;
 
@@ -190,7 +190,7 @@ impl Tracer<'_> {
     fn next_event(
         &self,
         hit: &SurfaceHit,
-        point: &relight_scene::shading::ShadingPoint,
+        point: &ShadingPoint,
         wo: Vec3,
         reflections: u32,
         throughput: Vec3,

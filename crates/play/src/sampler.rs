@@ -94,7 +94,9 @@ mod tests {
                 let points: Vec<[f32; 2]> = (0..256)
                     .map(|sample| {
                         let mut sampler = Sampler::new(9, pixel, sample);
-                        (0..skip).for_each(|_| drop(sampler.next_2d()));
+                        for _ in 0..skip {
+                            let _ = sampler.next_2d();
+                        }
                         sampler.next_2d()
                     })
                     .collect();
