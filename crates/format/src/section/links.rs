@@ -80,7 +80,10 @@ pub fn decode(cursor: &mut Cursor<'_>) -> Result<Links> {
 /// [`quantised_vector`].
 pub fn quantised_links(links: &Links) -> Links {
     Links {
+        receivers: links.receivers,
+        senders: links.senders,
+        row_offsets: links.row_offsets.clone(),
+        columns: links.columns.clone(),
         vectors: links.vectors.iter().map(|&v| quantised_vector(v)).collect(),
-        ..links.clone()
     }
 }
