@@ -8,9 +8,15 @@
 
 pub mod animated;
 pub mod camera;
+pub mod environment;
+#[cfg(feature = "gltf")]
+pub mod gltf;
 pub mod image;
 pub mod light;
+pub mod light_set;
 pub mod material;
+pub mod rays;
 pub mod scene;
 pub mod sequence;
+pub mod sky;
 // pub mod surface; // waits for rays
