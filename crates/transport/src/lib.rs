@@ -1,1 +1,17 @@
-//! relight-transport
+//! The mathematics that bake and play share, over plain arrays: a meshless hierarchical basis on surface
+//! points, the sparse transfer operator, the bounce operator and its solver, and sampling.
+//!
+//! This crate knows no scene, no file and no clock. Operators and matrices read destination from source:
+//! `fine_from_coarse` takes values at coarse points to fine ones.
+#![forbid(unsafe_code)]
+
+pub mod basis;
+pub mod bounce;
+pub mod grid;
+pub mod kernel;
+pub mod links;
+pub mod poisson;
+pub mod pyramid;
+pub mod random;
+pub mod sampling;
+pub mod sparse;

@@ -97,7 +97,8 @@ struct Channel<'a> {
     layer: &'a Layer,
     component: usize,
     pixel_type: PixelType,
-    /// What stands in for infinity.
+    /// Whether it has values that are not finite, and what stands in for infinity.
+    repair: bool,
     largest: f32,
 }
 
@@ -197,17 +198,13 @@ fn checked_channels<'a>(
             );
             return Err(ImageError::invalid(file, detail));
         }
-        let (mut nan, mut infinite, mut largest) = (0, 0, 0.0_f32);
-        for &v in data {
-            if v.is_finite() {
-                largest = largest.max(v.abs());
-            } else if v.is_nan() {
-                nan += 1;
-            } else {
-                infinite += 1;
-            }
-        }
-        if nan + infinite > 0 {
+        let Extent {
+            nan,
+            infinite,
+            largest,
+        } = extent(data);
+        let repair = nan + infinite > 0;
+        if repair {
             warnings.push(ExrWarning::NotFinite {
                 layer: name.clone(),
                 nan,
@@ -233,12 +230,47 @@ fn checked_channels<'a>(
                     layer,
                     component,
                     pixel_type,
+                    repair,
                     largest,
                 },
             ));
         }
     }
     Ok(channels)
+}
+
+/// What the values of a layer reach.
+struct Extent {
+    nan: usize,
+    infinite: usize,
+    /// Largest finite magnitude.
+    largest: f32,
+}
+
+/// Magnitudes of floats are ordered as their bits are, and comparing integers is what compilers vectorise.
+fn extent(data: &[f32]) -> Extent {
+    const INFINITE: u32 = f32::INFINITY.to_bits();
+    let parts: Vec<[u32; 3]> = data
+        .par_chunks(1 << 15)
+        .map(|chunk| {
+            chunk.iter().fold([0; 3], |[nan, infinite, largest], v| {
+                let bits = v.abs().to_bits();
+                let finite = if bits < INFINITE { bits } else { 0 };
+                [
+                    nan + u32::from(bits > INFINITE),
+                    infinite + u32::from(bits == INFINITE),
+                    largest.max(finite),
+                ]
+            })
+        })
+        .collect();
+    let sum = |k: usize| parts.iter().map(|p| p[k] as usize).sum();
+    let largest = parts.iter().map(|p| p[2]).max().unwrap_or(0);
+    Extent {
+        nan: sum(0),
+        infinite: sum(1),
+        largest: f32::from_bits(largest),
+    }
 }
 
 /// The pixels of some rows as the file wants them: per row, per channel, the values of all columns.
@@ -251,28 +283,31 @@ fn raw_block(width: usize, rows: std::ops::Range<usize>, channels: &[(String, Ch
         for (_, channel) in channels {
             let stride = channel.layer.channels;
             let row = &channel.layer.data[y * width * stride..(y + 1) * width * stride];
-            for (value, &v) in values
-                .iter_mut()
-                .zip(row[channel.component..].iter().step_by(stride))
-            {
-                *value = if v.is_nan() {
-                    0.0
-                } else if v.is_infinite() {
-                    channel.largest.copysign(v)
-                } else {
-                    v
-                };
+            let of_channel = row[channel.component..].iter().step_by(stride);
+            values.iter_mut().zip(of_channel).for_each(|(to, v)| *to = *v);
+            if channel.repair {
+                for v in values.iter_mut().filter(|v| !v.is_finite()) {
+                    *v = if v.is_nan() {
+                        0.0
+                    } else {
+                        channel.largest.copysign(*v)
+                    };
+                }
             }
             match channel.pixel_type {
                 PixelType::Half => {
                     halves.convert_from_f32_slice(&values);
-                    halves
-                        .iter()
-                        .for_each(|h| raw.extend_from_slice(&h.to_le_bytes()));
+                    let bits: &mut [u16] = halves.reinterpret_cast_mut();
+                    // The file is little-endian; so is nearly every machine, where this does nothing.
+                    bits.iter_mut().for_each(|b| *b = b.to_le());
+                    raw.extend_from_slice(bytemuck::cast_slice(bits));
                 }
-                PixelType::Float => values
-                    .iter()
-                    .for_each(|v| raw.extend_from_slice(&v.to_le_bytes())),
+                PixelType::Float => {
+                    values
+                        .iter_mut()
+                        .for_each(|v| *v = f32::from_bits(v.to_bits().to_le()));
+                    raw.extend_from_slice(bytemuck::cast_slice(&values));
+                }
             }
         }
     }

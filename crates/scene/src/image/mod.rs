@@ -12,16 +12,26 @@
 //! atomically ([`write_atomically`]).
 
 pub mod atomic;
+pub mod colormap;
+pub mod environment;
 pub mod error;
 pub mod exr_header;
 pub mod exr_read;
 pub mod exr_write;
+pub mod flip;
+pub mod ldr;
+pub mod metrics;
+pub mod preview;
 
 pub use atomic::write_atomically;
+pub use colormap::error_map;
+pub use environment::{EnvironmentMap, decode_environment, decode_hdr, read_environment, read_hdr};
 pub use error::{ImageError, Limits};
 pub use exr_header::ExrHeader;
 pub use exr_read::{decode_exr, read_exr};
 pub use exr_write::{ExrWarning, encode_exr, write_exr};
+pub use ldr::{Image8, decode_ldr, write_png};
+pub use preview::{contact_sheet, display_encoded, tone_mapped};
 
 /// The layer that OpenEXR files hold as plain `R`, `G`, `B`.
 pub const BEAUTY: &str = "beauty";

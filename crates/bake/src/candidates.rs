@@ -1,0 +1,99 @@
+//! Candidates for points: where importance from the viewpoints lands.
+//!
+//! Source: Lehtinen et al. 2008, section 2.3. Particles leave a viewpoint in uniform directions and bounce
+//! about the scene; every surface on which they land can send light to the viewer. The first few landings
+//! are disregarded to make the distribution uniform and independent of the viewpoint.
+//!
+//! Deviation: a particle that leaves the scene before that deposits what it hit, or surfaces in the open
+//! (a ground under the sky) would get no points although they are in view.
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use relight_scene::rays::Ray;
+use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
+use relight_transport::random::Stream;
+use relight_transport::sampling::{Frame, cosine_hemisphere};
+
+/// Landings of one particle (section 2.3: about 30).
+const BOUNCES: usize = 30;
+/// Landings that are disregarded at first (section 2.3: typically 3).
+const SKIPPED: usize = 3;
+/// Stage number of the random stream.
+const STAGE: u32 = 1;
+
+/// A place on a surface where a point may be put.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidate {
+    /// On the surface, world space.
+    pub position: Vec3,
+    /// Unit smooth normal on the side that the particle saw.
+    pub normal: Vec3,
+    /// Unit geometric normal on that side.
+    pub geometric_normal: Vec3,
+    /// Just above the surface: where rays from this place start.
+    pub origin: Vec3,
+    /// Total hemispherical reflectance, linear RGB.
+    pub albedo: Vec3,
+}
+
+impl Candidate {
+    /// The place that a ray hit.
+    pub fn at(surfaces: &dyn Surfaces, hit: &SurfaceHit) -> Candidate {
+        Candidate {
+            position: hit.position,
+            normal: hit.normal,
+            geometric_normal: hit.geometric_normal,
+            origin: ray_from(hit, hit.geometric_normal).origin,
+            albedo: surfaces.albedo(hit),
+        }
+    }
+}
+
+/// Traces particles number `first..first + count` and returns their landings, particle by particle, and the
+/// number of rays cast.
+pub fn trace(
+    surfaces: &dyn Surfaces,
+    viewpoints: &[Vec3],
+    seed: u64,
+    first: u64,
+    count: usize,
+) -> (Vec<Candidate>, u64) {
+    const CHUNK: usize = 256;
+    let chunks: Vec<(Vec<Candidate>, u64)> = (0..count.div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let mut landings = Vec::new();
+            let mut rays = 0;
+            for i in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
+                let particle = first + i as u64;
+                let start = viewpoints[(particle % viewpoints.len() as u64) as usize];
+                rays += trace_one(surfaces, start, &mut Stream::new(seed, STAGE, particle), &mut landings);
+            }
+            (landings, rays)
+        })
+        .collect();
+    let rays = chunks.iter().map(|c| c.1).sum();
+    (chunks.into_iter().flat_map(|c| c.0).collect(), rays)
+}
+
+fn trace_one(surfaces: &dyn Surfaces, start: Vec3, s: &mut Stream, landings: &mut Vec<Candidate>) -> u64 {
+    let deposited = landings.len();
+    let toward = {
+        let u = Vec2::new(2.0 * s.uniform() - 1.0, s.uniform());
+        relight_transport::sampling::uniform_hemisphere(u)
+    };
+    let mut ray = Ray { origin: start, direction: toward, t_min: 0.0, t_max: f32::INFINITY };
+    for bounce in 0..BOUNCES {
+        let Some(hit) = surfaces.closest_hit(&ray) else {
+            return bounce as u64 + 1;
+        };
+        if bounce == SKIPPED {
+            landings.truncate(deposited);
+        }
+        landings.push(Candidate::at(surfaces, &hit));
+        let u = Vec2::new(s.uniform(), s.uniform());
+        let direction = Frame::around(hit.geometric_normal).world_from_local(cosine_hemisphere(u));
+        ray = ray_from(&hit, direction);
+    }
+    BOUNCES as u64
+}

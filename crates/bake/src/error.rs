@@ -1,0 +1,31 @@
+//! Why a bake may fail.
+
+use glam::Vec3;
+
+/// What went wrong in a bake.
+#[derive(Debug, thiserror::Error)]
+pub enum BakeError {
+    /// No surface is reached from the viewpoints.
+    #[error(
+        "no surface is reachable from the viewpoint{} {}: give one inside the scene with --viewpoint X,Y,Z",
+        if viewpoints.len() == 1 { "" } else { "s" },
+        viewpoints.iter().map(|v| format!("({}, {}, {})", v.x, v.y, v.z)).collect::<Vec<_>>().join(", ")
+    )]
+    NothingReachable {
+        /// Where importance particles started.
+        viewpoints: Vec<Vec3>,
+    },
+    /// A parameter is out of range.
+    #[error("{name} = {found}: {expected}")]
+    Parameter {
+        /// Name of the command-line option.
+        name: &'static str,
+        /// What was given.
+        found: String,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// A signal asked the bake to stop.
+    #[error("the bake was stopped; nothing was written")]
+    Stopped,
+}

@@ -1,0 +1,146 @@
+//! One gather: which senders a receiver sees, and how strongly.
+//!
+//! Source: Lehtinen et al. 2008, equation 16, with the reflectance left to the senders' radiosity and 1/π
+//! taken in: T′_ij = (1/π) ∫ B_j(r(x_i, ω)) ω dω over the hemisphere above the receiver.
+//!
+//! Deviation: B_j is looked up at the finest point nearest to where the ray ended, not at the end itself. The
+//! finest points are a 2^(levels − sender levels)-th of the senders' distance apart, so the functions hardly
+//! change in between, and one look-up replaces an evaluation per sender level.
+
+use crate::candidates::Candidate;
+use glam::{Vec3, Vec3A};
+use relight_scene::rays::Ray;
+use relight_scene::surface::Surfaces;
+use relight_transport::basis::Level;
+use relight_transport::pyramid::LevelRanges;
+use relight_transport::sampling::{DirectionSet, Frame};
+use relight_transport::sparse::Rows;
+
+/// The senders as rays see them.
+pub struct SenderField<'a> {
+    /// The finest receiver level.
+    pub points: &'a Level,
+    /// Finest sender level's functions (columns, local) at the finest points (rows).
+    pub senders_at_points: &'a Rows,
+    /// Functions of the next coarser sender level at each sender level's points (local indices).
+    pub fine_from_coarse: &'a [Rows],
+    /// Sender levels in the numbering over all senders.
+    pub ranges: &'a LevelRanges,
+}
+
+/// A dense row over all senders with a list of what is not zero.
+#[derive(Debug)]
+pub struct RowScratch {
+    /// Vector irradiance per unit radiosity.
+    pub sum: Vec<Vec3A>,
+    /// Difference between the two half gathers: the standard error of `sum`, one sample of it.
+    pub difference: Vec<Vec3A>,
+    /// Senders that were touched since the last [`RowScratch::clear`], in order of first touch.
+    pub touched: Vec<u32>,
+    is_touched: Vec<bool>,
+}
+
+impl RowScratch {
+    /// A zero row.
+    pub fn new(senders: usize) -> RowScratch {
+        RowScratch {
+            sum: vec![Vec3A::ZERO; senders],
+            difference: vec![Vec3A::ZERO; senders],
+            touched: Vec::new(),
+            is_touched: vec![false; senders],
+        }
+    }
+
+    /// Sets the row to zero again, at the cost of what was touched.
+    pub fn clear(&mut self) {
+        for &j in &self.touched {
+            self.sum[j as usize] = Vec3A::ZERO;
+            self.difference[j as usize] = Vec3A::ZERO;
+            self.is_touched[j as usize] = false;
+        }
+        self.touched.clear();
+    }
+
+    /// Adds to one entry.
+    #[inline]
+    pub fn add(&mut self, sender: u32, sum: Vec3A, difference: Vec3A) {
+        let j = sender as usize;
+        if !self.is_touched[j] {
+            self.is_touched[j] = true;
+            self.touched.push(sender);
+        }
+        self.sum[j] += sum;
+        self.difference[j] += difference;
+    }
+}
+
+/// Gathers over the hemisphere above `place` into `row`, all sender levels. Returns the number of rays that
+/// met a surface without a point anywhere near.
+pub fn gather(
+    surfaces: &dyn Surfaces,
+    field: &SenderField,
+    place: &Candidate,
+    directions: &DirectionSet,
+    row: &mut RowScratch,
+) -> u32 {
+    let frame = Frame::around(place.geometric_normal);
+    // Uniform sampling: dω = 2π/N, and 1/π of equation 16. The set's own cosine integral is divided out, so
+    // that a closed scene of radiosity 1 gives irradiance 1 exactly.
+    let weight = 2.0 / (directions.directions.len() as f32 * directions.full);
+    let finest = field.ranges.range(field.ranges.levels() - 1).start as u32;
+    let mut lost = 0;
+    for (i, &local) in directions.directions.iter().enumerate() {
+        let direction = frame.world_from_local(local);
+        let ray = Ray { origin: place.origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+        let Some(hit) = surfaces.closest_hit(&ray) else {
+            continue;
+        };
+        let Some(point) = field.points.nearest(hit.position, hit.normal) else {
+            lost += 1;
+            continue;
+        };
+        let vector = Vec3A::from(direction * weight);
+        let half = if i % 2 == 0 { 1.0 } else { -1.0 };
+        for &(sender, share) in field.senders_at_points.row(point as usize) {
+            let part = vector * share;
+            row.add(finest + sender, part, part * half);
+        }
+    }
+    coarsen(field, row);
+    lost
+}
+
+/// Responses of the coarser sender levels from those of the finer: the transpose of the push.
+fn coarsen(field: &SenderField, row: &mut RowScratch) {
+    for level in (1..field.ranges.levels()).rev() {
+        let range = field.ranges.range(level);
+        let coarse = field.ranges.range(level - 1).start as u32;
+        let mut i = 0;
+        while i < row.touched.len() {
+            let sender = row.touched[i] as usize;
+            i += 1;
+            if !range.contains(&sender) {
+                continue;
+            }
+            let (sum, difference) = (row.sum[sender], row.difference[sender]);
+            for &(k, share) in field.fine_from_coarse[level - 1].row(sender - range.start) {
+                row.add(coarse + k, sum * share, difference * share);
+            }
+        }
+    }
+}
+
+/// Scalar irradiance responses of one sender level, for the bounce operator: (sender, response ≥ 0) in order
+/// of sender.
+pub fn scalar_row(row: &RowScratch, ranges: &LevelRanges, level: usize, normal: Vec3) -> Vec<(u32, f32)> {
+    let range = ranges.range(level);
+    let normal = Vec3A::from(normal);
+    let mut out: Vec<(u32, f32)> = row
+        .touched
+        .iter()
+        .filter(|&&j| range.contains(&(j as usize)))
+        .map(|&j| (j - range.start as u32, row.sum[j as usize].dot(normal).max(0.0)))
+        .collect();
+    out.sort_unstable_by_key(|e| e.0);
+    out
+}

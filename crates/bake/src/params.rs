@@ -1,0 +1,65 @@
+//! What a bake can be told.
+
+use glam::Vec3;
+
+/// Parameters of a bake. [`BakeParams::default`] is the preset `standard`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BakeParams {
+    /// Receiver levels, 1..=12.
+    pub levels: usize,
+    /// Sender levels, 1..=levels: the coarsest ones.
+    pub sender_levels: usize,
+    /// Poisson-disk radius of the coarsest level, scene units; `None`: from the scene.
+    pub coarse_radius: Option<f32>,
+    /// Link threshold ε (section 3.2) on reflectance times link, at the finest level.
+    pub epsilon: f32,
+    /// Rays per receiver on the finest level; each coarser level takes twice as many.
+    pub rays: usize,
+    /// Bounces of indirect light, T + … + Tᴺ; `None`: to convergence.
+    pub bounces: Option<u32>,
+    /// Bakes the bounces with the scene's reflectances instead of iterating them at play time.
+    pub solution: bool,
+    /// Where importance particles start; empty: the scene's cameras, or a place in open space.
+    pub viewpoints: Vec<Vec3>,
+    /// Seed of all random numbers.
+    pub seed: u64,
+}
+
+/// Named presets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// Seconds instead of tens of seconds: for trying lights and cameras.
+    Draft,
+    /// The default.
+    Standard,
+    /// Half the standard error or less, for several times the bake.
+    Fine,
+}
+
+impl BakeParams {
+    /// The parameters of a preset.
+    pub fn preset(preset: Preset) -> BakeParams {
+        let standard = BakeParams {
+            levels: 6,
+            sender_levels: 3,
+            coarse_radius: None,
+            epsilon: 0.025,
+            rays: 512,
+            bounces: None,
+            solution: false,
+            viewpoints: Vec::new(),
+            seed: 0,
+        };
+        match preset {
+            Preset::Draft => BakeParams { levels: 5, rays: 256, epsilon: 0.05, ..standard },
+            Preset::Standard => standard,
+            Preset::Fine => BakeParams { sender_levels: 4, epsilon: 0.01, rays: 1024, ..standard },
+        }
+    }
+}
+
+impl Default for BakeParams {
+    fn default() -> Self {
+        BakeParams::preset(Preset::Standard)
+    }
+}

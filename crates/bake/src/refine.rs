@@ -1,0 +1,190 @@
+//! Adaptive refinement of the single-bounce operator T, one receiver level at a time.
+//!
+//! Source: Lehtinen et al. 2008, section 3.2 and figure 5. Rows of one level only need coarser rows, so a
+//! level is a parallel sweep instead of a queue.
+//!
+//! Equation 17 subtracts what was stored: quantised and corrected links, so that errors do not add up over
+//! levels.
+
+use crate::candidates::Candidate;
+use crate::error::BakeError;
+use crate::gather::{RowScratch, SenderField, gather, scalar_row};
+use crate::select::{SenderTraits, Thresholds, select};
+use glam::{Vec3, Vec3A};
+use rayon::prelude::*;
+use relight_scene::surface::Surfaces;
+use relight_transport::links::Links;
+use relight_transport::pyramid::LevelRanges;
+use relight_transport::random::Stream;
+use relight_transport::sampling::DirectionSet;
+use relight_transport::sparse::Rows;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// What refinement works on.
+pub struct Refinement<'a> {
+    /// The scene.
+    pub surfaces: &'a dyn Surfaces,
+    /// All points, level by level.
+    pub places: &'a [Candidate],
+    /// Levels of `places`.
+    pub ranges: &'a LevelRanges,
+    /// Parents of every point (rows and columns: all points).
+    pub fine_from_coarse: &'a Rows,
+    /// What rays see.
+    pub field: SenderField<'a>,
+    /// What selection needs.
+    pub senders: &'a SenderTraits,
+    /// Rays per receiver of the finest level.
+    pub rays: usize,
+    /// ε at the finest level.
+    pub epsilon: f32,
+    /// Sender level of the bounce operator.
+    pub bounce_level: usize,
+    /// Receiver level whose gathers make the bounce operator.
+    pub bounce_receivers: usize,
+    /// Seed of the direction sets.
+    pub seed: u64,
+}
+
+/// What refinement finds.
+#[derive(Debug, Default)]
+pub struct Refined {
+    /// T: all points × all senders.
+    pub links: Links,
+    /// Scalar irradiance responses of the bounce sender level at the points of the bounce receiver level
+    /// (local indices).
+    pub bounce_rows: Vec<Vec<(u32, f32)>>,
+    /// Receivers gathered per level.
+    pub gathered: Vec<usize>,
+    /// Rays cast.
+    pub rays: u64,
+    /// Rays that met a surface without points.
+    pub lost: u64,
+}
+
+/// Most rays a receiver gets: the coarsest rows are few, and all others rest on them.
+const MOST_RAYS: usize = 1 << 14;
+
+/// Stage number of the direction sets' stream.
+const STAGE: u32 = 3;
+
+/// One receiver's outcome.
+struct Receiver {
+    links: Vec<(u32, Vec3)>,
+    /// Reconstructed row for the next level; empty on the finest.
+    reconstructed: Vec<(u32, Vec3)>,
+    bounce: Vec<(u32, f32)>,
+    gathered: bool,
+}
+
+/// Runs the refinement. `step(receivers done)` reports progress and may stop the bake.
+pub fn refine(
+    r: &Refinement,
+    quantised: impl Fn(Vec3) -> Vec3 + Sync,
+    step: impl Fn(usize) -> Result<(), BakeError> + Sync,
+) -> Result<Refined, BakeError> {
+    let levels = r.ranges.levels();
+    let mut refined = Refined::default();
+    let mut links = Links {
+        receivers: r.ranges.total() as u32,
+        senders: r.senders.ranges.total() as u32,
+        row_offsets: vec![0],
+        ..Links::default()
+    };
+    let lost = AtomicU64::new(0);
+    let done = AtomicU64::new(0);
+    // Reconstructed rows and whether any link was kept, of all coarser levels.
+    let mut rows: Vec<Vec<(u32, Vec3)>> = Vec::with_capacity(r.ranges.total());
+    let mut keeps: Vec<bool> = Vec::with_capacity(r.ranges.total());
+    for level in 0..levels {
+        let coarser = levels - 1 - level;
+        let count = (r.rays << coarser.min(20)).min(MOST_RAYS.max(r.rays));
+        let directions = DirectionSet::uniform(count, &mut Stream::new(r.seed, STAGE, level as u64));
+        let thresholds = thresholds(r.epsilon, coarser);
+        let range = r.ranges.range(level);
+        let receivers: Result<Vec<Receiver>, BakeError> = range
+            .clone()
+            .into_par_iter()
+            .with_min_len(16)
+            .map_init(
+                || (RowScratch::new(links.senders as usize), RowScratch::new(links.senders as usize)),
+                |(gathered, predicted), i| {
+                    let parents = r.fine_from_coarse.row(i);
+                    let active = parents.is_empty() || parents.iter().any(|&(k, _)| keeps[k as usize]);
+                    gathered.clear();
+                    predicted.clear();
+                    for &(k, share) in parents {
+                        for &(j, vector) in &rows[k as usize] {
+                            predicted.add(j, Vec3A::from(vector) * share, Vec3A::ZERO);
+                        }
+                    }
+                    let mut receiver = Receiver {
+                        links: Vec::new(),
+                        reconstructed: Vec::new(),
+                        bounce: Vec::new(),
+                        gathered: active || level == r.bounce_receivers,
+                    };
+                    if receiver.gathered {
+                        let missed = gather(r.surfaces, &r.field, &r.places[i], &directions, gathered);
+                        lost.fetch_add(u64::from(missed), Ordering::Relaxed);
+                        if level == r.bounce_receivers {
+                            let normal = r.places[i].geometric_normal;
+                            receiver.bounce = scalar_row(gathered, r.field.ranges, r.bounce_level, normal);
+                        }
+                    }
+                    if active {
+                        for &j in &predicted.touched {
+                            gathered.add(j, -predicted.sum[j as usize], Vec3A::ZERO);
+                        }
+                        receiver.links = select(gathered, r.senders, thresholds, &quantised);
+                    }
+                    if level + 1 < levels {
+                        for &(j, vector) in &receiver.links {
+                            predicted.add(j, Vec3A::from(vector), Vec3A::ZERO);
+                        }
+                        receiver.reconstructed = predicted
+                            .touched
+                            .iter()
+                            .map(|&j| (j, Vec3::from(predicted.sum[j as usize])))
+                            .collect();
+                    }
+                    step(done.fetch_add(1, Ordering::Relaxed) as usize)?;
+                    Ok(receiver)
+                },
+            )
+            .collect();
+        let mut gathered = 0;
+        for receiver in receivers? {
+            keeps.push(!receiver.links.is_empty());
+            for (j, vector) in receiver.links {
+                links.columns.push(j);
+                links.vectors.push(vector);
+            }
+            links.row_offsets.push(links.columns.len() as u32);
+            rows.push(receiver.reconstructed);
+            gathered += usize::from(receiver.gathered);
+            if level == r.bounce_receivers {
+                refined.bounce_rows.push(receiver.bounce);
+            }
+        }
+        refined.gathered.push(gathered);
+        refined.rays += gathered as u64 * directions.directions.len() as u64;
+        if level > 0 {
+            // Parents are on the next coarser level that covers a point, nearly always the one above; rows
+            // further up stay for the rest.
+            rows[r.ranges.range(level - 1)].iter_mut().for_each(|row| row.shrink_to_fit());
+        }
+    }
+    refined.links = links;
+    refined.lost = lost.into_inner();
+    Ok(refined)
+}
+
+/// Thresholds of a receiver level that is `coarser` levels above the finest.
+///
+/// A receiver's function covers four times the area of one on the next finer level, so for the same squared
+/// error over the surface a link of half the size earns its place there: the threshold halves per level.
+fn thresholds(epsilon: f32, coarser: usize) -> Thresholds {
+    let link = epsilon / (1u64 << coarser.min(40)) as f32;
+    Thresholds { link, row: link * 0.5 }
+}

@@ -1,0 +1,330 @@
+//! Materials, textures, samplers and images (glTF 2.0, sections 3.8 and 3.9), with KHR_texture_transform,
+//! KHR_materials_emissive_strength and KHR_materials_unlit.
+//!
+//! Read straight from the JSON, because the gltf crate does not apply texture transforms to normal maps.
+//! Occlusion textures are left out: relight computes occlusion.
+
+use super::accessors::{Data, Layout, MAX_BYTES};
+use super::extensions::advice;
+use super::json::{At, Faults};
+use super::notes::Notes;
+use super::uri;
+use crate::material::{AlphaMode, Material, Texture, TextureUse, Wrap};
+use glam::{Affine2, Vec2, Vec3, Vec4};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Sets of texture coordinates that are imported. Files with more than two are rare.
+pub(super) const MAX_UV_SETS: u64 = 8;
+
+/// Where an image's bytes are.
+pub(super) enum ImageSource {
+    View(usize),
+    Uri(String),
+}
+
+/// A glTF texture: an image and how it is sampled.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct TextureSource {
+    image: usize,
+    /// 0 repeat, 1 mirror, 2 clamp: ordered, so that equal samplers can be found.
+    wrap: [u8; 2],
+    nearest: bool,
+}
+
+/// Everything about materials that the JSON says. Texture uses refer to `textures`.
+pub(super) struct Materials {
+    pub materials: Vec<Material>,
+    pub textures: Vec<Option<TextureSource>>,
+    pub images: Vec<Option<ImageSource>>,
+    image_names: Vec<String>,
+}
+
+impl Materials {
+    /// Reads and checks images, samplers, textures and materials.
+    pub fn parse(root: &At, layout: &Layout, notes: &mut Notes) -> Materials {
+        let image_items = root.objects("images");
+        let images: Vec<_> = image_items.iter().map(|at| parse_image(at, layout)).collect();
+        let name = |(i, at): (usize, &At)| {
+            let name = at.text("name").filter(|name| !name.is_empty());
+            name.map_or_else(|| format!("images[{i}]"), str::to_owned)
+        };
+        let image_names = image_items.iter().enumerate().map(name).collect();
+        let samplers: Vec<_> = root.objects("samplers").iter().map(parse_sampler).collect();
+        let textures: Vec<_> = (root.objects("textures").iter())
+            .map(|at| parse_texture(at, images.len(), &samplers))
+            .collect();
+        let materials = (root.objects("materials").iter())
+            .map(|at| parse_material(at, textures.len(), notes))
+            .collect();
+        Materials {
+            materials,
+            textures,
+            images,
+            image_names,
+        }
+    }
+}
+
+fn parse_image(at: &At, layout: &Layout) -> Option<ImageSource> {
+    let view = at.get("bufferView").is_some();
+    match (view, at.text("uri")) {
+        (true, None) => Some(ImageSource::View(at.index(
+            "bufferView",
+            layout.views.len(),
+            "bufferViews",
+        )?)),
+        (false, Some(uri)) => Some(ImageSource::Uri(uri.to_owned())),
+        (true, Some(_)) => {
+            at.fault("has both a uri and a bufferView; keep one");
+            None
+        }
+        (false, None) => {
+            if at.get("uri").is_none() {
+                at.fault("has neither a uri nor a bufferView; export the scene again");
+            }
+            None
+        }
+    }
+}
+
+fn parse_sampler(at: &At) -> ([u8; 2], bool) {
+    let wrap = |key| match at.uint(key) {
+        None | Some(10497) => 0,
+        Some(33648) => 1,
+        Some(33071) => 2,
+        Some(other) => {
+            at.fault_at(key, format!("is {other}; glTF knows 10497, 33648 and 33071"));
+            0
+        }
+    };
+    let nearest = match at.uint("magFilter") {
+        None | Some(9729) => false,
+        Some(9728) => true,
+        Some(other) => {
+            at.fault_at("magFilter", format!("is {other}; glTF knows 9728 and 9729"));
+            false
+        }
+    };
+    ([wrap("wrapS"), wrap("wrapT")], nearest)
+}
+
+fn parse_texture(at: &At, images: usize, samplers: &[([u8; 2], bool)]) -> Option<TextureSource> {
+    let sampler = at.index("sampler", samplers.len(), "samplers");
+    let (wrap, nearest) = sampler.map_or(([0, 0], false), |s| samplers[s]);
+    if at.get("source").is_none() {
+        let name = [
+            "KHR_texture_basisu",
+            "EXT_texture_webp",
+            "EXT_texture_avif",
+            "MSFT_texture_dds",
+        ]
+        .into_iter()
+        .find(|name| at.extension(name).is_some());
+        at.fault(match name {
+            Some(name) => format!("has only an image of {name}: {}", advice(name)),
+            None => "has no source image; give it one or remove it".into(),
+        });
+        return None;
+    }
+    let image = at.index("source", images, "images")?;
+    Some(TextureSource { image, wrap, nearest })
+}
+
+fn parse_use(at: &At, key: &str, textures: usize) -> Option<TextureUse> {
+    let info = at.object(key)?;
+    let texture = info.required_index("index", textures, "textures")?;
+    let mut uv_set = info.uint("texCoord").unwrap_or(0);
+    let mut texture_from_mesh = Affine2::IDENTITY;
+    if let Some(transform) = info.extension("KHR_texture_transform") {
+        uv_set = transform.uint("texCoord").unwrap_or(uv_set);
+        let offset = transform.floats("offset").map_or(Vec2::ZERO, Vec2::from);
+        let scale = transform.floats("scale").map_or(Vec2::ONE, Vec2::from);
+        // Counter-clockwise as one sees the image, whose v axis points down: the negative angle in (u, v).
+        let rotation = -transform.float("rotation").unwrap_or(0.0);
+        texture_from_mesh = Affine2::from_scale_angle_translation(scale, rotation, offset);
+    }
+    if uv_set >= MAX_UV_SETS {
+        info.fault_at(
+            "texCoord",
+            format!("is {uv_set}; at most {MAX_UV_SETS} sets of coordinates are imported"),
+        );
+        return None;
+    }
+    Some(TextureUse {
+        texture: texture as u32,
+        uv_set: uv_set as u32,
+        texture_from_mesh,
+    })
+}
+
+fn parse_material(at: &At, textures: usize, notes: &mut Notes) -> Material {
+    let default = Material::default();
+    let mut clamp = |value: f32, high: f32, what: &str| {
+        if value < 0.0 || value > high {
+            notes.count(&format!("{what} out of range, clamped"), 1);
+        }
+        value.clamp(0.0, high)
+    };
+    let pbr = at.object("pbrMetallicRoughness");
+    let pbr_float = |key| pbr.as_ref().and_then(|pbr| pbr.float(key));
+    let pbr_texture = |key| pbr.as_ref().and_then(|pbr| parse_use(pbr, key, textures));
+    let base_color = pbr.as_ref().and_then(|pbr| pbr.floats("baseColorFactor"));
+    let base_color = base_color.map_or(default.base_color, Vec4::from_array);
+    // More than all light would be reflected otherwise.
+    let base_color = Vec4::from(
+        base_color
+            .to_array()
+            .map(|x| clamp(x, 1.0, "base colour factors")),
+    );
+    let strength = at
+        .extension("KHR_materials_emissive_strength")
+        .and_then(|strength| strength.float("emissiveStrength"))
+        .unwrap_or(1.0);
+    let emission = at.floats("emissiveFactor").map_or(Vec3::ZERO, Vec3::from_array) * strength;
+    // Factors above 1 are against the specification, but older exporters write them and the meaning is clear.
+    let emission = Vec3::from(
+        emission
+            .to_array()
+            .map(|x| clamp(x, f32::MAX, "emissive factors")),
+    );
+    let cutoff = at.float("alphaCutoff").unwrap_or(0.5);
+    let alpha_mode = match at.text("alphaMode") {
+        None | Some("OPAQUE") => AlphaMode::Opaque,
+        Some("MASK") => AlphaMode::Mask { cutoff },
+        Some("BLEND") => AlphaMode::Blend,
+        Some(other) => {
+            at.fault_at(
+                "alphaMode",
+                format!("is \"{other}\"; glTF knows OPAQUE, MASK and BLEND"),
+            );
+            AlphaMode::Opaque
+        }
+    };
+    let normal = at.object("normalTexture");
+    Material {
+        name: at.text("name").unwrap_or_default().to_owned(),
+        base_color,
+        base_color_texture: pbr_texture("baseColorTexture"),
+        metallic: clamp(
+            pbr_float("metallicFactor").unwrap_or(1.0),
+            1.0,
+            "metallic factors",
+        ),
+        roughness: clamp(
+            pbr_float("roughnessFactor").unwrap_or(1.0),
+            1.0,
+            "roughness factors",
+        ),
+        metallic_roughness_texture: pbr_texture("metallicRoughnessTexture"),
+        normal_texture: parse_use(at, "normalTexture", textures),
+        normal_scale: normal.and_then(|normal| normal.float("scale")).unwrap_or(1.0),
+        emission,
+        emission_texture: parse_use(at, "emissiveTexture", textures),
+        alpha_mode,
+        double_sided: at.flag("doubleSided"),
+        unlit: at.extension("KHR_materials_unlit").is_some(),
+    }
+}
+
+/// Loads the images that `materials` use, and points their texture uses at the list that is returned:
+/// every pair of image and sampler once.
+pub(super) fn load_textures(
+    source: &Materials,
+    materials: &mut [Material],
+    data: &Data,
+    folder: &Path,
+    faults: &Faults,
+) -> Vec<Texture> {
+    let mut textures: Vec<Texture> = Vec::new();
+    let mut index_of: BTreeMap<TextureSource, Option<u32>> = BTreeMap::new();
+    let mut total = 0;
+    for material in materials {
+        for slot in [
+            &mut material.base_color_texture,
+            &mut material.metallic_roughness_texture,
+            &mut material.normal_texture,
+            &mut material.emission_texture,
+        ] {
+            let Some(texture_use) = slot else { continue };
+            let Some(key) = source.textures[texture_use.texture as usize] else {
+                continue;
+            };
+            let index = index_of.entry(key).or_insert_with(|| {
+                let encoded = load_image(source, key.image, data, folder, &mut total)
+                    .map_err(|message| faults.add(format!("images[{}]", key.image), message))
+                    .ok()?;
+                let wrap = key
+                    .wrap
+                    .map(|w| [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp][w as usize]);
+                textures.push(Texture {
+                    name: source.image_names[key.image].clone(),
+                    encoded,
+                    wrap,
+                    nearest: key.nearest,
+                });
+                Some(textures.len() as u32 - 1)
+            });
+            match index {
+                Some(index) => texture_use.texture = *index,
+                None => *slot = None,
+            }
+        }
+    }
+    textures
+}
+
+fn load_image(
+    source: &Materials,
+    image: usize,
+    data: &Data,
+    folder: &Path,
+    total: &mut u64,
+) -> Result<Vec<u8>, String> {
+    let image_source = source.images[image].as_ref().ok_or("cannot be read")?;
+    let left = MAX_BYTES - *total;
+    let too_big = || format!("brings the images to more than {MAX_BYTES} bytes; scale them down");
+    let bytes = match image_source {
+        ImageSource::View(view) => {
+            let view = data.layout.views[*view].as_ref().ok_or("has no view")?;
+            if view.length > left {
+                return Err(too_big());
+            }
+            let buffer = &data.buffers[view.buffer];
+            buffer[view.offset as usize..(view.offset + view.length) as usize].to_vec()
+        }
+        ImageSource::Uri(uri) => {
+            uri::decode_data_uri(uri).unwrap_or_else(|| uri::read_relative(folder, uri, left + 1))?
+        }
+    };
+    *total += bytes.len() as u64;
+    if *total > MAX_BYTES {
+        return Err(too_big());
+    }
+    check_image_type(&bytes)?;
+    Ok(bytes)
+}
+
+/// Refuses images that are neither PNG nor JPEG. The bytes decide: media types are often wrong.
+fn check_image_type(bytes: &[u8]) -> Result<(), String> {
+    let is_png = bytes.starts_with(b"\x89PNG\r\n\x1a\n");
+    if is_png || bytes.starts_with(b"\xff\xd8\xff") {
+        return Ok(());
+    }
+    let known = match bytes {
+        _ if bytes.starts_with(b"\xabKTX 20\xbb") => Some(("KTX2", "KHR_texture_basisu")),
+        _ if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") => {
+            Some(("WebP", "EXT_texture_webp"))
+        }
+        _ if bytes.get(4..12) == Some(b"ftypavif") => Some(("AVIF", "EXT_texture_avif")),
+        _ if bytes.starts_with(b"DDS ") => Some(("DDS", "MSFT_texture_dds")),
+        _ => None,
+    };
+    Err(match known {
+        Some((what, extension)) => format!(
+            "is a {what} image; only PNG and JPEG are read: {}",
+            advice(extension)
+        ),
+        None => "is neither a PNG nor a JPEG image; export the textures again".to_owned(),
+    })
+}

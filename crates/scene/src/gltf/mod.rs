@@ -1,0 +1,249 @@
+//! Import of glTF 2.0 scenes (feature `gltf`).
+//!
+//! Implements the Khronos glTF 2.0 specification with KHR_lights_punctual, KHR_materials_emissive_strength,
+//! KHR_materials_unlit, KHR_texture_transform and, for lights and cameras, KHR_animation_pointer.
+//!
+//! **Anybody may have written the file.** Every index, range, count and type is checked against the JSON and
+//! the real bytes before anything is decoded or allocated; all faults of a stage are reported together, each
+//! with its JSON path. The `gltf` crate, which panics or silently drops geometry on many malformed files,
+//! decodes accessors of a document rebuilt from what was checked, and sees nothing else. Other files are read
+//! only from the scene's own folder.
+//!
+//! **Left out, with a note in [`Scene::notes`]:** points and lines, orthographic cameras, transmission (the
+//! material counts as opaque), material variants, animation of meshes, skins and morph targets (all at rest),
+//! triangles with vertices that are not finite, the range of lights. Occlusion textures are left out without
+//! one: relight computes occlusion. What the specification forbids but can only mean one thing is accepted:
+//! quaternions that are not quite of unit length, factors slightly out of range, an incomplete last triangle,
+//! vertex colours of plain integers.
+//!
+//! The way of the data: `container` splits the file, `accessors`, `materials`, `nodes`,
+//! `primitives` and `animation` read and check, `geometry` and `tracks` build the scene.
+
+mod accessors;
+mod animation;
+mod container;
+mod error;
+mod extensions;
+mod geometry;
+mod json;
+mod materials;
+mod nodes;
+mod notes;
+mod primitives;
+mod tracks;
+mod uri;
+
+pub use error::{Fault, ImportError, MAX_FAULTS, UnsupportedExtension};
+
+use crate::animated::Animated;
+use crate::light::{LightKind, LightTrack};
+use crate::material::Material;
+use crate::scene::Scene;
+use crate::sequence::Sequence;
+use glam::{Vec2, Vec3};
+use json::{At, Faults};
+use nodes::PunctualKind;
+use notes::Notes;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+/// Frames per second at which animations are resampled (design section 4: the default of sequences).
+pub const FPS: f64 = 24.0;
+
+/// Name of the light that stands for all emissive materials.
+pub const EMISSIVE: &str = "emissive";
+
+/// How the exporter wrote the intensities of lights. The three modes of Blender's exporter ("Lighting Mode"),
+/// which knows a light's power in watts (points and spots; a spot as if it shone all around) or its
+/// irradiance in W/m² (suns), are these.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LightUnits {
+    /// As KHR_lights_punctual has it (Blender: `SPEC`, "Standard"): candela and lux. Taken as W/sr and W/m²
+    /// without a factor (design section 2). Blender writes 683 lm/W × power / 4π, and 683 lm/W × irradiance:
+    /// such a scene is 683 times brighter than the same one exported without units.
+    #[default]
+    Spec,
+    /// Without the luminous efficacy (Blender: `COMPAT`, "Unitless"): power / 4π, that is W/sr, and W/m². The
+    /// numbers are relight's own units.
+    Unitless,
+    /// As Blender holds them (`RAW`, "Raw (Deprecated)"): watts, here divided by 4π to W/sr, and W/m².
+    Raw,
+}
+
+impl LightUnits {
+    /// What turns a number in the file into W/sr (points and spots) or W/m² (directional).
+    fn factor(self, kind: PunctualKind) -> f64 {
+        match (self, kind) {
+            (LightUnits::Raw, PunctualKind::Point | PunctualKind::Spot { .. }) => 0.25 / std::f64::consts::PI,
+            _ => 1.0,
+        }
+    }
+}
+
+/// What the file itself does not say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ImportOptions {
+    /// Units of light intensities.
+    pub light_units: LightUnits,
+}
+
+/// Imports the scene of a `.glb` or `.gltf` file: meshes once per different primitive, instances in the order
+/// of the nodes, perspective cameras, and the scene's own lights as a sequence with [`FPS`] frames per second
+/// that ends with the last key of a light or camera.
+///
+/// # Errors
+/// See [`ImportError`]; never a panic.
+pub fn import(path: &Path, options: &ImportOptions) -> Result<Scene, ImportError> {
+    catch_unwind(AssertUnwindSafe(|| import_checked(path, options))).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+        let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+        Err(ImportError::Internal {
+            file: path.into(),
+            message: text.unwrap_or_else(|| "it panicked".into()),
+        })
+    })
+}
+
+fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportError> {
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let container = container::read(path)?;
+    let (faults, mut notes) = (Faults::default(), Notes::default());
+    let root = At::root(&container.json, &faults);
+    check_version(&root);
+    faults.finish(path)?;
+    let extensions = extensions::check(&root, &mut notes);
+    if !extensions.is_empty() {
+        return Err(ImportError::UnsupportedExtensions {
+            file: path.into(),
+            extensions,
+        });
+    }
+
+    let layout = accessors::Layout::parse(&root, container.bin.is_some());
+    let mut source = materials::Materials::parse(&root, &layout, &mut notes);
+    let primitives = primitives::parse(&root, &layout, source.materials.len(), &mut notes);
+    let graph = nodes::Graph::parse(&root, primitives.len(), &mut notes);
+    let channels = animation::parse(&root, &layout, &graph, &mut notes);
+    animation::note_moving_meshes(&graph, &channels, &mut notes);
+    faults.finish(path)?;
+
+    let bin = container.bin.clone().map(|range| &container.bytes[range]);
+    let buffers = accessors::load_buffers(&layout, bin, folder, &faults);
+    faults.finish(path)?;
+    let data = accessors::Data::new(path, &layout, &buffers)?;
+    data.check_sparse(&faults);
+    faults.finish(path)?;
+
+    let mut materials = std::mem::take(&mut source.materials);
+    let default_material = materials.len() as u32;
+    let mut geometry = geometry::build(&data, &primitives, &graph, default_material, &faults, &mut notes);
+    if geometry
+        .meshes
+        .iter()
+        .any(|mesh| mesh.material == default_material)
+    {
+        materials.push(Material::default());
+    }
+    let textures = materials::load_textures(&source, &mut materials, &data, folder, &faults);
+    let curves = animation::decode(&channels, &data, &faults);
+    let tracks = tracks::build(&graph, &curves, options.light_units, &faults, &mut notes);
+    faults.finish(path)?;
+    add_missing_uvs(&mut geometry, &materials, &mut notes);
+    if geometry.instances.is_empty() {
+        let why = notes.into_sentences().join("; ");
+        let why = if why.is_empty() {
+            "no node of the scene shows a mesh".to_owned()
+        } else {
+            why
+        };
+        return Err(ImportError::NoGeometry {
+            file: path.into(),
+            message: format!("there is no triangle to light ({why}); export the scene with its meshes"),
+        });
+    }
+    let mut lights = tracks.lights;
+    let emits = |m: &Material| m.emission != Vec3::ZERO || m.unlit;
+    if geometry
+        .meshes
+        .iter()
+        .any(|mesh| emits(&materials[mesh.material as usize]))
+    {
+        lights.push(LightTrack {
+            name: EMISSIVE.to_owned(),
+            kind: LightKind::Emissive {
+                material: None,
+                scale: Animated::Constant(Vec3::ONE),
+            },
+        });
+    }
+    Ok(Scene {
+        meshes: geometry.meshes,
+        instances: geometry.instances,
+        materials,
+        textures,
+        cameras: tracks.cameras,
+        sequence: Sequence {
+            frames: tracks.frames,
+            fps: FPS,
+            camera: None,
+            lights,
+        },
+        notes: notes.into_sentences(),
+    })
+}
+
+/// Reports anything but glTF 2.x that a reader of 2.0 may read.
+fn check_version(root: &At) {
+    if !root.value.is_object() {
+        root.fault_at("(root)", "must be an object; this is no glTF file");
+        return;
+    }
+    let Some(asset) = root.object("asset") else {
+        root.fault_at("asset", "is missing: this is no glTF 2.0 file");
+        return;
+    };
+    match asset.text("version") {
+        Some(version) if version.starts_with("2.") => {}
+        Some(version) => {
+            let short: String = version.chars().take(20).collect();
+            asset.fault_at("version", format!("is \"{short}\"; export the scene as glTF 2.0"));
+        }
+        None if asset.get("version").is_none() => asset.fault_at("version", "is missing; it must be \"2.0\""),
+        None => {}
+    }
+    if let Some(least) = asset.text("minVersion")
+        && least != "2.0"
+    {
+        let short: String = least.chars().take(20).collect();
+        asset.fault_at("minVersion", format!("is \"{short}\", but only glTF 2.0 is read"));
+    }
+}
+
+/// Gives meshes the sets of coordinates that their materials look up, so that no one has to ask again.
+fn add_missing_uvs(geometry: &mut geometry::Geometry, materials: &[Material], notes: &mut Notes) {
+    for mesh in &mut geometry.meshes {
+        let material = &materials[mesh.material as usize];
+        let uses = [
+            material.base_color_texture,
+            material.metallic_roughness_texture,
+            material.normal_texture,
+            material.emission_texture,
+        ];
+        let needed = uses
+            .iter()
+            .flatten()
+            .map(|u| u.uv_set as usize + 1)
+            .max()
+            .unwrap_or(0);
+        if needed > mesh.uvs.len() {
+            notes.count(
+                "textured meshes without the texture coordinates they need, which are taken as 0",
+                1,
+            );
+            mesh.uvs.resize(needed, vec![Vec2::ZERO; mesh.positions.len()]);
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! Mesh primitives as the JSON has them (glTF 2.0, section 3.7.2): attributes and indices checked for type,
+//! width and count before anything is decoded.
+
+use super::accessors::{Accessor, Component, Layout};
+use super::extensions::advice;
+use super::json::At;
+use super::materials::MAX_UV_SETS;
+use super::notes::Notes;
+
+/// How vertices are joined to triangles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Mode {
+    Triangles,
+    Strip,
+    Fan,
+}
+
+/// A checked primitive: every number is an accessor of the right type and, for attributes, of the same
+/// count. Two equal ones are the same mesh.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Primitive {
+    pub mode: Mode,
+    pub positions: usize,
+    pub normals: Option<usize>,
+    pub tangents: Option<usize>,
+    /// By set; `None` for a set that is missing below another one.
+    pub uvs: Vec<Option<usize>>,
+    pub colors: Option<usize>,
+    pub indices: Option<usize>,
+    pub material: Option<usize>,
+}
+
+/// All meshes: lists of primitives with their JSON path; those without triangles are left out.
+pub(super) fn parse(
+    root: &At,
+    layout: &Layout,
+    materials: usize,
+    notes: &mut Notes,
+) -> Vec<Vec<(Primitive, String)>> {
+    let mesh = |at: &At| {
+        let primitives = at.objects("primitives");
+        let parsed = primitives.iter().filter_map(|at| {
+            let primitive = parse_primitive(at, layout, materials, notes)?;
+            Some((primitive, at.path.clone()))
+        });
+        parsed.collect()
+    };
+    root.objects("meshes").iter().map(mesh).collect()
+}
+
+fn parse_primitive(at: &At, layout: &Layout, materials: usize, notes: &mut Notes) -> Option<Primitive> {
+    let mode = match at.uint("mode") {
+        None if at.get("mode").is_some() => return None,
+        None | Some(4) => Mode::Triangles,
+        Some(5) => Mode::Strip,
+        Some(6) => Mode::Fan,
+        Some(0..=3) => {
+            notes.count(
+                "primitives of points or lines left out, since only triangles are surfaces",
+                1,
+            );
+            return None;
+        }
+        Some(other) => {
+            at.fault_at("mode", format!("is {other}; glTF knows 0 to 6"));
+            return None;
+        }
+    };
+    let Some(attributes) = at.object("attributes") else {
+        if at.get("attributes").is_none() {
+            at.fault_at("attributes", "is missing");
+        }
+        return None;
+    };
+    if !at.items("targets").is_empty() {
+        notes.count("primitives with morph targets, imported at rest", 1);
+    }
+    let material = at.index("material", materials, "materials");
+    if attributes.get("POSITION").is_none() {
+        notes.count("primitives without positions left out", 1);
+        return None;
+    }
+    let accessor = |at: &At, key: &str| -> Option<(usize, &Accessor)> {
+        let index = at.index(key, layout.accessors.len(), "accessors")?;
+        Some((index, layout.accessors[index].as_ref()?))
+    };
+    use Component::*;
+    let attribute = |key: &str, widths: &[usize], components: &[Component]| {
+        let (index, info) = accessor(&attributes, key)?;
+        if widths.contains(&info.width) && components.contains(&info.component) {
+            return Some(index);
+        }
+        let quantised = matches!(info.component, I8 | U8 | I16 | U16) && widths.contains(&info.width);
+        attributes.fault_at(
+            key,
+            match quantised {
+                true => format!(
+                    "is quantised to integers (KHR_mesh_quantization): {}",
+                    advice("KHR_mesh_quantization")
+                ),
+                false => format!(
+                    "uses accessors[{index}], which has the wrong type for it; export the scene again"
+                ),
+            },
+        );
+        None
+    };
+    let positions = attribute("POSITION", &[3], &[F32]);
+    let normals = attribute("NORMAL", &[3], &[F32]);
+    let tangents = attribute("TANGENT", &[4], &[F32]);
+    let colors = attribute("COLOR_0", &[3, 4], &[F32, U8, U16]);
+    let mut uvs: Vec<Option<usize>> = (0..MAX_UV_SETS)
+        .map(|set| attribute(&format!("TEXCOORD_{set}"), &[2], &[F32, U8, U16]))
+        .collect();
+    uvs.truncate(uvs.iter().rposition(Option::is_some).map_or(0, |last| last + 1));
+    let positions = positions?;
+    let info = layout.accessors[positions].as_ref()?;
+    if info.view.is_none() && info.sparse.is_none() {
+        let name = ["KHR_draco_mesh_compression"]
+            .into_iter()
+            .find(|name| at.extension(name).is_some());
+        attributes.fault_at(
+            "POSITION",
+            match name {
+                Some(name) => format!("has its data in {name} only: {}", advice(name)),
+                None => format!("uses accessors[{positions}], which holds no data; export the scene again"),
+            },
+        );
+        return None;
+    }
+    for other in [normals, tangents, colors]
+        .into_iter()
+        .chain(uvs.iter().copied())
+        .flatten()
+    {
+        let count = layout.accessors[other].as_ref()?.count;
+        if count != info.count {
+            attributes.fault(format!(
+                "use accessors[{other}] with {count} elements, but there are {} positions; export the scene again",
+                info.count
+            ));
+            return None;
+        }
+    }
+    let indices = match at.get("indices") {
+        None => None,
+        Some(_) => {
+            let (index, info) = accessor(at, "indices")?;
+            if info.width != 1 || !matches!(info.component, U8 | U16 | U32) {
+                at.fault_at(
+                    "indices",
+                    format!("uses accessors[{index}], which is no list of unsigned integers; export the scene again"),
+                );
+                return None;
+            }
+            Some(index)
+        }
+    };
+    Some(Primitive {
+        mode,
+        positions,
+        normals,
+        tangents,
+        uvs,
+        colors,
+        indices,
+        material,
+    })
+}

@@ -1,0 +1,183 @@
+//! URIs in glTF files: data URIs (RFC 2397) and relative paths (RFC 3986), nothing else.
+//!
+//! A scene may come from anybody, so a relative path must stay inside the folder of the file that names it,
+//! whatever percent-encoding or symbolic links it uses.
+
+use base64::Engine;
+use base64::engine::DecodePaddingMode;
+use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
+use std::path::{Path, PathBuf};
+
+/// Decodes a data URI, or returns `None` where `uri` is not one.
+pub(super) fn decode_data_uri(uri: &str) -> Option<Result<Vec<u8>, String>> {
+    let rest = uri
+        .get(..5)
+        .filter(|scheme| scheme.eq_ignore_ascii_case("data:"))
+        .map(|_| &uri[5..])?;
+    let Some((head, data)) = rest.split_once(',') else {
+        return Some(Err("is a data URI without a comma; export the file again".into()));
+    };
+    if !head.to_ascii_lowercase().ends_with(";base64") {
+        return Some(percent_decode(data));
+    }
+    // Some writers leave out the padding, some percent-encode it.
+    let config = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
+    let engine = GeneralPurpose::new(&base64::alphabet::STANDARD, config);
+    let decoded = match data.contains('%') {
+        true => percent_decode(data).and_then(|data| decode_base64(&engine, &data)),
+        false => decode_base64(&engine, data.as_bytes()),
+    };
+    Some(decoded)
+}
+
+fn decode_base64(engine: &GeneralPurpose, data: &[u8]) -> Result<Vec<u8>, String> {
+    engine
+        .decode(data)
+        .map_err(|e| format!("holds damaged base64 ({e}); export the file again"))
+}
+
+/// Undoes percent-encoding, once, byte by byte.
+fn percent_decode(text: &str) -> Result<Vec<u8>, String> {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.bytes();
+    while let Some(byte) = rest.next() {
+        if byte != b'%' {
+            bytes.push(byte);
+            continue;
+        }
+        let mut digit = || rest.next().and_then(|b| (b as char).to_digit(16));
+        match (digit(), digit()) {
+            (Some(high), Some(low)) => bytes.push((high * 16 + low) as u8),
+            _ => {
+                return Err(
+                    "has a % that two hexadecimal digits don't follow; write a literal % as %25".to_owned(),
+                );
+            }
+        }
+    }
+    Ok(bytes)
+}
+
+/// The path inside the file's folder that a relative URI means.
+///
+/// # Errors
+/// A scheme, an absolute path, a way out of the folder, or characters that no file name may hold.
+pub(super) fn relative_path(uri: &str) -> Result<PathBuf, String> {
+    if let Some((head, _)) = uri.split_once(':') {
+        let is_scheme = head.starts_with(|c: char| c.is_ascii_alphabetic())
+            && head
+                .chars()
+                .all(|c| c.is_ascii_alphanumeric() || matches!(c, '+' | '.' | '-'));
+        if is_scheme {
+            return Err(format!(
+                "starts with the scheme \"{head}:\"; only data: URIs and relative paths are read: \
+                 put the file beside the scene and name it without a scheme"
+            ));
+        }
+    }
+    if uri.starts_with('/') {
+        return Err("is an absolute path; put the file beside the scene and name it relative to it".into());
+    }
+    let mut parts: Vec<String> = Vec::new();
+    for part in uri.split('/') {
+        let part = String::from_utf8(percent_decode(part)?)
+            .map_err(|_| "is not UTF-8 after percent-decoding; rename the file".to_owned())?;
+        match part.as_str() {
+            "" | "." => {}
+            ".." => {
+                if parts.pop().is_none() {
+                    return Err("leads out of the scene's folder; put the file inside it".into());
+                }
+            }
+            name if name.contains(['/', '\\', '\0']) => {
+                return Err("has a slash, backslash or zero inside a name; rename the file".into());
+            }
+            _ => parts.push(part),
+        }
+    }
+    if parts.is_empty() {
+        return Err("names no file".into());
+    }
+    Ok(parts.iter().collect())
+}
+
+/// Reads at most `limit` bytes of the file that a relative URI names.
+///
+/// # Errors
+/// As [`relative_path`]; a file that is missing, not a plain file, or outside `folder` through a link.
+pub(super) fn read_relative(folder: &Path, uri: &str, limit: u64) -> Result<Vec<u8>, String> {
+    use std::io::Read;
+    let relative = relative_path(uri)?;
+    let missing = |e: std::io::Error| {
+        format!(
+            "names {}, which cannot be read: {e}; put it beside the scene",
+            relative.display()
+        )
+    };
+    let full = folder.join(&relative).canonicalize().map_err(missing)?;
+    let inside = folder.canonicalize().map_err(missing)?;
+    if !full.starts_with(&inside) {
+        return Err("is a link out of the scene's folder; put a copy of the file inside".into());
+    }
+    let file = std::fs::File::open(&full).map_err(missing)?;
+    let metadata = file.metadata().map_err(missing)?;
+    if !metadata.is_file() {
+        return Err(format!("names {}, which is not a plain file", relative.display()));
+    }
+    let mut bytes = Vec::with_capacity(metadata.len().min(limit) as usize);
+    file.take(limit).read_to_end(&mut bytes).map_err(missing)?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn relative_uris_stay_inside() {
+        for (uri, path) in [
+            ("a.bin", "a.bin"),
+            ("./maps/a%20b.png", "maps/a b.png"),
+            ("maps/../a.bin", "a.bin"),
+            ("100%25.png", "100%.png"),
+            ("gr%C3%BCn.png", "grün.png"),
+            ("%252e%252e/x", "%2e%2e/x"),
+        ] {
+            assert_eq!(relative_path(uri).as_deref(), Ok(Path::new(path)), "{uri}");
+        }
+        for uri in [
+            "",
+            ".",
+            "..",
+            "../a",
+            "a/../../b",
+            "%2e%2e/a",
+            "/etc/passwd",
+            "file:///etc/passwd",
+            "http://a/b",
+            "C:/a",
+            "a%2Fb",
+            "a\\b",
+            "%5c%5chost",
+            "a%00",
+            "100%.png",
+            "%f",
+            "%zz",
+            "%ff.png",
+        ] {
+            assert!(relative_path(uri).is_err(), "{uri}");
+        }
+    }
+
+    #[test]
+    fn data_uris_decode() {
+        let ok = |uri| decode_data_uri(uri).unwrap().unwrap();
+        assert_eq!(ok("data:application/octet-stream;base64,AAEC"), [0, 1, 2]);
+        assert_eq!(ok("DATA:;base64,AAE"), [0, 1], "missing padding");
+        assert_eq!(ok("data:;base64,AAE%3D"), [0, 1], "encoded padding");
+        assert_eq!(ok("data:text/plain,a%20b"), b"a b");
+        assert!(decode_data_uri("data:;base64,A!").unwrap().is_err());
+        assert!(decode_data_uri("data:nothing").unwrap().is_err());
+        assert!(decode_data_uri("plain.bin").is_none());
+    }
+}

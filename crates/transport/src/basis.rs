@@ -1,0 +1,119 @@
+//! One level of the meshless basis: Shepard functions over oriented points.
+//!
+//! Source: Lehtinen et al. 2008, equations 1 to 3 (Shepard approximation and its basis functions) and 8 to
+//! 10 (weights). The functions of a level sum to one wherever any of them is non-zero and vanish beyond the
+//! support radius.
+
+use crate::grid::PointGrid;
+use crate::kernel;
+use crate::sparse::Rows;
+use glam::Vec3;
+
+/// Points of one level with the functions they carry.
+#[derive(Clone, Debug)]
+pub struct Level {
+    /// Poisson-disk radius R of the level: points are at least this far apart under equation 11.
+    pub disk_radius: f32,
+    /// Support radius r = C·R of every function of the level.
+    pub support_radius: f32,
+    /// World space.
+    pub positions: Vec<Vec3>,
+    /// Unit normals.
+    pub normals: Vec<Vec3>,
+    grid: PointGrid,
+}
+
+impl Level {
+    /// A level over the given points.
+    pub fn new(positions: Vec<Vec3>, normals: Vec<Vec3>, disk_radius: f32, support_radius: f32) -> Level {
+        let grid = PointGrid::new(&positions, &normals, support_radius);
+        Level {
+            disk_radius,
+            support_radius,
+            positions,
+            normals,
+            grid,
+        }
+    }
+
+    /// Number of functions.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Whether the level has no point at all.
+    pub fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+
+    /// Calls `visit(index, weight)` for every function whose weight w_j (equation 8) is positive at
+    /// (`x`, `normal`).
+    #[inline]
+    pub fn weights_at(&self, x: Vec3, normal: Vec3, mut visit: impl FnMut(u32, f32)) {
+        let inverse = 1.0 / self.support_radius;
+        self.grid.near(x, |entry| {
+            let w = kernel::weight(
+                x - entry.position,
+                entry.normal,
+                inverse,
+                entry.normal.dot(normal),
+            );
+            if w > 0.0 {
+                visit(entry.index, w);
+            }
+        });
+    }
+
+    /// Appends (index, B_j(x, normal)) of equation 2 for every function that is non-zero there. Appends
+    /// nothing where no function covers the place.
+    pub fn functions_at(&self, x: Vec3, normal: Vec3, out: &mut Vec<(u32, f32)>) {
+        let start = out.len();
+        let mut sum = 0.0;
+        self.weights_at(x, normal, |j, w| {
+            out.push((j, w));
+            sum += w;
+        });
+        for entry in &mut out[start..] {
+            entry.1 /= sum;
+        }
+    }
+
+    /// The function with the largest weight at (`x`, `normal`), if any covers it. Ties go to the lower index.
+    #[inline]
+    pub fn nearest(&self, x: Vec3, normal: Vec3) -> Option<u32> {
+        let mut best = (0.0f32, u32::MAX);
+        self.weights_at(x, normal, |j, w| {
+            if w > best.0 || (w == best.0 && j < best.1) {
+                best = (w, j);
+            }
+        });
+        (best.0 > 0.0).then_some(best.1)
+    }
+
+    /// For each of the points of another level (or any oriented points): the functions of this level there.
+    /// Rows: the given points; columns: this level's functions. Each row sums to 1, or is empty where
+    /// nothing covers the point.
+    pub fn evaluated_at(&self, positions: &[Vec3], normals: &[Vec3]) -> Rows {
+        Rows::build(positions.len(), self.len(), |i, row| {
+            self.functions_at(positions[i], normals[i], row)
+        })
+    }
+
+    /// Surface area that each point stands for, in squared scene units, up to a common factor near one.
+    ///
+    /// In a maximal Poisson-disk set the density is nearly even; what unevenness there is shows in the sum
+    /// of the weights at the point, its reciprocal being the classical volume estimate of particle methods.
+    /// On a plane of even density N per area that sum is N·∫K dA = N·(3π/10)·r², hence the factor.
+    pub fn areas(&self) -> Vec<f32> {
+        use rayon::prelude::*;
+        let unit = 0.3 * std::f32::consts::PI * self.support_radius * self.support_radius;
+        (0..self.len())
+            .into_par_iter()
+            .map(|i| {
+                let mut sum = 0.0;
+                self.weights_at(self.positions[i], self.normals[i], |_, w| sum += w);
+                unit / sum
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,168 @@
+//! A hashed grid over oriented points, for finding all points within a fixed radius.
+//!
+//! The meshless paper stores each level in an R-tree (section 2.1); all supports of a level have one radius,
+//! so a grid answers the same query with eight look-ups and no traversal.
+
+use glam::{IVec3, Vec3};
+
+/// A point as the grid keeps it, in cell order.
+#[derive(Clone, Copy, Debug)]
+pub struct Entry {
+    /// Position, world space.
+    pub position: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+    /// Index of the point in the arrays the grid was built from.
+    pub index: u32,
+}
+
+/// Points in cells of twice the query radius: a ball meets at most 2×2×2 of them.
+#[derive(Clone, Debug)]
+pub struct PointGrid {
+    inverse_cell: f32,
+    /// Open-addressing table of (cell key, first entry, end entry); empty where `end` is 0.
+    table: Vec<(u64, u32, u32)>,
+    entries: Vec<Entry>,
+}
+
+/// Packs a cell's coordinates, 21 bits each. Cells 2²¹ apart share a key: their points are found and then
+/// rejected by distance.
+#[inline]
+fn key_of(cell: IVec3) -> u64 {
+    const MASK: u64 = (1 << 21) - 1;
+    (cell.x as u64 & MASK) | ((cell.y as u64 & MASK) << 21) | ((cell.z as u64 & MASK) << 42)
+}
+
+#[inline]
+fn slot_of(key: u64, mask: usize) -> usize {
+    // Fibonacci hashing: the high bits of the product depend on all bits of the key.
+    (key.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize & mask
+}
+
+impl PointGrid {
+    /// A grid for queries of at most `radius`.
+    pub fn new(positions: &[Vec3], normals: &[Vec3], radius: f32) -> PointGrid {
+        let inverse_cell = 0.5 / radius;
+        let mut keyed: Vec<(u64, u32)> = positions
+            .iter()
+            .enumerate()
+            .map(|(i, &p)| (key_of((p * inverse_cell).floor().as_ivec3()), i as u32))
+            .collect();
+        keyed.sort_unstable();
+        let entries: Vec<Entry> = keyed
+            .iter()
+            .map(|&(_, i)| Entry {
+                position: positions[i as usize],
+                normal: normals[i as usize],
+                index: i,
+            })
+            .collect();
+        let cells = keyed.chunk_by(|a, b| a.0 == b.0).count();
+        let size = (cells * 2).next_power_of_two().max(2);
+        let mut table = vec![(0u64, 0u32, 0u32); size];
+        let mut first = 0;
+        for run in keyed.chunk_by(|a, b| a.0 == b.0) {
+            let mut slot = slot_of(run[0].0, size - 1);
+            while table[slot].2 != 0 {
+                slot = (slot + 1) & (size - 1);
+            }
+            table[slot] = (run[0].0, first, first + run.len() as u32);
+            first += run.len() as u32;
+        }
+        PointGrid {
+            inverse_cell,
+            table,
+            entries,
+        }
+    }
+
+    /// Calls `visit` for every point within the radius of `x`, and for some beyond it, in an order that
+    /// depends on the points and `x` alone.
+    #[inline]
+    pub fn near(&self, x: Vec3, mut visit: impl FnMut(&Entry)) {
+        if self.entries.is_empty() {
+            return;
+        }
+        let base = (x * self.inverse_cell - 0.5).floor().as_ivec3();
+        let mask = self.table.len() - 1;
+        for corner in 0..8 {
+            let key = key_of(base + IVec3::new(corner & 1, (corner >> 1) & 1, corner >> 2));
+            let mut slot = slot_of(key, mask);
+            loop {
+                let (found, first, end) = self.table[slot];
+                if end == 0 {
+                    break;
+                }
+                if found == key {
+                    for entry in &self.entries[first as usize..end as usize] {
+                        visit(entry);
+                    }
+                    break;
+                }
+                slot = (slot + 1) & mask;
+            }
+        }
+    }
+}
+
+/// Order of points along a Morton curve through their bounds: neighbours in space become neighbours in
+/// memory and in the file. Ties keep their order.
+pub fn morton_order(positions: &[Vec3]) -> Vec<u32> {
+    let (min, max) = positions
+        .iter()
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), &p| {
+            (lo.min(p), hi.max(p))
+        });
+    // 21 bits per axis fill 63; cubic cells keep the curve's steps isotropic.
+    let scale = ((1 << 21) - 1) as f32 / (max - min).max_element().max(f32::MIN_POSITIVE);
+    let spread = |v: u64| {
+        let mut v = v & 0x1f_ffff;
+        v = (v | (v << 32)) & 0x001f_0000_0000_ffff;
+        v = (v | (v << 16)) & 0x001f_0000_ff00_00ff;
+        v = (v | (v << 8)) & 0x100f_00f0_0f00_f00f;
+        v = (v | (v << 4)) & 0x10c3_0c30_c30c_30c3;
+        (v | (v << 2)) & 0x1249_2492_4924_9249
+    };
+    let mut keyed: Vec<(u64, u32)> = positions
+        .iter()
+        .enumerate()
+        .map(|(i, &p)| {
+            let q = ((p - min) * scale).max(Vec3::ZERO);
+            let code = spread(q.x as u64) | (spread(q.y as u64) << 1) | (spread(q.z as u64) << 2);
+            (code, i as u32)
+        })
+        .collect();
+    keyed.sort_unstable();
+    keyed.into_iter().map(|(_, i)| i).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stream;
+
+    #[test]
+    fn every_point_within_the_radius_is_found_once() {
+        let mut s = Stream::new(5, 0, 0);
+        let positions: Vec<Vec3> = (0..3000)
+            .map(|_| Vec3::new(s.uniform(), s.uniform(), s.uniform()) * 4.0 - 2.0)
+            .collect();
+        let normals = vec![Vec3::Z; positions.len()];
+        let radius = 0.3;
+        let grid = PointGrid::new(&positions, &normals, radius);
+        for _ in 0..200 {
+            let x = Vec3::new(s.uniform(), s.uniform(), s.uniform()) * 5.0 - 2.5;
+            let mut found = Vec::new();
+            grid.near(x, |e| {
+                if (e.position - x).length() < radius {
+                    found.push(e.index);
+                }
+            });
+            found.sort_unstable();
+            let brute: Vec<u32> = (0..positions.len() as u32)
+                .filter(|&i| (positions[i as usize] - x).length() < radius)
+                .collect();
+            assert_eq!(found, brute);
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! Dart throwing: Poisson-disk points under the oriented distance.
+//!
+//! Source: Lehtinen et al. 2008, section 2.3 and equation 11. A level accepts candidates in order; it is
+//! full after [`FAILURES`] rejections in a row.
+//!
+//! Deviation: candidates come in batches whose conflicts with the points accepted so far are tested in
+//! parallel; what survives is tested again in order against the newcomers. The result is that of the serial
+//! algorithm on the same candidates, whatever the number of threads.
+
+use crate::kernel::disk_distance_squared;
+use crate::random::mix;
+use glam::{IVec3, Vec3};
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
+/// Rejections in a row after which a level counts as full (section 2.3).
+pub const FAILURES: u32 = 2000;
+
+#[derive(Default)]
+struct CellHasher(u64);
+
+impl Hasher for CellHasher {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+    fn write(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.0 = mix(self.0 ^ u64::from(byte));
+        }
+    }
+    fn write_u64(&mut self, key: u64) {
+        self.0 = mix(key);
+    }
+}
+
+/// A growing set of points that keep their distance.
+#[derive(Default)]
+pub struct Disks {
+    radius: f32,
+    /// World space, in order of acceptance.
+    pub positions: Vec<Vec3>,
+    /// Unit normals.
+    pub normals: Vec<Vec3>,
+    /// Which candidate each point was.
+    pub candidates: Vec<u64>,
+    /// Newest point in each cell; `next` chains to older ones.
+    newest: HashMap<u64, u32, BuildHasherDefault<CellHasher>>,
+    next: Vec<u32>,
+    failures: u32,
+}
+
+const END: u32 = u32::MAX;
+
+impl Disks {
+    /// An empty set with disk radius `radius` (scene units).
+    pub fn new(radius: f32) -> Disks {
+        Disks {
+            radius,
+            ..Disks::default()
+        }
+    }
+
+    /// Disk radius.
+    pub fn radius(&self) -> f32 {
+        self.radius
+    }
+
+    /// Whether [`FAILURES`] candidates in a row were rejected.
+    pub fn is_full(&self) -> bool {
+        self.failures >= FAILURES
+    }
+
+    fn cell(&self, x: Vec3, shift: f32) -> IVec3 {
+        (x * (0.5 / self.radius) - shift).floor().as_ivec3()
+    }
+
+    fn key(cell: IVec3) -> u64 {
+        let part = |v: i32| u64::from(v as u32) & 0x1f_ffff;
+        part(cell.x) | (part(cell.y) << 21) | (part(cell.z) << 42)
+    }
+
+    /// Whether a point of index `first` or later lies within the disk radius of the candidate. Equation 11
+    /// is never below the Euclidean distance, so cells of twice the radius, two along each axis, suffice.
+    fn conflicts(&self, position: Vec3, normal: Vec3, first: u32) -> bool {
+        let base = self.cell(position, 0.5);
+        let limit = self.radius * self.radius;
+        for corner in 0..8 {
+            let key = Disks::key(base + IVec3::new(corner & 1, (corner >> 1) & 1, corner >> 2));
+            let mut i = self.newest.get(&key).copied().unwrap_or(END);
+            // Chains run from newest to oldest.
+            while i != END && i >= first {
+                let other = (self.positions[i as usize], self.normals[i as usize]);
+                if disk_distance_squared((position, normal), other) < limit {
+                    return true;
+                }
+                i = self.next[i as usize];
+            }
+        }
+        false
+    }
+
+    fn insert(&mut self, position: Vec3, normal: Vec3, candidate: u64) {
+        let index = self.positions.len() as u32;
+        let key = Disks::key(self.cell(position, 0.0));
+        let older = self.newest.insert(key, index).unwrap_or(END);
+        self.positions.push(position);
+        self.normals.push(normal);
+        self.candidates.push(candidate);
+        self.next.push(older);
+    }
+
+    /// Throws a batch of candidates, whose numbers start at `first_candidate`. A candidate that keeps its
+    /// distance from all points so far must also be admitted by `admits` (index within the batch).
+    /// Candidates after the one that fills the level are ignored.
+    pub fn throw(
+        &mut self,
+        positions: &[Vec3],
+        normals: &[Vec3],
+        first_candidate: u64,
+        admits: impl Fn(usize) -> bool + Sync,
+    ) {
+        // Sub-batches grow with the set: early on nearly all survive the parallel test and would then
+        // conflict with each other.
+        let mut start = 0;
+        while start < positions.len() && !self.is_full() {
+            let end = (start + (self.positions.len() * 2).max(256)).min(positions.len());
+            let survivors: Vec<bool> = (start..end)
+                .into_par_iter()
+                .with_min_len(256)
+                .map(|i| !self.conflicts(positions[i], normals[i], 0) && admits(i))
+                .collect();
+            let old = self.positions.len() as u32;
+            for (i, survives) in (start..end).zip(survivors) {
+                if survives && !self.conflicts(positions[i], normals[i], old) {
+                    self.insert(positions[i], normals[i], first_candidate + i as u64);
+                    self.failures = 0;
+                } else {
+                    self.failures += 1;
+                    if self.is_full() {
+                        break;
+                    }
+                }
+            }
+            start = end;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stream;
+
+    fn on_a_sphere(count: usize) -> Vec<Vec3> {
+        let mut s = Stream::new(11, 0, 0);
+        (0..count)
+            .map(|_| {
+                crate::sampling::uniform_hemisphere(glam::Vec2::new(2.0 * s.uniform() - 1.0, s.uniform()))
+            })
+            .map(Vec3::normalize)
+            .collect()
+    }
+
+    #[test]
+    fn points_keep_their_distance_and_leave_no_gap() {
+        let candidates = on_a_sphere(200_000);
+        let mut disks = Disks::new(0.2);
+        disks.throw(&candidates, &candidates, 0, |_| true);
+        assert!(disks.is_full());
+        let points: Vec<(Vec3, Vec3)> = disks
+            .positions
+            .iter()
+            .copied()
+            .zip(disks.normals.iter().copied())
+            .collect();
+        for i in 0..points.len() {
+            for j in 0..i {
+                assert!(disk_distance_squared(points[i], points[j]) >= 0.2f32 * 0.2);
+            }
+        }
+        // Full means that at most about one candidate in 2000 still finds room; 5 in 2000 is beyond chance.
+        let fresh = &on_a_sphere(200_000)[100_000..];
+        let room = fresh
+            .iter()
+            .filter(|&&c| {
+                points
+                    .iter()
+                    .all(|&p| disk_distance_squared((c, c), p) >= 0.2f32 * 0.2)
+            })
+            .count();
+        assert!(
+            room * 2000 <= 5 * fresh.len(),
+            "{room} of {} candidates find room",
+            fresh.len()
+        );
+    }
+
+    #[test]
+    fn batches_give_what_one_by_one_gives() {
+        let candidates = on_a_sphere(20_000);
+        let mut batched = Disks::new(0.15);
+        batched.throw(&candidates, &candidates, 0, |i| i % 3 != 0);
+        let mut single = Disks::new(0.15);
+        for (i, c) in candidates.iter().enumerate() {
+            if single.is_full() {
+                break;
+            }
+            single.throw(&[*c], &[*c], i as u64, |_| i % 3 != 0);
+        }
+        assert_eq!(batched.candidates, single.candidates);
+    }
+}

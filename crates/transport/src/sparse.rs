@@ -1,0 +1,105 @@
+//! Sparse rows of non-negative weights: reconstruction and pull matrices.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// A sparse matrix of weights in rows (compressed sparse rows). Column indices are below `columns`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rows {
+    /// Number of columns.
+    pub columns: u32,
+    /// Start of each row in `entries`, and the end of the last: rows + 1 values.
+    pub offsets: Vec<u32>,
+    /// (column, weight).
+    pub entries: Vec<(u32, f32)>,
+}
+
+/// Rows per parallel task: long enough to hide scheduling, short enough to balance two cores.
+const CHUNK: usize = 1024;
+
+impl Rows {
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.offsets.len().saturating_sub(1)
+    }
+
+    /// One row.
+    #[inline]
+    pub fn row(&self, i: usize) -> &[(u32, f32)] {
+        &self.entries[self.offsets[i] as usize..self.offsets[i + 1] as usize]
+    }
+
+    /// Builds `rows` rows in parallel; `fill(i, row)` appends row `i`'s entries.
+    pub fn build(rows: usize, columns: usize, fill: impl Fn(usize, &mut Vec<(u32, f32)>) + Sync) -> Rows {
+        let chunks: Vec<(Vec<u32>, Vec<(u32, f32)>)> = (0..rows.div_ceil(CHUNK))
+            .into_par_iter()
+            .map(|chunk| {
+                let mut entries = Vec::new();
+                let ends = (chunk * CHUNK..((chunk + 1) * CHUNK).min(rows))
+                    .map(|i| {
+                        fill(i, &mut entries);
+                        entries.len() as u32
+                    })
+                    .collect();
+                (ends, entries)
+            })
+            .collect();
+        let mut offsets = Vec::with_capacity(rows + 1);
+        offsets.push(0);
+        let mut entries = Vec::with_capacity(chunks.iter().map(|c| c.1.len()).sum());
+        for (ends, part) in chunks {
+            let start = entries.len() as u32;
+            offsets.extend(ends.into_iter().map(|end| start + end));
+            entries.extend(part);
+        }
+        Rows {
+            columns: columns as u32,
+            offsets,
+            entries,
+        }
+    }
+
+    /// The transposed matrix, rows in order of column index.
+    pub fn transposed(&self) -> Rows {
+        let mut offsets = vec![0u32; self.columns as usize + 1];
+        for &(column, _) in &self.entries {
+            offsets[column as usize + 1] += 1;
+        }
+        for i in 1..offsets.len() {
+            offsets[i] += offsets[i - 1];
+        }
+        let mut next = offsets.clone();
+        let mut entries = vec![(0u32, 0f32); self.entries.len()];
+        for i in 0..self.rows() {
+            for &(column, weight) in self.row(i) {
+                entries[next[column as usize] as usize] = (i as u32, weight);
+                next[column as usize] += 1;
+            }
+        }
+        Rows {
+            columns: self.rows() as u32,
+            offsets,
+            entries,
+        }
+    }
+
+    /// Scales every row to sum 1; rows that sum to nothing stay as they are.
+    pub fn normalise(&mut self) {
+        for i in 0..self.rows() {
+            let row = &mut self.entries[self.offsets[i] as usize..self.offsets[i + 1] as usize];
+            let sum: f32 = row.iter().map(|e| e.1).sum();
+            if sum > 0.0 {
+                row.iter_mut().for_each(|e| e.1 /= sum);
+            }
+        }
+    }
+
+    /// `out[i] = Σ_j weight_ij · values[j]`, in parallel over rows.
+    pub fn apply(&self, values: &[Vec3]) -> Vec<Vec3> {
+        (0..self.rows())
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|i| self.row(i).iter().map(|&(j, w)| values[j as usize] * w).sum())
+            .collect()
+    }
+}
