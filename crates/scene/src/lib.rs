@@ -7,12 +7,20 @@
 #![deny(unsafe_code)]
 
 pub mod animated;
+pub mod bsdf;
 pub mod camera;
+pub mod environment;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 pub mod image;
 pub mod light;
+pub mod light_set;
 pub mod material;
+pub mod rays;
 pub mod scene;
 pub mod sequence;
-// pub mod surface; // waits for rays
+pub mod shading;
+pub mod sky;
+pub mod surface;
+pub mod texture;
+pub mod traced;

@@ -1,0 +1,22 @@
+//! Stands in for the AVX2 kernel where there is none: a type without values.
+
+use super::layout::Tree;
+use super::{Hit, Ray};
+
+/// Proof that the processor runs the AVX2 kernel: none here.
+#[derive(Clone, Copy)]
+pub(super) enum Avx2 {}
+
+impl Avx2 {
+    pub(super) fn detect() -> Option<Avx2> {
+        None
+    }
+
+    pub(super) fn cast<const ANY: bool>(self, _: &Tree, _: &Ray, _: &impl Fn(&Hit) -> bool) -> Option<Hit> {
+        match self {}
+    }
+
+    pub(super) fn any_hit_packet(self, _: &Tree, _: &[Ray], _: &mut [bool]) {
+        match self {}
+    }
+}

@@ -1,0 +1,19 @@
+//! Shadow rays in packets.
+
+use super::avx2::Avx2;
+use super::layout::Tree;
+use super::ray_setup::RaySetup;
+use super::{Ray, scalar};
+
+/// See [`super::TriangleBvh::any_hit_packet`].
+pub(super) fn any_hit_packet(tree: &Tree, simd: Option<Avx2>, rays: &[Ray], occluded: &mut [bool]) {
+    if let Some(simd) = simd {
+        simd.any_hit_packet(tree, rays, occluded);
+        return;
+    }
+    for (ray, occluded) in rays.iter().zip(occluded) {
+        let hit =
+            RaySetup::new(tree, ray).and_then(|setup| scalar::traverse::<true>(tree, &setup, &|_| true));
+        *occluded = hit.is_some();
+    }
+}
