@@ -24,7 +24,7 @@ const LANES: usize = 8;
 const PACKET: usize = GROUPS * LANES;
 
 /// With at most this many rays left in a subtree, single traversal is faster (docs/rays.md).
-const FEW: u32 = 3;
+const FEW: u32 = 5;
 
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
 pub(super) fn any_hit_packet(tree: &Tree, rays: &[Ray], occluded: &mut [bool]) {
