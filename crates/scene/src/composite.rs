@@ -32,7 +32,10 @@ impl Composite {
             first_primitive.push(next);
             next = next.checked_add(part.primitives)?;
         }
-        Some(Composite { parts, first_primitive })
+        Some(Composite {
+            parts,
+            first_primitive,
+        })
     }
 
     /// The parts, in order.
@@ -42,7 +45,9 @@ impl Composite {
 
     /// Which part a hit is on: index into [`Composite::parts`]; `None` for hits of other surfaces.
     pub fn part_of(&self, hit: &SurfaceHit) -> Option<usize> {
-        let after = self.first_primitive.partition_point(|&first| first <= hit.primitive);
+        let after = self
+            .first_primitive
+            .partition_point(|&first| first <= hit.primitive);
         after.checked_sub(1)
     }
 }
@@ -79,7 +84,10 @@ impl Surfaces for Composite {
         let Some(at) = self.part_of(hit) else {
             return Vec3::ZERO;
         };
-        let hit = SurfaceHit { primitive: hit.primitive - self.first_primitive[at], ..*hit };
+        let hit = SurfaceHit {
+            primitive: hit.primitive - self.first_primitive[at],
+            ..*hit
+        };
         self.parts[at].surfaces.albedo(&hit)
     }
 }
@@ -91,21 +99,36 @@ mod tests {
     use glam::DVec3;
 
     fn ball(x: f32, albedo: f32) -> Part {
-        let sdf = Sdf::Sphere { center: DVec3::X * f64::from(x), radius: 1.0 };
+        let sdf = Sdf::Sphere {
+            center: DVec3::X * f64::from(x),
+            radius: 1.0,
+        };
         let (low, high) = (Vec3::new(x - 1.0, -1.0, -1.0), Vec3::new(x + 1.0, 1.0, 1.0));
         let surfaces = Box::new(ImplicitSurface::new(sdf, (low, high), Vec3::splat(albedo)));
-        Part { name: String::new(), surfaces, primitives: 1 }
+        Part {
+            name: String::new(),
+            surfaces,
+            primitives: 1,
+        }
     }
 
     /// Truth by hand: two balls of radius 1 at x = 0 and x = 3, in either order.
     #[test]
     fn the_nearest_part_is_hit_and_keeps_its_albedo() {
-        for parts in [vec![ball(0.0, 0.2), ball(3.0, 0.6)], vec![ball(3.0, 0.6), ball(0.0, 0.2)]] {
+        for parts in [
+            vec![ball(0.0, 0.2), ball(3.0, 0.6)],
+            vec![ball(3.0, 0.6), ball(0.0, 0.2)],
+        ] {
             let both = Composite::new(parts).unwrap();
             assert_eq!(both.bounds().unwrap().0.x.round(), -1.0);
             assert_eq!(both.bounds().unwrap().1.x.round(), 4.0);
             for (from, toward, t, albedo) in [(-5.0, Vec3::X, 4.0, 0.2), (8.0, Vec3::NEG_X, 4.0, 0.6)] {
-                let ray = Ray { origin: Vec3::X * from, direction: toward, t_min: 0.0, t_max: 100.0 };
+                let ray = Ray {
+                    origin: Vec3::X * from,
+                    direction: toward,
+                    t_min: 0.0,
+                    t_max: 100.0,
+                };
                 let hit = both.closest_hit(&ray).unwrap();
                 assert!((hit.t - t).abs() < 1e-5);
                 assert_eq!(both.albedo(&hit), Vec3::splat(albedo));
