@@ -7,13 +7,24 @@
 #![deny(unsafe_code)]
 
 pub mod animated;
+pub mod bsdf;
 pub mod camera;
+pub mod composite;
+pub mod environment;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 pub mod image;
+pub mod implicit;
+pub mod isosurface;
 pub mod light;
+pub mod light_set;
 pub mod material;
 pub mod rays;
 pub mod scene;
 pub mod sequence;
-// pub mod surface; // waits for rays
+pub mod shading;
+pub mod sky;
+pub mod surface;
+pub mod surface_scene;
+pub mod texture;
+pub mod traced;

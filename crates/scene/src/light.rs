@@ -5,7 +5,7 @@ use glam::Vec3;
 use std::sync::Arc;
 
 /// A light over time, as a sequence or a scene describes it. Units: design section 2.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LightTrack {
     /// Its name: layers are called `light.<name>`. Unique within a sequence.
     pub name: String,
@@ -14,7 +14,7 @@ pub struct LightTrack {
 }
 
 /// The kinds of lights of a sequence, with values over time.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum LightKind {
     /// Radiant intensity in W/sr, the same in all directions.
     Point {

@@ -1,10 +1,18 @@
-//! Lighting sequences: what shines at which frame, seen by which camera (design section 4).
+//! Lighting sequences: what shines at which frame, seen by which camera (design section 4), and their JSON.
+
+mod fields;
+mod json_in;
+mod json_out;
+
+pub use fields::SequenceError;
+pub use json_in::{parse_sequence, read_sequence, stage_from_json};
+pub use json_out::{sequence_to_json, stage_to_json};
 
 use crate::camera::CameraTrack;
 use crate::light::LightTrack;
 
 /// A lighting sequence: `frames` frames of lights and, if it names one, a camera.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Sequence {
     /// Number of frames, at least 1.
     pub frames: u32,
@@ -17,10 +25,13 @@ pub struct Sequence {
 }
 
 /// The camera of a sequence.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum SequenceCamera {
     /// A camera node of the scene, by name.
     Node(String),
     /// A camera of the sequence's own.
     Own(CameraTrack),
 }
+
+#[cfg(test)]
+mod tests;

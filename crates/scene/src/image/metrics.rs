@@ -59,7 +59,7 @@ pub(crate) fn check_pair(test: &FloatImage, reference: &FloatImage) -> Result<()
             height,
             pixels,
         } = image;
-        if pixels.is_empty() || pixels.len() != width * height {
+        if pixels.is_empty() || width.checked_mul(*height) != Some(pixels.len()) {
             let detail = format!("{width} × {height} pixels in an array of {}", pixels.len());
             return Err(ImageError::invalid(what, detail));
         }

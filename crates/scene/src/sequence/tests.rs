@@ -1,0 +1,162 @@
+//! Sequences as people write them, right and wrong.
+
+use super::*;
+use crate::animated::{Animated, Interpolation};
+use crate::light::{EnvironmentMap, LightKind};
+use glam::Vec3;
+use proptest::prelude::*;
+use std::path::Path;
+use std::sync::Arc;
+
+/// The example of design section 4, without its environment map.
+const EXAMPLE: &str = r#"{ "relight_sequence": 1, "frames": 48, "fps": 24,
+  "camera": { "node": "hall" },
+  "lights": [
+    { "name": "torch", "type": "spot", "position": {"keys": [[0,[0,2,0]],[47,[6,2,0]]], "interpolation": "linear"},
+      "direction": [0,-1,0.2], "inner_angle_deg": 20, "outer_angle_deg": 35, "intensity": [40,36,30] },
+    { "name": "bulb",  "type": "point", "position": [1,2,3], "intensity": [10,10,10] },
+    { "name": "sun",   "type": "directional", "direction": [-0.3,-1,0.1], "irradiance": [5,5,4.5] },
+    { "name": "panel", "type": "rect", "center": [0,3,0], "edge_u": [1,0,0], "edge_v": [0,0,1], "radiance": [8,8,8] },
+    { "name": "globe", "type": "sphere", "center": [0,2,0], "radius": 0.1, "radiance": [50,50,50] },
+    { "name": "day",   "type": "sun_sky", "turbidity": 3, "sun_direction": [0.2,0.8,0.1], "scale": 1.0 },
+    { "name": "neon",  "type": "emissive", "material": "Neon", "scale": [1,1,1] } ] }"#;
+
+fn parse(text: &str) -> Result<Sequence, String> {
+    parse_sequence(text, Path::new("."), "seq.json").map_err(|e| e.to_string())
+}
+
+#[test]
+fn the_designs_example_is_read_as_it_is_meant() {
+    let sequence = parse(EXAMPLE).unwrap();
+    assert_eq!(
+        (sequence.frames, sequence.fps, sequence.lights.len()),
+        (48, 24.0, 7)
+    );
+    assert_eq!(sequence.camera, Some(SequenceCamera::Node("hall".into())));
+    let LightKind::Spot {
+        position, intensity, ..
+    } = &sequence.lights[0].kind
+    else {
+        panic!()
+    };
+    assert_eq!(position.at(47.0), Vec3::new(6.0, 2.0, 0.0));
+    assert_eq!(intensity.at(3.0), Vec3::new(40.0, 36.0, 30.0));
+    let LightKind::SunSky { scale, .. } = &sequence.lights[5].kind else {
+        panic!()
+    };
+    assert_eq!(scale.at(0.0), Vec3::ONE);
+}
+
+#[test]
+fn frames_and_fps_have_the_designs_defaults() {
+    let sequence = parse(r#"{"relight_sequence": 1, "lights": []}"#).unwrap();
+    assert_eq!((sequence.frames, sequence.fps, sequence.camera), (1, 24.0, None));
+}
+
+#[test]
+fn writing_and_reading_back_changes_nothing() {
+    let sequence = parse(EXAMPLE).unwrap();
+    assert_eq!(parse(&sequence_to_json(&sequence)).unwrap(), sequence);
+    let camera = CameraTrack {
+        name: "hall".into(),
+        position: Animated::Constant(Vec3::new(0.1, 1e-20, -3.0)),
+        look_at: Animated::Keys {
+            keys: vec![(0.0, Vec3::X), (1.5, Vec3::Y)],
+            interpolation: Interpolation::Cubic,
+        },
+        up: Animated::Constant(Vec3::Y),
+        vfov_deg: Animated::Constant(42.7),
+        aspect: Some(1.7777778),
+    };
+    let text = stage_to_json(std::slice::from_ref(&camera), &sequence);
+    assert_eq!(stage_from_json(&text).unwrap(), (vec![camera], sequence));
+}
+
+/// One wrong light, or one wrong top-level field, at a time, and what the message must say.
+#[test]
+fn messages_name_the_path_and_what_was_found() {
+    let light = |fields: &str| format!(r#"{{"relight_sequence": 1, "lights": [{{"name": "a", {fields}}}]}}"#);
+    let point = r#""type": "point", "position": [0,0,0]"#;
+    let cases = [
+        (light(&format!(r#"{point}, "intensity": "red""#)), "lights[0].intensity: expected 3 numbers, found \"red\""),
+        (light(&format!(r#"{point}, "intensity": [1,-2,1]"#)), "lights[0].intensity[1]: expected a number of at least 0, found -2"),
+        (light(&format!(r#"{point}, "intensity": [1,2]"#)), "lights[0].intensity: expected 3 numbers, found [1,2]"),
+        (light(&format!(r#"{point}, "intensity": "NaN""#)), "lights[0].intensity"),
+        (light(&format!(r#"{point}, "intensity": [1e300,1,1]"#)), "lights[0].intensity[0]: expected a number of at most"),
+        (light(&format!(r#"{point}, "intensity": [1,1,1], "color": 3"#)), "lights[0].color: unknown field; known here: name, type, position, intensity"),
+        (light(point), "lights[0].intensity: missing"),
+        (light(r#""type": "laser""#), "lights[0].type: unknown light type \"laser\"; known: point, spot, directional, rect, sphere, environment, sun_sky, emissive"),
+        (light(r#""type": "spot", "position": [0,0,0], "direction": [0,0,0], "outer_angle_deg": 10, "intensity": [1,1,1]"#), "lights[0].direction: expected a direction"),
+        (light(r#""type": "spot", "position": [0,0,0], "direction": [0,1,0], "outer_angle_deg": 120, "intensity": [1,1,1]"#), "lights[0].outer_angle_deg: expected a number from 0 to 90, found 120"),
+        (light(r#""type": "spot", "position": [0,0,0], "direction": [0,1,0], "inner_angle_deg": 30, "outer_angle_deg": 20, "intensity": [1,1,1]"#), "lights[0].inner_angle_deg: must not exceed"),
+        (light(r#""type": "rect", "center": [0,0,0], "edge_u": [1,0,0], "edge_v": [2,0,0], "radiance": [1,1,1]"#), "lights[0].edge_v: must not be parallel"),
+        (light(r#""type": "sphere", "center": [0,0,0], "radius": 0, "radiance": [1,1,1]"#), "lights[0].radius: expected a number above 0, found 0"),
+        (light(r#""type": "emissive", "scale": "x""#), "lights[0].scale: expected a number or 3 numbers (RGB)"),
+        (light(r#""type": "environment", "file": "no/such.hdr""#), "lights[0].file: "),
+        (light(&format!(r#"{point}, "intensity": {{"keys": [[1,[1,1,1]],[1,[2,2,2]]]}}"#)), "lights[0].intensity.keys[1][0]: frames of keys must rise"),
+        (light(&format!(r#"{point}, "intensity": {{"keys": []}}"#)), "lights[0].intensity.keys: expected a list"),
+        (light(&format!(r#"{point}, "intensity": {{"keys": [[0,[1,1,"b"]]]}}"#)), "lights[0].intensity.keys[0][1]: expected 3 numbers"),
+        (light(&format!(r#"{point}, "intensity": {{"keys": [[0,[1,1,1]]], "interpolation": "bezier"}}"#)), "lights[0].intensity.interpolation: expected \"step\""),
+        (r#"{"relight_sequence": 2, "lights": []}"#.into(), "relight_sequence: expected 1"),
+        (r#"{"lights": []}"#.into(), "relight_sequence: missing"),
+        (r#"{"relight_sequence": 1, "frames": 0, "lights": []}"#.into(), "frames: expected a whole number of at least 1, found 0"),
+        (r#"{"relight_sequence": 1, "fps": -1, "lights": []}"#.into(), "fps: expected a number above 0"),
+        (r#"{"relight_sequence": 1, "ligths": []}"#.into(), "ligths: unknown field"),
+        (r#"{"relight_sequence": 1, "camera": {"position": [0,0,0], "look_at": [1,0,0], "vfov_deg": 180}, "lights": []}"#.into(), "camera.vfov_deg: expected a number above 0 and below 180"),
+        (r#"{"relight_sequence": 1, "lights": [{"name": "a", "type": "emissive"}, {"name": "a", "type": "emissive"}]}"#.into(), "lights[1].name: \"a\" is already"),
+        ("[]".into(), "the sequence: expected an object"),
+        ("{\n  \"relight_sequence\": 1,,".into(), "not valid JSON at line 2, column 25"),
+    ];
+    for (text, wanted) in cases {
+        let message = parse(&text).unwrap_err();
+        assert!(
+            message.starts_with("seq.json: ") && message.contains(wanted),
+            "{message}\nlacks\n{wanted}"
+        );
+    }
+}
+
+#[test]
+fn an_asset_refuses_environment_maps_by_name() {
+    let mut sequence = parse(r#"{"relight_sequence": 1, "lights": []}"#).unwrap();
+    sequence.lights.push(LightTrack {
+        name: "sky".into(),
+        kind: LightKind::Environment {
+            map: Arc::new(EnvironmentMap {
+                width: 1,
+                height: 1,
+                pixels: vec![Vec3::ONE],
+            }),
+            file: "meadow.hdr".into(),
+            scale: Animated::Constant(Vec3::ONE),
+            rotation_deg: Animated::Constant(0.0),
+        },
+    });
+    let error = stage_from_json(&stage_to_json(&[], &sequence))
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("sequence.lights[0].file"), "{error}");
+}
+
+proptest! {
+    /// Any text whatsoever is either read or refused with a message; nothing panics.
+    #[test]
+    fn mutated_text_never_panics(place in 0usize..1500, with in any::<u8>(), cut in 0usize..1500) {
+        let mut bytes = EXAMPLE.as_bytes().to_vec();
+        let place = place % bytes.len();
+        bytes[place] = with;
+        bytes.truncate(cut.max(1).min(bytes.len()));
+        let _ = parse(&String::from_utf8_lossy(&bytes));
+    }
+
+    /// Every finite f32 survives writing and reading bit by bit.
+    #[test]
+    fn numbers_survive_exactly(x in any::<f32>().prop_filter("finite", |x| x.is_finite())) {
+        let mut sequence = parse(EXAMPLE).unwrap();
+        sequence.lights.truncate(2);
+        if let LightKind::Point { position, .. } = &mut sequence.lights[1].kind {
+            *position = Animated::Constant(Vec3::splat(x));
+        }
+        prop_assert_eq!(parse(&sequence_to_json(&sequence)).unwrap(), sequence);
+    }
+}
