@@ -5,30 +5,10 @@
 //! they are filtered, as graphics hardware does. No mip maps: renderers average over pixels themselves.
 //! Texels are kept as the 8 bits per channel that glTF asks for; 16-bit PNGs are rounded to 8.
 
+use crate::image::{Image8, ImageError, Limits, decode_ldr};
 use crate::material::{Texture, TextureUse, Wrap};
 use glam::{Vec2, Vec4};
-use std::io::Cursor;
 use std::sync::LazyLock;
-
-/// Largest side that a texture may have: the limit of current graphics hardware.
-const MAX_SIDE: u32 = 16_384;
-/// Most bytes that decoding one texture may take: a texture of the largest size in 8-bit RGBA.
-const MAX_BYTES: u64 = 4 * (MAX_SIDE as u64) * (MAX_SIDE as u64);
-
-/// Why a texture could not be decoded.
-#[derive(Debug, thiserror::Error)]
-#[error(
-    "texture {index} ('{name}') cannot be decoded: {source}; save it again as PNG or JPEG, \
-     at most {MAX_SIDE} pixels on a side"
-)]
-pub struct TextureError {
-    /// Index into [`crate::scene::Scene::textures`].
-    pub index: usize,
-    /// The texture's name.
-    pub name: String,
-    /// What the decoder found.
-    pub source: image::ImageError,
-}
 
 /// A texture in memory, ready for lookups.
 #[derive(Clone, Debug)]
@@ -55,32 +35,24 @@ pub enum ColorSpace {
 /// Decodes texture number `index` of a scene.
 ///
 /// # Errors
-/// The bytes are neither a PNG nor a JPEG, are damaged, or the image is too large.
-pub fn decode_texture(texture: &Texture, index: usize) -> Result<DecodedTexture, TextureError> {
-    let decode = || -> Result<image::DynamicImage, image::ImageError> {
-        let mut reader = image::ImageReader::new(Cursor::new(&texture.encoded)).with_guessed_format()?;
-        let mut limits = image::Limits::default();
-        limits.max_image_width = Some(MAX_SIDE);
-        limits.max_image_height = Some(MAX_SIDE);
-        limits.max_alloc = Some(MAX_BYTES);
-        reader.limits(limits);
-        reader.decode()
-    };
-    let image = decode().map_err(|source| TextureError {
-        index,
-        name: texture.name.clone(),
-        source,
-    })?;
-    let (width, height) = (image.width(), image.height());
-    let (channels, texels) = match (image.color().has_color(), image.color().has_alpha()) {
-        (false, false) => (1, image.into_luma8().into_raw()),
-        (false, true) => (2, image.into_luma_alpha8().into_raw()),
-        (true, false) => (3, image.into_rgb8().into_raw()),
-        (true, true) => (4, image.into_rgba8().into_raw()),
+/// The bytes are neither a PNG nor a JPEG, are damaged, or the image is too large; the message names the
+/// texture.
+pub fn decode_texture(texture: &Texture, index: usize) -> Result<DecodedTexture, ImageError> {
+    let name = format!("texture {index} ('{}')", texture.name);
+    let Image8 { width, height, rgba8 } = decode_ldr(&name, &texture.encoded, &Limits::default())?;
+    // Only what carries information: grey maps and opaque colours are the most.
+    let is_grey = rgba8.iter().all(|&[r, g, b, _]| r == g && g == b);
+    let is_opaque = rgba8.iter().all(|&[.., a]| a == 255);
+    let (channels, texels) = match (is_grey, is_opaque) {
+        (true, true) => (1, rgba8.iter().map(|texel| texel[0]).collect()),
+        (true, false) => (2, rgba8.iter().flat_map(|&[grey, .., a]| [grey, a]).collect()),
+        (false, true) => (3, rgba8.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect()),
+        (false, false) => (4, rgba8.into_flattened()),
     };
     Ok(DecodedTexture {
-        width,
-        height,
+        // The limits keep both sides far below 2³².
+        width: width as u32,
+        height: height as u32,
         channels,
         texels,
         wrap: texture.wrap,
@@ -111,7 +83,7 @@ impl DecodedTexture {
         (self.width, self.height)
     }
 
-    /// Whether any texel can be other than opaque.
+    /// Whether any texel is other than opaque.
     pub fn has_alpha(&self) -> bool {
         matches!(self.channels, 2 | 4)
     }
@@ -198,18 +170,24 @@ fn wrap_index(index: i32, size: u32, wrap: Wrap) -> usize {
     wrapped as usize
 }
 
+/// PNG bytes of RGBA pixels.
+#[cfg(test)]
+pub(crate) fn png(width: u32, height: u32, pixels: &[[u8; 4]]) -> Vec<u8> {
+    let mut encoded = std::io::Cursor::new(Vec::new());
+    image::RgbaImage::from_raw(width, height, pixels.as_flattened().to_vec())
+        .unwrap()
+        .write_to(&mut encoded, image::ImageFormat::Png)
+        .unwrap();
+    encoded.into_inner()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use glam::Affine2;
 
     fn texture(width: u32, height: u32, pixels: &[[u8; 4]], wrap: Wrap, nearest: bool) -> DecodedTexture {
-        let mut encoded = Vec::new();
-        let raw: Vec<u8> = pixels.iter().flatten().copied().collect();
-        image::RgbaImage::from_raw(width, height, raw)
-            .unwrap()
-            .write_to(&mut Cursor::new(&mut encoded), image::ImageFormat::Png)
-            .unwrap();
+        let encoded = png(width, height, pixels);
         let texture = Texture {
             name: "test".into(),
             encoded,

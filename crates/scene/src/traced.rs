@@ -13,11 +13,12 @@ mod prepare;
 mod tests;
 
 use crate::bsdf;
+use crate::image::ImageError;
 use crate::material::{AlphaMode, Material};
 use crate::rays::{Hit, Ray, SurfacePoint, TriangleBvh, surface_point};
 use crate::scene::{Mesh, Scene};
 use crate::surface::{SurfaceHit, Surfaces};
-use crate::texture::{DecodedTexture, TextureError};
+use crate::texture::DecodedTexture;
 use glam::{Mat3A, Vec3};
 use std::sync::Arc;
 
@@ -38,7 +39,7 @@ pub enum Shading {
 pub enum TracedSceneError {
     /// A texture that a material uses is damaged or too large.
     #[error(transparent)]
-    Texture(#[from] TextureError),
+    Texture(#[from] ImageError),
     /// Something refers to an element that does not exist.
     #[error(
         "{from} refers to {kind} {index}, but the scene has {count}; the importer should have refused it"

@@ -2,10 +2,10 @@
 
 use super::*;
 use crate::material::{Texture, TextureUse, Wrap};
+use crate::scene::Instance;
 use crate::sequence::Sequence;
 use crate::surface::{ray_between, ray_between_hits, ray_from};
 use glam::{Affine2, Affine3A, Mat3, Quat, Vec2, Vec4};
-use std::io::Cursor;
 
 fn scene(
     meshes: Vec<Mesh>,
@@ -28,8 +28,6 @@ fn scene(
         notes: Vec::new(),
     })
 }
-
-use crate::scene::Instance;
 
 fn place(world_from_mesh: Affine3A) -> Instance {
     Instance {
@@ -101,12 +99,7 @@ fn sphere(rows: u32, columns: u32) -> Mesh {
 }
 
 fn texture(width: u32, height: u32, pixels: &[[u8; 4]]) -> Texture {
-    let raw: Vec<u8> = pixels.iter().flatten().copied().collect();
-    let mut encoded = Vec::new();
-    image::RgbaImage::from_raw(width, height, raw)
-        .unwrap()
-        .write_to(&mut Cursor::new(&mut encoded), image::ImageFormat::Png)
-        .unwrap();
+    let encoded = crate::texture::png(width, height, pixels);
     Texture {
         name: "test".into(),
         encoded,
