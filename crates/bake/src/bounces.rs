@@ -7,25 +7,25 @@ use rayon::prelude::*;
 use relight_transport::sparse::Rows;
 
 /// Share of a row's sum that may be dropped as small entries; the rest is scaled up so that the sum stays.
-const DROPPED_SHARE: f32 = 0.05;
+const DROPPED_SHARE: f32 = 0.02;
 
-/// Averages the point rows of irradiance responses (`responses[p]`: (sender, response)) over the functions
-/// of the bounce level: `functions_at_points` has those functions' values at the points (rows: points),
-/// `areas` the points' areas. Rows and columns of the result: functions of the bounce level.
-pub fn bounce_operator(responses: &[Vec<(u32, f32)>], functions_at_points: &Rows, areas: &[f32]) -> Rows {
-    let size = functions_at_points.columns as usize;
-    let points_of = functions_at_points.transposed();
-    let rows: Vec<Vec<(u32, f32)>> = (0..size)
+/// Averages the point rows of irradiance responses (`responses[p]`: (cluster, response)) over the clusters of
+/// the bounce level: `cluster_of_receiver[p]` says where point p belongs. Rows and columns of the result:
+/// clusters. Clusters without a receiver have empty rows.
+pub fn bounce_operator(responses: &[Vec<(u32, f32)>], cluster_of_receiver: &[u32], clusters: usize) -> Rows {
+    let mut receivers_of = vec![Vec::new(); clusters];
+    for (p, &cluster) in cluster_of_receiver.iter().enumerate() {
+        receivers_of[cluster as usize].push(p);
+    }
+    let rows: Vec<Vec<(u32, f32)>> = receivers_of
         .into_par_iter()
         .map_init(
-            || vec![0.0f64; size],
-            |dense, j| {
-                let mut mass = 0.0f64;
-                for &(p, share) in points_of.row(j) {
-                    let weight = f64::from(share * areas[p as usize]);
-                    mass += weight;
-                    for &(k, response) in &responses[p as usize] {
-                        dense[k as usize] += weight * f64::from(response);
+            || vec![0.0f64; clusters],
+            |dense, receivers| {
+                let mass = receivers.len() as f64;
+                for p in receivers {
+                    for &(k, response) in &responses[p] {
+                        dense[k as usize] += f64::from(response);
                     }
                 }
                 let row: Vec<(u32, f32)> = dense
@@ -39,6 +39,7 @@ pub fn bounce_operator(responses: &[Vec<(u32, f32)>], functions_at_points: &Rows
             },
         )
         .collect();
+    let size = clusters;
     let mut operator = Rows {
         columns: size as u32,
         offsets: vec![0],

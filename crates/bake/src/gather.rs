@@ -14,18 +14,14 @@ use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
 use relight_transport::pyramid::LevelRanges;
 use relight_transport::sampling::{DirectionSet, Frame};
-use relight_transport::sparse::Rows;
+use relight_transport::senders::SenderTree;
 
 /// The senders as rays see them.
 pub struct SenderField<'a> {
     /// The finest receiver level.
     pub points: &'a Level,
-    /// Finest sender level's functions (columns, local) at the finest points (rows).
-    pub senders_at_points: &'a Rows,
-    /// Functions of the next coarser sender level at each sender level's points (local indices).
-    pub fine_from_coarse: &'a [Rows],
-    /// Sender levels in the numbering over all senders.
-    pub ranges: &'a LevelRanges,
+    /// Its points' clusters.
+    pub tree: &'a SenderTree,
 }
 
 /// A dense row over all senders with a list of what is not zero.
@@ -87,7 +83,7 @@ pub fn gather(
     // Uniform sampling: dω = 2π/N, and 1/π of equation 16. The set's own cosine integral is divided out, so
     // that a closed scene of radiosity 1 gives irradiance 1 exactly.
     let weight = 2.0 / (directions.directions.len() as f32 * directions.full);
-    let finest = field.ranges.range(field.ranges.levels() - 1).start as u32;
+    let finest = field.tree.ranges.range(field.tree.levels() - 1).start as u32;
     let mut lost = 0;
     for (i, &local) in directions.directions.iter().enumerate() {
         let direction = frame.world_from_local(local);
@@ -106,30 +102,42 @@ pub fn gather(
         };
         let vector = Vec3A::from(direction * weight);
         let half = if i % 2 == 0 { 1.0 } else { -1.0 };
-        for &(sender, share) in field.senders_at_points.row(point as usize) {
-            let part = vector * share;
-            row.add(finest + sender, part, part * half);
-        }
+        row.add(finest + field.tree.leaf_of_point[point as usize], vector, vector * half);
     }
     coarsen(field, row);
     lost
 }
 
-/// Responses of the coarser sender levels from those of the finer: the transpose of the push.
+/// Responses of the coarser sender levels: the sums of their children's.
 fn coarsen(field: &SenderField, row: &mut RowScratch) {
-    for level in (1..field.ranges.levels()).rev() {
-        let range = field.ranges.range(level);
-        let coarse = field.ranges.range(level - 1).start as u32;
-        let mut i = 0;
-        while i < row.touched.len() {
+    for level in (1..field.tree.levels()).rev() {
+        let range = field.tree.ranges.range(level);
+        let coarse = field.tree.ranges.range(level - 1).start as u32;
+        for i in 0..row.touched.len() {
             let sender = row.touched[i] as usize;
-            i += 1;
-            if !range.contains(&sender) {
+            if range.contains(&sender) {
+                let parent = coarse + field.tree.parents[level - 1][sender - range.start];
+                row.add(parent, row.sum[sender], row.difference[sender]);
+            }
+        }
+    }
+}
+
+/// Turns responses to clusters' radiosities into responses to sender coefficients: on the coarsest level they
+/// are the same; on the others what remains after the cluster's share in its parent's response is taken off.
+/// A parent that is seen evenly, by area, needs no finer link.
+pub fn to_coefficients(tree: &SenderTree, row: &mut RowScratch) {
+    for level in (1..tree.levels()).rev() {
+        let (fine, coarse) = (tree.ranges.range(level).start, tree.ranges.range(level - 1));
+        for i in 0..row.touched.len() {
+            let parent = row.touched[i] as usize;
+            if !coarse.contains(&parent) {
                 continue;
             }
-            let (sum, difference) = (row.sum[sender], row.difference[sender]);
-            for &(k, share) in field.fine_from_coarse[level - 1].row(sender - range.start) {
-                row.add(coarse + k, sum * share, difference * share);
+            let (sum, difference) = (row.sum[parent], row.difference[parent]);
+            for &child in tree.children(level - 1, parent - coarse.start) {
+                let share = tree.shares[fine + child as usize];
+                row.add((fine + child as usize) as u32, -sum * share, -difference * share);
             }
         }
     }

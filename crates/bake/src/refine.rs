@@ -8,13 +8,13 @@
 
 use crate::candidates::Candidate;
 use crate::error::BakeError;
-use crate::gather::{RowScratch, SenderField, gather, scalar_row};
+use crate::gather::{RowScratch, SenderField, gather, scalar_row, to_coefficients};
 use crate::select::{SenderTraits, Thresholds, select};
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;
 use relight_transport::links::Links;
-use relight_transport::pyramid::LevelRanges;
+use relight_transport::pyramid::{LevelRanges, carry};
 use relight_transport::random::Stream;
 use relight_transport::sampling::DirectionSet;
 use relight_transport::sparse::Rows;
@@ -119,8 +119,9 @@ pub fn refine(
                     gathered.clear();
                     predicted.clear();
                     for &(k, share) in parents {
+                        let carried = carry(r.places[k as usize].normal, r.places[i].normal) * share;
                         for &(j, vector) in &rows[k as usize] {
-                            predicted.add(j, Vec3A::from(vector) * share, Vec3A::ZERO);
+                            predicted.add(j, Vec3A::from(carried * vector), Vec3A::ZERO);
                         }
                     }
                     let mut receiver = Receiver {
@@ -134,10 +135,11 @@ pub fn refine(
                         lost.fetch_add(u64::from(missed), Ordering::Relaxed);
                         if level == r.bounce_receivers {
                             let normal = r.places[i].geometric_normal;
-                            receiver.bounce = scalar_row(gathered, r.field.ranges, r.bounce_level, normal);
+                            receiver.bounce = scalar_row(gathered, &r.field.tree.ranges, r.bounce_level, normal);
                         }
                     }
                     if active {
+                        to_coefficients(r.field.tree, gathered);
                         for &j in &predicted.touched {
                             gathered.add(j, -predicted.sum[j as usize], Vec3A::ZERO);
                         }

@@ -11,7 +11,6 @@
 use crate::gather::RowScratch;
 use glam::{Vec3, Vec3A};
 use relight_transport::pyramid::LevelRanges;
-use relight_transport::sparse::Rows;
 
 /// What selection needs to know of the senders.
 pub struct SenderTraits {
@@ -19,9 +18,6 @@ pub struct SenderTraits {
     pub ranges: LevelRanges,
     /// Largest channel of each sender's reflectance.
     pub reflectance: Vec<f32>,
-    /// For each sender on levels 1 and finer, the senders of its level that overlap its point (all senders'
-    /// numbering; rows of level 0 are empty).
-    pub neighbours: Rows,
     /// Positions of the senders of level 0.
     pub coarse_positions: Vec<Vec3>,
 }
@@ -52,20 +48,10 @@ pub fn select(
         length * senders.reflectance[j as usize] > thresholds.link
             && length > STANDARD_ERRORS * row.difference[j as usize].length()
     };
-    let varies = |j: u32| {
-        let own = row.sum[j as usize];
-        let most = senders
-            .neighbours
-            .row(j as usize)
-            .iter()
-            .map(|&(k, _)| (own - row.sum[k as usize]).length_squared())
-            .fold(0.0, f32::max);
-        most.sqrt() * senders.reflectance[j as usize] > thresholds.link
-    };
     let mut kept: Vec<(u32, Vec3A)> = row
         .touched
         .iter()
-        .filter(|&&j| significant(j) && (j < coarse || varies(j)))
+        .filter(|&&j| significant(j))
         .map(|&j| (j, row.sum[j as usize]))
         .collect();
     kept.sort_unstable_by_key(|link| link.0);

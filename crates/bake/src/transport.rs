@@ -8,11 +8,16 @@ use crate::params::BakeParams;
 use crate::points::PointLevels;
 use crate::refine::{Refined, Refinement, refine};
 use crate::select::SenderTraits;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
 use relight_transport::links::Links;
-use relight_transport::pyramid::{LevelRanges, SenderPyramid, fine_from_coarse};
+use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
+use relight_transport::random::Stream;
+use relight_transport::sampling::{Frame, cosine_hemisphere};
+use relight_transport::senders::{PILOTS, SenderTree, Signed, nearest_seeds};
 use relight_transport::sparse::Rows;
 
 /// All that the asset stores of a scene's transport.
@@ -20,6 +25,8 @@ use relight_transport::sparse::Rows;
 pub struct Transport {
     /// Points of every level.
     pub points: PointLevels,
+    /// Senders.
+    pub tree: SenderTree,
     /// T.
     pub links: Links,
     /// K: the flat bounce operator.
@@ -62,35 +69,26 @@ pub fn transport(
     let ranges = LevelRanges::new(levels.iter().map(Level::len));
     let parents = fine_from_coarse(&levels);
     let finest = &levels[levels.len() - 1];
-    let senders = &levels[..params.sender_levels.min(levels.len())];
-    let finest_sender = &senders[senders.len() - 1];
-    let senders_at_points = finest_sender.covering(&finest.positions, &finest.normals);
-    let areas = finest.areas();
-    let pyramid = SenderPyramid::new(senders, &senders_at_points, &areas);
-    let albedo: Vec<Vec3> = points.levels[levels.len() - 1]
-        .points
-        .iter()
-        .map(|p| p.albedo)
-        .collect();
-    let traits = sender_traits(senders, &pyramid, &albedo);
+    let tree = sender_tree(surfaces, &points, params);
+    let albedo: Vec<Vec3> = points.levels[levels.len() - 1].points.iter().map(|p| p.albedo).collect();
+    let traits = SenderTraits {
+        ranges: tree.ranges.clone(),
+        reflectance: tree.pulled(&albedo).into_iter().flatten().map(|a| a.max_element()).collect(),
+        coarse_positions: levels[0].positions.clone(),
+    };
     let places: Vec<Candidate> = points
         .levels
         .iter()
         .flat_map(|l| l.points.iter().copied())
         .collect();
-    let bounce_level = 1.min(senders.len() - 1);
-    let bounce_receivers = (bounce_level + 1).min(levels.len() - 1);
+    let bounce_level = std::env::var("BL").map_or(2, |v| v.parse().unwrap()).min(tree.levels() - 1);
+    let bounce_receivers = (bounce_level + 2).min(levels.len() - 1);
     let refinement = Refinement {
         surfaces,
         places: &places,
         ranges: &ranges,
         fine_from_coarse: &parents,
-        field: SenderField {
-            points: finest,
-            senders_at_points: &senders_at_points,
-            fine_from_coarse: &pyramid.fine_from_coarse,
-            ranges: &pyramid.ranges,
-        },
+        field: SenderField { points: finest, tree: &tree },
         senders: &traits,
         rays: params.rays,
         epsilon: params.epsilon,
@@ -106,11 +104,18 @@ pub fn transport(
         lost,
     } = refine(&refinement, quantised, step)?;
     let receivers = &levels[bounce_receivers];
-    let functions = levels[bounce_level].covering(&receivers.positions, &receivers.normals);
-    let bounce = bounce_operator(&bounce_rows, &functions, &receivers.areas());
+    let cluster_of_point = tree.cluster_of_point(bounce_level);
+    let cluster_of_receiver: Vec<u32> = (0..receivers.len())
+        .map(|i| {
+            let point = finest.nearest(receivers.positions[i], receivers.normals[i]).unwrap_or(0);
+            cluster_of_point[point as usize]
+        })
+        .collect();
+    let bounce = bounce_operator(&bounce_rows, &cluster_of_receiver, tree.ranges.range(bounce_level).len());
     let rays = rays + points.rays;
     Ok(Transport {
         points,
+        tree,
         links,
         bounce,
         bounce_level,
@@ -120,35 +125,61 @@ pub fn transport(
     })
 }
 
-fn sender_traits(senders: &[Level], pyramid: &SenderPyramid, albedo: &[Vec3]) -> SenderTraits {
-    let reflectance = pyramid
-        .pulled(albedo)
-        .into_iter()
-        .flatten()
-        .map(|a| a.max_element())
-        .collect();
-    let ranges = pyramid.ranges.clone();
-    let level_of: Vec<u8> = (0..senders.len())
-        .flat_map(|l| std::iter::repeat_n(l as u8, senders[l].len()))
-        .collect();
-    let neighbours = Rows::build(ranges.total(), ranges.total(), |j, row| {
-        let level = level_of[j] as usize;
-        if level == 0 {
-            return;
-        }
-        let start = ranges.range(level).start;
-        let own = &senders[level];
-        own.weights_at(own.positions[j - start], own.normals[j - start], |k, w| {
-            if k as usize != j - start {
-                row.push((k + start as u32, w));
-            }
-        });
-    });
-    let coarse_positions = senders[0].positions.clone();
-    SenderTraits {
-        ranges,
-        reflectance,
-        neighbours,
-        coarse_positions,
-    }
+/// Stage number of the pilots' random stream.
+const STAGE_PILOTS: u32 = 4;
+
+/// Places in open space: on straight ways between surfaces that importance particles take.
+fn pilots(surfaces: &dyn Surfaces, points: &PointLevels, seed: u64) -> Vec<Vec3> {
+    let places = &points.levels[points.levels.len() - 1].points;
+    (0..PILOTS)
+        .map(|i| {
+            let mut s = Stream::new(seed, STAGE_PILOTS, i as u64);
+            let place = &places[((s.uniform() * places.len() as f32) as usize).min(places.len() - 1)];
+            let direction = Frame::around(place.geometric_normal)
+                .world_from_local(cosine_hemisphere(Vec2::new(s.uniform(), s.uniform())));
+            let ray = Ray { origin: place.origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+            let reach = surfaces.closest_hit(&ray).map_or(points.levels[0].disk_radius, |hit| hit.t);
+            place.origin + direction * (reach * s.uniform())
+        })
+        .collect()
+}
+
+fn signed(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) -> Vec<Signed> {
+    places
+        .par_iter()
+        .with_min_len(64)
+        .map_init(
+            || (Vec::new(), vec![false; PILOTS]),
+            |(rays, occluded): &mut (Vec<Ray>, Vec<bool>), place| {
+                rays.clear();
+                rays.extend(pilots.iter().map(|&pilot| Ray {
+                    origin: place.origin,
+                    direction: pilot - place.origin,
+                    t_min: 0.0,
+                    t_max: 1.0,
+                }));
+                surfaces.occluded_packet(rays, occluded);
+                let mut signature = 0;
+                for (bit, (ray, dark)) in rays.iter().zip(occluded.iter()).enumerate() {
+                    if !dark && ray.direction.dot(place.geometric_normal) > 0.0 {
+                        signature |= 1 << bit;
+                    }
+                }
+                Signed { position: place.position, normal: place.normal, signature }
+            },
+        )
+        .collect()
+}
+
+fn sender_tree(surfaces: &dyn Surfaces, points: &PointLevels, params: &BakeParams) -> SenderTree {
+    let pilots = pilots(surfaces, points, params.seed);
+    let sending = params.sender_levels.min(points.levels.len());
+    let finest = signed(surfaces, &points.levels[points.levels.len() - 1].points, &pilots);
+    let seeds: Vec<Vec<Signed>> =
+        points.levels[..sending].iter().map(|level| signed(surfaces, &level.points, &pilots)).collect();
+    let spacing = |level: usize| points.levels[level].disk_radius;
+    let leaf_of_point = nearest_seeds(&finest, &seeds[sending - 1], spacing(sending - 1));
+    let parents = (1..sending).map(|l| nearest_seeds(&seeds[l], &seeds[l - 1], spacing(l - 1))).collect();
+    let counts: Vec<usize> = seeds.iter().map(Vec::len).collect();
+    SenderTree::new(&counts, leaf_of_point, parents)
 }

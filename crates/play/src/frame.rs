@@ -173,12 +173,7 @@ fn add(sum: &mut [Vec3], part: &[Vec3]) {
 }
 
 fn indirect_at(shot: &Shot, values: &[VectorIrradiance]) -> Vec<Vec3> {
-    let normals: Vec<Vec3> = shot
-        .points
-        .iter()
-        .map(|p| p.as_ref().map_or(Vec3::ZERO, |p| p.shading_normal))
-        .collect();
-    let irradiance = reconstruct::irradiance(&shot.weights, &normals, values);
+    let irradiance = reconstruct::irradiance(&shot.weights, &shot.components, values);
     irradiance
         .into_par_iter()
         .zip(&shot.points)

@@ -3,10 +3,10 @@
 //! Source: Lehtinen et al. 2008, equations 1 and 4.1 (flat basis for display), vector irradiance dotted with
 //! the shading normal, so that normal maps work.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_transport::basis::Level;
-use relight_transport::pyramid::VectorIrradiance;
+use relight_transport::pyramid::{VectorIrradiance, carry};
 use relight_transport::sparse::Rows;
 
 /// The finest level's functions at each pixel's surface; empty rows where there is no surface. `places` has
@@ -22,18 +22,35 @@ pub fn weights_at(finest: &Level, places: &[Option<(Vec3, Vec3)>]) -> Rows {
     })
 }
 
-/// RGB irradiance for each pixel's shading normal; negative values, which only ringing makes, are kept: the
-/// caller clamps the final sum.
-pub fn irradiance(weights: &Rows, normals: &[Vec3], values: &[VectorIrradiance]) -> Vec<Vec3> {
+/// Weights of the pixels' rows on the components of vector irradiance: row weight times the shading normal,
+/// carried back to each point's own frame. Same layout as the rows' entries.
+pub fn components(weights: &Rows, finest: &Level, normals: &[(Vec3, Vec3)]) -> Vec<Vec3> {
+    let chunks: Vec<Vec<Vec3>> = (0..weights.rows())
+        .into_par_iter()
+        .with_min_len(1024)
+        .map(|i| {
+            let (smooth, shading) = normals[i];
+            let carried = |&(j, w): &(u32, f32)| carry(smooth, finest.normals[j as usize]) * shading * w;
+            weights.row(i).iter().map(carried).collect()
+        })
+        .collect();
+    chunks.into_iter().flatten().collect()
+}
+
+/// RGB irradiance for each pixel; negative values, which only ringing makes, are kept: the caller clamps the
+/// final sum.
+pub fn irradiance(weights: &Rows, components: &[Vec3], values: &[VectorIrradiance]) -> Vec<Vec3> {
     (0..weights.rows())
         .into_par_iter()
         .with_min_len(1024)
         .map(|i| {
-            let mut sum = VectorIrradiance::default();
-            for &(j, w) in weights.row(i) {
-                sum.add_scaled(&values[j as usize], w);
+            let range = weights.offsets[i] as usize..weights.offsets[i + 1] as usize;
+            let mut sum = Vec3A::ZERO;
+            for (&(j, _), c) in weights.entries[range.clone()].iter().zip(&components[range]) {
+                let value = &values[j as usize];
+                sum += value.x * c.x + value.y * c.y + value.z * c.z;
             }
-            sum.irradiance(normals[i])
+            Vec3::from(sum)
         })
         .collect()
 }

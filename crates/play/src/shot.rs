@@ -36,6 +36,8 @@ pub struct Shot {
     pub directions: Vec<Vec3>,
     /// Functions of the finest points at each fragment; empty if none were asked for.
     pub weights: Rows,
+    /// Those functions' weights on the components of vector irradiance, one per entry of `weights`.
+    pub components: Vec<Vec3>,
     /// Camera position.
     pub eye: Vec3,
 }
@@ -191,6 +193,10 @@ impl Shot {
             .map(|hit| hit.as_ref().map(|h| (h.position, h.normal)))
             .collect();
         self.weights = reconstruct::weights_at(finest, &places);
+        let normals: Vec<(Vec3, Vec3)> = (self.points.iter())
+            .map(|p| p.as_ref().map_or((Vec3::Z, Vec3::Z), |p| (p.normal, p.shading_normal)))
+            .collect();
+        self.components = reconstruct::components(&self.weights, finest, &normals);
     }
 
     /// Number of fragments.

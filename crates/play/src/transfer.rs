@@ -7,7 +7,8 @@ use glam::Vec3;
 use relight_transport::basis::Level;
 use relight_transport::bounce::{self, Solve};
 use relight_transport::links::{Links, SenderLinks};
-use relight_transport::pyramid::{LevelRanges, SenderPyramid, VectorIrradiance, fine_from_coarse, push};
+use relight_transport::pyramid::{LevelRanges, VectorIrradiance, fine_from_coarse, push};
+use relight_transport::senders::SenderTree;
 use relight_transport::sparse::Rows;
 use std::time::Instant;
 
@@ -18,13 +19,17 @@ pub struct Transfer {
     /// Reflectance at the finest points.
     pub albedo: Vec<Vec3>,
     ranges: LevelRanges,
+    /// Normals of all points.
+    normals: Vec<Vec3>,
     fine_from_coarse: Rows,
-    senders: SenderPyramid,
+    /// Clusters of the finest points.
+    pub senders: SenderTree,
     links: SenderLinks,
     bounce: Rows,
     bounce_level: usize,
     bounce_albedo: Vec<Vec3>,
-    points_from_bounce: Rows,
+    /// For each finest point its cluster on the bounce level.
+    bounce_cluster: Vec<u32>,
     /// Bounces of indirect light; `None`: to convergence.
     bounces: Option<u32>,
 }
@@ -45,11 +50,11 @@ pub struct TransferStats {
 }
 
 impl Transfer {
-    /// Prepares the operators. `levels`: all receiver levels, the first `sender_levels` of which send;
+    /// Prepares the operators. `levels`: all receiver levels, coarsest first; `senders`: their clusters;
     /// `albedo`: of the finest level's points; `bounce`: the flat operator on sender level `bounce_level`.
     pub fn new(
         mut levels: Vec<Level>,
-        sender_levels: usize,
+        senders: SenderTree,
         albedo: Vec<Vec3>,
         links: &Links,
         bounce: Rows,
@@ -57,28 +62,46 @@ impl Transfer {
         bounces: Option<u32>,
     ) -> Transfer {
         let ranges = LevelRanges::new(levels.iter().map(Level::len));
+        let normals = levels.iter().flat_map(|level| level.normals.iter().copied()).collect();
         let fine_from_coarse = fine_from_coarse(&levels);
-        let finest = &levels[levels.len() - 1];
-        let at = |level: &Level| level.covering(&finest.positions, &finest.normals);
-        let senders_at_points = at(&levels[sender_levels - 1]);
-        let senders = SenderPyramid::new(&levels[..sender_levels], &senders_at_points, &finest.areas());
-        let points_from_bounce = at(&levels[bounce_level]);
+        let bounce_cluster = senders.cluster_of_point(bounce_level);
         let bounce_albedo = senders.pulled(&albedo).swap_remove(bounce_level);
         let links = SenderLinks::new(links);
         let finest = levels.swap_remove(levels.len() - 1);
+        let finest = { let cf: f32 = std::env::var("CF").map_or(2.5, |v| v.parse().unwrap()); Level::new(finest.positions, finest.normals, finest.disk_radius, finest.disk_radius * cf) };
         Transfer {
             finest,
             albedo,
             ranges,
+            normals,
             fine_from_coarse,
             senders,
             links,
             bounce,
             bounce_level,
             bounce_albedo,
-            points_from_bounce,
+            bounce_cluster,
             bounces,
         }
+    }
+
+    /// Diagnostic.
+    pub fn diagnose(&self) {
+        let sums: Vec<f32> = (0..self.bounce.rows()).map(|i| self.bounce.row(i).iter().map(|e| e.1).sum()).collect();
+        println!("  K row sums mean {} min {}", sums.iter().sum::<f32>() / sums.len() as f32, sums.iter().copied().fold(9.0, f32::min));
+        let c = self.senders.coefficients(&self.senders.pulled(&vec![Vec3::ONE; self.albedo.len()]));
+        let (mut v, _) = self.links.apply(&c);
+        let mean = |v: &[VectorIrradiance], l: usize| -> f32 {
+            let _ = l;
+            v.iter().map(|v| v.irradiance(Vec3::X).x.powi(2) + v.irradiance(Vec3::Y).x.powi(2) + v.irradiance(Vec3::Z).x.powi(2)).map(f32::sqrt).sum::<f32>() / v.len() as f32
+        };
+        println!("  level 0 |V| {}", mean(&v[self.ranges.range(0)], 0));
+        push(&mut v, &self.normals, &self.ranges, &self.fine_from_coarse);
+        for l in 0..self.ranges.levels() { println!("  level {l} |V| {}", mean(&v[self.ranges.range(l)], l)); }
+        let r = self.ranges.range(self.ranges.levels() - 1);
+        let e: Vec<f32> = v[r].iter().zip(&self.finest.normals).map(|(v, n)| v.irradiance(*n).x).collect();
+        println!("  finest n.V mean {} min {} max {}", e.iter().sum::<f32>() / e.len() as f32, e.iter().copied().fold(9.0, f32::min), e.iter().copied().fold(-9.0, f32::max));
+        println!("  albedo mean {}", self.albedo.iter().sum::<Vec3>() / self.albedo.len() as f32);
     }
 
     /// Indirect vector irradiance at the finest points from direct irradiance there.
@@ -93,17 +116,16 @@ impl Transfer {
             &self.bounce_albedo,
             further,
         );
-        let at_points = self.points_from_bounce.apply(&irradiance);
-        for (out, (e, a)) in radiosity.iter_mut().zip(at_points.iter().zip(&self.albedo)) {
-            *out += *e * *a;
+        for (out, (cluster, a)) in radiosity.iter_mut().zip(self.bounce_cluster.iter().zip(&self.albedo)) {
+            *out += irradiance[*cluster as usize] * *a;
         }
-        let coefficients = self.senders.coefficients(&radiosity);
+        let coefficients = self.senders.coefficients(&self.senders.pulled(&radiosity));
         let bounce_ms = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
         let (mut values, links_used) = self.links.apply(&coefficients);
         let transfer_ms = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
-        push(&mut values, &self.ranges, &self.fine_from_coarse);
+        push(&mut values, &self.normals, &self.ranges, &self.fine_from_coarse);
         let range = self.ranges.range(self.ranges.levels() - 1);
         values.drain(..range.start);
         let flatten_ms = start.elapsed().as_secs_f64() * 1e3;

@@ -14,4 +14,5 @@ pub mod poisson;
 pub mod pyramid;
 pub mod random;
 pub mod sampling;
+pub mod senders;
 pub mod sparse;

@@ -1,0 +1,192 @@
+//! The sender side of the operators: a hierarchy of clusters of finest points, each sending the area-weighted
+//! mean of its points' radiosity.
+//!
+//! Source: Lehtinen et al. 2008, section 2.1 (pull-push), section 5.2 (senders and receivers may want
+//! different bases) and appendix A. Sender j of level l belongs to point j of receiver level l; it sends for the
+//! finest points nearest to that point.
+//!
+//! Deviation: senders are disjoint, where the paper's overlap, and "nearest" minds what the points see
+//! ([`PILOTS`] places in open space; the visibility term of Cheslack-Postava et al. 2008, equation 11).
+//! Overlapping functions mix lit places with dark ones behind a column or an edge. Receivers that look at the
+//! lit ones see just those, so that the mixture made them too dark by a fifth (docs/transfer.md).
+
+use crate::pyramid::LevelRanges;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Number of places in open space whose visibility makes a point's signature: the bits of a `u64`.
+pub const PILOTS: usize = 64;
+
+/// Clusters of finest points on several levels, coarsest first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SenderTree {
+    /// Sender levels in the numbering over all senders.
+    pub ranges: LevelRanges,
+    /// For each finest point its cluster on the finest sender level (local index).
+    pub leaf_of_point: Vec<u32>,
+    /// For each sender level but the coarsest: each cluster's parent on the level above (local indices).
+    pub parents: Vec<Vec<u32>>,
+    /// For each sender its area as a share of its parent's; 1 on the coarsest level.
+    pub shares: Vec<f32>,
+    /// Finest points sorted by leaf.
+    points: Vec<u32>,
+    /// Start of each leaf's points in `points`, and the end of the last.
+    leaf_starts: Vec<u32>,
+    /// For each sender level but the finest: children (local indices) sorted by parent, and where they start.
+    children: Vec<(Vec<u32>, Vec<u32>)>,
+}
+
+fn sorted_by(keys: &[u32], count: usize) -> (Vec<u32>, Vec<u32>) {
+    let mut starts = vec![0u32; count + 1];
+    for &key in keys {
+        starts[key as usize + 1] += 1;
+    }
+    for i in 1..starts.len() {
+        starts[i] += starts[i - 1];
+    }
+    let mut next = starts.clone();
+    let mut items = vec![0u32; keys.len()];
+    for (i, &key) in keys.iter().enumerate() {
+        items[next[key as usize] as usize] = i as u32;
+        next[key as usize] += 1;
+    }
+    (items, starts)
+}
+
+impl SenderTree {
+    /// A tree from assignments. `counts`: clusters per sender level; `leaf_of_point` and `parents` as the
+    /// fields. All points count alike: a maximal Poisson-disk set is even in area.
+    pub fn new(counts: &[usize], leaf_of_point: Vec<u32>, parents: Vec<Vec<u32>>) -> SenderTree {
+        let ranges = LevelRanges::new(counts.iter().copied());
+        let (points, leaf_starts) = sorted_by(&leaf_of_point, counts[counts.len() - 1]);
+        let mut areas: Vec<Vec<f32>> =
+            vec![leaf_starts.windows(2).map(|w| (w[1] - w[0]) as f32).collect()];
+        for l in (0..parents.len()).rev() {
+            let mut coarse = vec![0.0f32; counts[l]];
+            for (child, &parent) in parents[l].iter().enumerate() {
+                coarse[parent as usize] += areas[0][child];
+            }
+            areas.insert(0, coarse);
+        }
+        let mut shares = vec![1.0; counts[0]];
+        for l in 1..counts.len() {
+            shares.extend(parents[l - 1].iter().zip(&areas[l]).map(|(&parent, area)| {
+                let whole = areas[l - 1][parent as usize];
+                if whole > 0.0 { area / whole } else { 0.0 }
+            }));
+        }
+        let children = (0..parents.len()).map(|l| sorted_by(&parents[l], counts[l])).collect();
+        SenderTree { ranges, leaf_of_point, parents, shares, points, leaf_starts, children }
+    }
+
+    /// Number of sender levels.
+    pub fn levels(&self) -> usize {
+        self.ranges.levels()
+    }
+
+    /// Children (local indices on level + 1) of a cluster (local index on `level`).
+    pub fn children(&self, level: usize, cluster: usize) -> &[u32] {
+        let (items, starts) = &self.children[level];
+        &items[starts[cluster] as usize..starts[cluster + 1] as usize]
+    }
+
+    /// For each finest point its cluster on `level` (local index).
+    pub fn cluster_of_point(&self, level: usize) -> Vec<u32> {
+        let mut of = self.leaf_of_point.clone();
+        for l in (level..self.levels() - 1).rev() {
+            of.iter_mut().for_each(|c| *c = self.parents[l][*c as usize]);
+        }
+        of
+    }
+
+    /// Mean of values at the finest points over each cluster, level by level, coarsest first. Clusters
+    /// without points get zero.
+    pub fn pulled(&self, at_points: &[Vec3]) -> Vec<Vec<Vec3>> {
+        let leaves: Vec<Vec3> = (0..self.leaf_starts.len() - 1)
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|leaf| {
+                let own = &self.points[self.leaf_starts[leaf] as usize..self.leaf_starts[leaf + 1] as usize];
+                let sum: Vec3 = own.iter().map(|&p| at_points[p as usize]).sum();
+                sum / (own.len().max(1)) as f32
+            })
+            .collect();
+        let mut levels = vec![leaves];
+        for l in (0..self.parents.len()).rev() {
+            let shares = &self.shares[self.ranges.range(l + 1)];
+            let mut coarse = vec![Vec3::ZERO; self.ranges.range(l).len()];
+            for (child, &parent) in self.parents[l].iter().enumerate() {
+                coarse[parent as usize] += levels[0][child] * shares[child];
+            }
+            levels.insert(0, coarse);
+        }
+        levels
+    }
+
+    /// Sender coefficients from pulled values: means on the coarsest level, differences to the parent's mean
+    /// on the others.
+    pub fn coefficients(&self, pulled: &[Vec<Vec3>]) -> Vec<Vec3> {
+        let mut out = pulled[0].clone();
+        for l in 1..pulled.len() {
+            let parents = &self.parents[l - 1];
+            out.extend(pulled[l].iter().zip(parents).map(|(f, &parent)| *f - pulled[l - 1][parent as usize]));
+        }
+        out
+    }
+}
+
+/// A place with what a signature says of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Signed {
+    /// World space.
+    pub position: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+    /// Which pilots see the place.
+    pub signature: u64,
+}
+
+/// How many seed distances a complete disagreement of signatures counts for.
+pub const VISIBILITY_WEIGHT: f32 = 16.0;
+
+/// For each place the nearest seed: by distance in units of `spacing` and by disagreement of signatures, among
+/// seeds that face the same way if there are any near.
+pub fn nearest_seeds(places: &[Signed], seeds: &[Signed], spacing: f32) -> Vec<u32> {
+    use crate::grid::PointGrid;
+    let weight = std::env::var("KAPPA").map_or(VISIBILITY_WEIGHT, |v| v.parse().unwrap());
+    let positions: Vec<Vec3> = seeds.iter().map(|s| s.position).collect();
+    let normals: Vec<Vec3> = seeds.iter().map(|s| s.normal).collect();
+    // Seeds are at most a spacing from any place; what sees the same may be a few of them away.
+    let reach = 3.0 * spacing;
+    let grid = PointGrid::new(&positions, &normals, reach);
+    places
+        .par_iter()
+        .with_min_len(256)
+        .map(|place| {
+            let mut best = (f32::INFINITY, u32::MAX);
+            grid.near(place.position, |entry| {
+                let offset = place.position - entry.position;
+                let squared = crate::kernel::distance_squared(offset, entry.normal) / (spacing * spacing);
+                let cosine = entry.normal.dot(place.normal);
+                // Facing away costs like disagreeing entirely.
+                let facing = weight * (1.0 - cosine).min(1.0);
+                let differing = (place.signature ^ seeds[entry.index as usize].signature).count_ones();
+                let unlike = weight * differing as f32 / PILOTS as f32;
+                let cost = squared + facing * facing + unlike * unlike;
+                if (cost, entry.index) < best {
+                    best = (cost, entry.index);
+                }
+            });
+            if best.1 == u32::MAX {
+                // Nothing near: the nearest of all, so that no light is lost.
+                for (i, seed) in seeds.iter().enumerate() {
+                    let cost = seed.position.distance_squared(place.position);
+                    if (cost, i as u32) < best {
+                        best = (cost, i as u32);
+                    }
+                }
+            }
+            best.1
+        })
+        .collect()
+}
