@@ -73,7 +73,7 @@ pub const MAX_RATIO: u64 = 1024;
 pub const ZSTD_LEVEL: i32 = 9;
 
 /// Most raw bytes of a section of small records (provenance, materials, estimates): sixteen mebibytes hold some
-/// hundred thousand materials. SPEC 6.
+/// hundred thousand materials. SPEC 7.9.
 pub const MAX_RECORD_BYTES: usize = 16 << 20;
 
 /// How a section's stored bytes become its raw bytes. SPEC 4.4.

@@ -17,6 +17,26 @@
 //! # }
 //! ```
 //!
+//! An engine that only wants the operator reads points and links in a few lines; what it gets is validated, so rows
+//! and columns need no further checks:
+//!
+//! ```no_run
+//! use relight_format::{Limits, read_file};
+//!
+//! # fn main() -> Result<(), relight_format::FormatError> {
+//! let asset = read_file("hall.relight", &Limits::default())?;
+//! let positions: Vec<[f32; 3]> = asset.points.iter().flat_map(|level| level.positions.clone()).collect();
+//! if let Some(t) = &asset.transfer {
+//!     for (receiver, row) in t.row_offsets.windows(2).enumerate() {
+//!         for link in row[0] as usize..row[1] as usize {
+//!             println!("{:?} from sender {}: {:?}", positions[receiver], t.columns[link], t.vectors[link]);
+//!         }
+//!     }
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! What is quantised loses precision, within the bounds that [`codec`] states. A baker that corrects for the
 //! loss asks [`quantised_level`], [`quantised_links`], [`quantised_vector`] and [`quantised_bounce`] what a
 //! reader will see.

@@ -7,6 +7,7 @@
 #![deny(unsafe_code)]
 
 pub mod animated;
+pub mod bsdf;
 pub mod camera;
 pub mod environment;
 #[cfg(feature = "gltf")]
@@ -18,5 +19,8 @@ pub mod material;
 pub mod rays;
 pub mod scene;
 pub mod sequence;
+pub mod shading;
 pub mod sky;
-// pub mod surface; // waits for rays
+pub mod surface;
+pub mod texture;
+pub mod traced;

@@ -1,4 +1,4 @@
-//! Albedo as 12 bits along a smoothstep: ρ = t²(3 − 2t), t = code/4095 (SPEC 7.7).
+//! Albedo as 12 bits along a smoothstep: ρ = t²(3 − 2t), t = code/4095 (SPEC 6.6.3).
 //!
 //! Interreflection grows with 1/(1 − ρ), so what counts near 1 is the error relative to 1 − ρ, and near 0 the
 //! error relative to ρ; 8 bits miss 0.99 by 1.8e-3, which is 15 % of the light in a furnace. The smoothstep spends its

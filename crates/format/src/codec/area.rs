@@ -1,4 +1,4 @@
-//! Areas as floats with eight bits of mantissa (SPEC 7.8): the bit pattern of a positive f32 is itself a piecewise
+//! Areas as floats with eight bits of mantissa (SPEC 6.6.4): the bit pattern of a positive f32 is itself a piecewise
 //! linear logarithm, so rounding off its lowest 15 bits is a logarithmic quantiser that needs no logarithm.
 //!
 //! Relative error ≤ 2⁻⁹ for normal numbers; zero is exact. A level stores codes less their smallest: two bytes

@@ -1,4 +1,4 @@
-//! Raw bytes: a checked reader, varints, zigzag, byte planes (SPEC 7.1 to 7.4).
+//! Raw bytes: a checked reader, varints, zigzag, byte planes (SPEC 7.1 to 7.3).
 //!
 //! A byte plane holds one byte of each element: all lowest bytes, then all second bytes, and so on. zstd models
 //! a plane of exponents or high bytes far better than the same bytes interleaved with noise.
@@ -90,7 +90,7 @@ impl<'a> Cursor<'a> {
         Ok(f32::from_bits(self.u32()?))
     }
 
-    /// The next unsigned LEB128 number of at most 32 bits (SPEC 7.2).
+    /// The next unsigned LEB128 number of at most 32 bits (SPEC 7.1).
     ///
     /// # Errors
     /// The bytes end within it, or it has more than 32 bits.

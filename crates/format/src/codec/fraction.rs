@@ -1,5 +1,5 @@
 //! Bounce weights as 16-bit fractions of their row's largest, rescaled on reading so that the row sums to what
-//! the file says (SPEC 7.10). Non-negative by construction; a row loses no energy however coarse its fractions.
+//! the file says (SPEC 6.8). Non-negative by construction; a row loses no energy however coarse its fractions.
 //!
 //! Before rescaling a weight is off by at most max/131070; rescaling multiplies by 1 + δ with
 //! |δ| ≤ n·max/131070/sum for n links. The sum of the decoded weights equals `row_sum` to f32 rounding of the

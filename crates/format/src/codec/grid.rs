@@ -1,4 +1,4 @@
-//! Point positions on a cubic grid whose step is R/256 (SPEC 7.5).
+//! Point positions on a cubic grid whose step is R/256 (SPEC 6.6.1).
 //!
 //! Rounding is off by half a step on each axis, and the decoded f32 by at most 1/16 of a step more (or the level
 //! is stored exactly): √3·(1/2 + 1/16)/256 R < R/256. The number of bytes per axis follows from the level's

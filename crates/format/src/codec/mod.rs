@@ -1,5 +1,5 @@
-//! Codecs: how numbers become few bytes. Each module is testable alone and states its error bound; SPEC 7
-//! specifies them. All arithmetic is IEEE 754 addition, multiplication, division, square root and rounding, so
+//! Codecs: how numbers become few bytes. Each module is testable alone and states its error bound; SPEC 6
+//! and 7 specify them. All arithmetic is IEEE 754 addition, multiplication, division, square root and rounding, so
 //! that every machine writes and reads the same bits (no logarithms, whose libraries differ).
 //!
 //! | what | codec | bound |

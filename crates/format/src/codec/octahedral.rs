@@ -1,6 +1,6 @@
 //! Unit vectors as two integers: the sphere folded onto an octahedron, unfolded onto a square (Meyer et al.,
 //! "On floating-point normal vectors", EGSR 2010; Cigolle et al., "A survey of efficient representations for
-//! independent unit vectors", JCGT 2014). SPEC 7.6.
+//! independent unit vectors", JCGT 2014). SPEC 7.5.
 //!
 //! The grid is symmetric, −M … M with M = 2ᵇ⁻¹ − 1, so the six axis directions are exact: walls stay walls.
 //! Error: a step h = 1/M of the square moves the unfolded point by at most h/2 on each axis; the octahedron's

@@ -1,4 +1,4 @@
-//! Link vectors as three mantissas under one exponent (SPEC 7.9; after G. Ward, "Real pixels", Graphics Gems II,
+//! Link vectors as three mantissas under one exponent (SPEC 7.6; after G. Ward, "Real pixels", Graphics Gems II,
 //! 1991, with signs and 10 bits).
 //!
 //! The exponent is that of the largest component, whose mantissa is 512 to 1023; the others share its step.

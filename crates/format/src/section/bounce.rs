@@ -64,7 +64,10 @@ pub fn quantised_bounce(bounce: &BounceLinks) -> BounceLinks {
         fraction::decode(&row, row_sum, &mut weights);
     }
     BounceLinks {
+        rows: bounce.rows,
+        row_offsets: bounce.row_offsets.clone(),
+        columns: bounce.columns.clone(),
         weights,
-        ..bounce.clone()
+        row_sums: bounce.row_sums.clone(),
     }
 }

@@ -14,6 +14,13 @@ const FLAG_NORMALS: u8 = 1;
 const FLAG_COLORS: u8 = 2;
 const FLAG_TANGENTS: u8 = 4;
 
+/// How exact floats are stored. SPEC 6.2.1.
+const FLOATS_PLAIN: u8 = 0;
+const FLOATS_DELTA_PLANES: u8 = 1;
+
+/// zstd level of the trial that chooses between the two: it ranks them as level 9 does, at a tenth of the time.
+const TRIAL_LEVEL: i32 = 1;
+
 /// Bytes of a mesh's fixed fields.
 const MESH_BYTES: usize = 16;
 /// Bytes of an instance.
@@ -120,27 +127,52 @@ pub fn decode(cursor: &mut Cursor<'_>) -> Result<Geometry> {
     Ok(Geometry { meshes, instances })
 }
 
-/// Exact floats, component by component, as four planes of the difference of neighbouring bit patterns (SPEC 7.4).
+/// Exact floats, as they are or as byte planes of the differences of neighbouring bit patterns (SPEC 6.2.1). Models
+/// with many equal vertices (architecture) are shorter as they are, since zstd finds the repeats; scans are shorter as
+/// planes. A quick trial decides.
 fn put_floats<const N: usize>(values: &[[f32; N]], out: &mut Vec<u8>) {
+    let plain: Vec<u8> = values.iter().flatten().flat_map(|c| c.to_le_bytes()).collect();
+    let mut planes = Vec::with_capacity(plain.len());
     for component in 0..N {
         let mut previous = 0u32;
         let delta = |value: &[f32; N]| {
             let bits = value[component].to_bits();
             zigzag(bits.wrapping_sub(std::mem::replace(&mut previous, bits)))
         };
-        put_planes(out, 4, &values.iter().map(delta).collect::<Vec<_>>());
+        put_planes(&mut planes, 4, &values.iter().map(delta).collect::<Vec<_>>());
     }
+    // Without memory for a trial the plain floats are as right.
+    let trial =
+        |bytes: &[u8]| zstd::bulk::compress(bytes, TRIAL_LEVEL).map_or(usize::MAX, |stored| stored.len());
+    let (mode, bytes) = if trial(&planes) < trial(&plain) {
+        (FLOATS_DELTA_PLANES, planes)
+    } else {
+        (FLOATS_PLAIN, plain)
+    };
+    out.push(mode);
+    out.extend_from_slice(&bytes);
 }
 
 fn floats<const N: usize>(cursor: &mut Cursor<'_>, count: usize) -> Result<Vec<[f32; N]>> {
+    let mode = cursor.u8()?;
     let mut values = cursor.vec(count, 4 * N)?;
     values.resize(count, [0.0; N]);
-    for component in 0..N {
-        let mut previous = 0u32;
-        for (value, code) in values.iter_mut().zip(Planes::take(cursor, 4, count)?.values()) {
-            previous = previous.wrapping_add(unzigzag(code));
-            value[component] = f32::from_bits(previous);
+    match mode {
+        FLOATS_PLAIN => {
+            for component in values.iter_mut().flatten() {
+                *component = cursor.f32()?;
+            }
         }
+        FLOATS_DELTA_PLANES => {
+            for component in 0..N {
+                let mut previous = 0u32;
+                for (value, code) in values.iter_mut().zip(Planes::take(cursor, 4, count)?.values()) {
+                    previous = previous.wrapping_add(unzigzag(code));
+                    value[component] = f32::from_bits(previous);
+                }
+            }
+        }
+        _ => return Err(cursor.invalid("a float mode of 0 or 1", mode)),
     }
     Ok(values)
 }
@@ -185,7 +217,7 @@ fn decode_tangents(cursor: &mut Cursor<'_>, count: usize) -> Result<Vec<[f32; 4]
 }
 
 /// Indices as zigzag varints of the distance below the next unseen index: vertices that appear in order cost a
-/// zero each, and reused ones are near (SPEC 7.13).
+/// zero each, and reused ones are near (SPEC 6.2.3).
 fn put_triangles(triangles: &[[u32; 3]], out: &mut Vec<u8>) {
     let mut next = 0u32;
     for &index in triangles.iter().flatten() {

@@ -13,12 +13,13 @@ pub fn encode(links: &Links, out: &mut Vec<u8>) {
         out.extend_from_slice(&number.to_le_bytes());
     }
     rows::encode(&links.row_offsets, &links.columns, out);
-    // Six planes: exponents; the high bits and signs of x and y together, those of z; three of low bytes.
+    // Six planes: exponents, signs, high bits of the mantissas, and their low bytes for x, y and z. Signs and high bits
+    // of the three components are modelled together: they know of each other.
     let start = out.len();
     out.resize(start + 6 * count, 0);
     let (exponents, rest) = out[start..].split_at_mut(count);
-    let (high_xy, rest) = rest.split_at_mut(count);
-    let (high_z, rest) = rest.split_at_mut(count);
+    let (signs, rest) = rest.split_at_mut(count);
+    let (highs, rest) = rest.split_at_mut(count);
     let (low_x, rest) = rest.split_at_mut(count);
     let (low_y, low_z) = rest.split_at_mut(count);
     for (i, &v) in links.vectors.iter().enumerate() {
@@ -27,10 +28,9 @@ pub fn encode(links: &Links, out: &mut Vec<u8>) {
             mantissas: [x, y, z],
             negative,
         } = vector::encode(v);
-        let high = |m: u16, negative: bool| (m >> 8) as u8 | u8::from(negative) << 2;
         exponents[i] = exponent;
-        high_xy[i] = high(x, negative[0]) | high(y, negative[1]) << 3;
-        high_z[i] = high(z, negative[2]);
+        signs[i] = (0..3).fold(0, |bits, axis| bits | u8::from(negative[axis]) << axis);
+        highs[i] = (x >> 8 | (y >> 8) << 2 | (z >> 8) << 4) as u8;
         low_x[i] = x as u8;
         low_y[i] = y as u8;
         low_z[i] = z as u8;
@@ -47,23 +47,24 @@ pub fn decode(cursor: &mut Cursor<'_>) -> Result<Links> {
     for plane in &mut planes {
         *plane = cursor.take(count)?;
     }
-    let [exponents, high_xy, high_z, low_x, low_y, low_z] = planes;
+    let [exponents, signs, highs, low_x, low_y, low_z] = planes;
     for i in 0..count {
-        if exponents[i] == 255 || high_xy[i] > 63 || high_z[i] > 7 {
-            let found = [exponents[i], high_xy[i], high_z[i]];
+        if exponents[i] == 255 || signs[i] > 7 || highs[i] > 63 {
+            let found = [exponents[i], signs[i], highs[i]];
             return Err(cursor.invalid(
                 format_args!("a finite vector at link {i}"),
                 format_args!("{found:?}"),
             ));
         }
-        let component = |high: u8, low: u8| (u16::from(high & 3) << 8 | u16::from(low), high & 4 != 0);
-        let (x, negative_x) = component(high_xy[i] & 7, low_x[i]);
-        let (y, negative_y) = component(high_xy[i] >> 3, low_y[i]);
-        let (z, negative_z) = component(high_z[i], low_z[i]);
+        let mantissa = |axis: u32, low: u8| u16::from(highs[i] >> (2 * axis) & 3) << 8 | u16::from(low);
         vectors.push(vector::decode(Code {
             exponent: exponents[i],
-            mantissas: [x, y, z],
-            negative: [negative_x, negative_y, negative_z],
+            mantissas: [
+                mantissa(0, low_x[i]),
+                mantissa(1, low_y[i]),
+                mantissa(2, low_z[i]),
+            ],
+            negative: [0, 1, 2].map(|axis| signs[i] >> axis & 1 != 0),
         }));
     }
     Ok(Links {
@@ -79,7 +80,10 @@ pub fn decode(cursor: &mut Cursor<'_>) -> Result<Links> {
 /// [`quantised_vector`].
 pub fn quantised_links(links: &Links) -> Links {
     Links {
+        receivers: links.receivers,
+        senders: links.senders,
+        row_offsets: links.row_offsets.clone(),
+        columns: links.columns.clone(),
         vectors: links.vectors.iter().map(|&v| quantised_vector(v)).collect(),
-        ..links.clone()
     }
 }

@@ -1,5 +1,5 @@
 //! Sections of small records (SPEC 6.1, 6.3, 6.10): bincode 2 in its fixed-width little-endian configuration,
-//! under a byte limit. bincode is no longer maintained; it stays behind this one module, and SPEC 7.11 specifies its
+//! under a byte limit. bincode is no longer maintained; it stays behind this one module, and SPEC 7.9 specifies its
 //! bytes in five lines, so that it can be replaced without changing the file.
 
 use serde::{Serialize, de::DeserializeOwned};
@@ -49,6 +49,6 @@ pub fn decode<T: DeserializeOwned>(cursor: &mut Cursor<'_>) -> Result<T> {
     match bincode::serde::decode_from_slice(bytes, config()) {
         Ok((records, used)) if used == bytes.len() => Ok(records),
         Ok((_, used)) => Err(cursor.invalid(format_args!("records of {} bytes", bytes.len()), used)),
-        Err(error) => Err(cursor.invalid("records as SPEC 7.11 has them", error)),
+        Err(error) => Err(cursor.invalid("records as SPEC 7.9 has them", error)),
     }
 }

@@ -1,4 +1,4 @@
-//! Compressed rows: lengths and sorted columns as varints (SPEC 7.12). A row's first column is coded as its
+//! Compressed rows: lengths and sorted columns as varints (SPEC 7.7). A row's first column is coded as its
 //! difference from the first column of the last non-empty row before it, the others as the gap to their left
 //! neighbour: columns are sorted by construction on reading.
 

@@ -1,0 +1,177 @@
+//! Albedos of the metallic-roughness BRDF, from tables.
+//!
+//! The specular part's directional albedo is linear in f0: E = f0 A(μ, α) + B(μ, α) (the split sum of Karis
+//! 2013), with A and B the means of (1 − F_c) G2/G1 and F_c G2/G1 over visible normals, F_c = (1 − wo·h)⁵. The
+//! diffuse part as glTF prints it has D = c_diff (1 − f0) K(μ) with K(μ) = (1/π) ∫ (1 − (1 − wo·h)⁵) cosθ dω,
+//! independent of α. The tables are integrated once per process, on first use, by a fixed quadrature.
+//!
+//! Errors (tested against quadrature of the BRDF): directional albedos within 3e-3, hemispherical ones within
+//! 1e-2.
+
+use super::{sample_visible_normal, smith_root};
+use crate::shading::{MIN_ALPHA, ShadingPoint};
+use glam::Vec3;
+use std::f32::consts::TAU;
+use std::sync::LazyLock;
+
+/// Nodes over x = μ^¼: the root puts many of them near the horizon, where masking varies around μ = α.
+const COSINES: usize = 96;
+/// Nodes over α^¼, for the same reason.
+const ROUGHNESSES: usize = 48;
+/// Nodes of the quadrature over visible normals, and over directions for K. A Fibonacci number: that makes the
+/// lattice of [`lattice`] even. Square grids are much worse, since masking cuts off along an axis.
+const QUADRATURE: usize = 610;
+/// Nodes of the quadrature over μ for averages.
+const AVERAGE_NODES: usize = 16;
+
+/// What a table lookup may understate the specular albedo by; held back from the diffuse part so that the
+/// total stays at or below one.
+const TABLE_MARGIN: f32 = 3e-3;
+
+struct Tables {
+    /// (A, B) for each roughness, row by row over the cosines.
+    specular: Vec<[f32; 2]>,
+    /// K for each cosine.
+    diffuse: Vec<f32>,
+}
+
+static TABLES: LazyLock<Tables> = LazyLock::new(|| Tables {
+    specular: (0..ROUGHNESSES * COSINES)
+        .map(|at| specular_integrals(node_alpha(at / COSINES), node_cosine(at % COSINES)))
+        .collect(),
+    diffuse: (0..COSINES).map(|at| diffuse_integral(node_cosine(at))).collect(),
+});
+
+fn node_cosine(at: usize) -> f32 {
+    let x = at as f32 / (COSINES - 1) as f32;
+    // The limit at the horizon is approached, not reached.
+    (x * x * x * x).max(1e-7)
+}
+
+/// Place of a cosine in the tables, in 0..=1.
+fn cosine_place(cos: f32) -> f32 {
+    cos.max(0.0).sqrt().sqrt()
+}
+
+/// Place of α in the tables, in 0..=1.
+fn alpha_place(alpha: f32) -> f32 {
+    let lowest = MIN_ALPHA.sqrt().sqrt();
+    (alpha.sqrt().sqrt() - lowest) / (1.0 - lowest)
+}
+
+fn node_alpha(at: usize) -> f32 {
+    let lowest = MIN_ALPHA.sqrt().sqrt();
+    let root = lowest + (1.0 - lowest) * at as f32 / (ROUGHNESSES - 1) as f32;
+    (root * root).powi(2)
+}
+
+/// Point `k` of the Fibonacci lattice of [`QUADRATURE`] points on the unit square.
+fn lattice(k: usize) -> [f32; 2] {
+    // 377 is the Fibonacci number before 610.
+    let turn = (k * 377 % QUADRATURE) as f32 / QUADRATURE as f32;
+    [(k as f32 + 0.5) / QUADRATURE as f32, turn]
+}
+
+/// A and B at one roughness and angle.
+fn specular_integrals(alpha: f32, cos_o: f32) -> [f32; 2] {
+    let wo = Vec3::new((1.0 - cos_o * cos_o).max(0.0).sqrt(), 0.0, cos_o);
+    let mut sums = [0.0f64; 2];
+    for k in 0..QUADRATURE {
+        let u = lattice(k);
+        let h = sample_visible_normal(wo, alpha, u);
+        let cos_oh = wo.dot(h);
+        let cos_i = 2.0 * cos_oh * h.z - cos_o;
+        if cos_i <= 0.0 {
+            continue;
+        }
+        // G2/G1, both in Smith's height-correlated form.
+        let (root_o, root_i) = (smith_root(cos_o, alpha), smith_root(cos_i, alpha));
+        let weight = cos_i * (cos_o + root_o) / (cos_i * root_o + cos_o * root_i);
+        let schlick = (1.0 - cos_oh).max(0.0).powi(5);
+        sums[0] += f64::from(weight * (1.0 - schlick));
+        sums[1] += f64::from(weight * schlick);
+    }
+    sums.map(|sum| (sum / QUADRATURE as f64) as f32)
+}
+
+/// K at one angle.
+fn diffuse_integral(cos_o: f32) -> f32 {
+    let wo = Vec3::new((1.0 - cos_o * cos_o).max(0.0).sqrt(), 0.0, cos_o);
+    let mut sum = 0.0f64;
+    for k in 0..QUADRATURE {
+        let u = lattice(k);
+        let (sin, cos) = (TAU * u[1]).sin_cos();
+        let wi = Vec3::new(u[0].sqrt() * cos, u[0].sqrt() * sin, (1.0 - u[0]).sqrt());
+        let cos_oh = (0.5 * (1.0 + wo.dot(wi))).max(0.0).sqrt();
+        sum += f64::from(1.0 - (1.0 - cos_oh).max(0.0).powi(5));
+    }
+    (sum / QUADRATURE as f64) as f32
+}
+
+/// Index of the lower node and weight of the upper one.
+fn place(x: f32, nodes: usize) -> (usize, f32) {
+    let x = x.clamp(0.0, 1.0) * (nodes - 1) as f32;
+    let at = (x as usize).min(nodes - 2);
+    (at, x - at as f32)
+}
+
+/// (A, B), interpolated.
+fn specular_factors(alpha: f32, cos: f32) -> [f32; 2] {
+    let (row, fr) = place(alpha_place(alpha), ROUGHNESSES);
+    let (column, fc) = place(cosine_place(cos), COSINES);
+    let table = &TABLES.specular;
+    let at = |row: usize, column: usize, k: usize| table[row * COSINES + column][k];
+    [0, 1].map(|k| {
+        let low = at(row, column, k) * (1.0 - fc) + at(row, column + 1, k) * fc;
+        let high = at(row + 1, column, k) * (1.0 - fc) + at(row + 1, column + 1, k) * fc;
+        low * (1.0 - fr) + high * fr
+    })
+}
+
+/// Directional albedo E of the specular part alone, seen at cosine `cos` with the normal; RGB in 0..=1.
+pub fn specular(f0: Vec3, alpha: f32, cos: f32) -> Vec3 {
+    let [a, b] = specular_factors(alpha, cos);
+    (f0 * a + b).clamp(Vec3::ZERO, Vec3::ONE)
+}
+
+/// Directional albedo D of the diffuse part as glTF prints it.
+fn diffuse_printed(point: &ShadingPoint, cos: f32) -> Vec3 {
+    let (at, f) = place(cosine_place(cos), COSINES);
+    let k = TABLES.diffuse[at] * (1.0 - f) + TABLES.diffuse[at + 1] * f;
+    point.diffuse * (Vec3::ONE - point.f0) * k
+}
+
+/// Largest directional albedo of the diffuse part that conserves energy: min(D, 1 − E).
+pub(super) fn diffuse_limit(point: &ShadingPoint, cos: f32) -> Vec3 {
+    let left = Vec3::splat(1.0 - TABLE_MARGIN) - specular(point.f0, point.alpha, cos);
+    diffuse_printed(point, cos).min(left.max(Vec3::ZERO))
+}
+
+/// The factor s(μ) of the module [`super`], per channel in 0..=1.
+pub(super) fn diffuse_scale(point: &ShadingPoint, cos: f32) -> Vec3 {
+    let printed = diffuse_printed(point, cos);
+    // 0/0 where there is no diffuse part in a channel: any factor will do.
+    diffuse_limit(point, cos) / printed.max(Vec3::splat(f32::MIN_POSITIVE))
+}
+
+/// Share of the light that a point reflects in all, averaged over cosine-weighted directions of arrival: RGB in
+/// 0..=1. The albedo for bounces (design section 6), so that metals and glossy surfaces send light, too.
+///
+/// Exact for Lambert; otherwise within 1e-2 of the BRDF's own integral. The double integral of the diffuse part
+/// is taken as a product of single ones, since K hardly depends on the angle.
+pub fn hemispherical_albedo(point: &ShadingPoint) -> Vec3 {
+    if point.lambert {
+        return point.diffuse;
+    }
+    let (mut reflected, mut printed, mut scaled) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
+    for k in 0..AVERAGE_NODES {
+        // ∫ 2μ f dμ with x = √μ, since f varies near the horizon: ∫ 4x³ f dx, by midpoints.
+        let x = (k as f32 + 0.5) / AVERAGE_NODES as f32;
+        let (cos, weight) = (x * x, 4.0 * x * x * x / AVERAGE_NODES as f32);
+        reflected += specular(point.f0, point.alpha, cos) * weight;
+        printed += diffuse_printed(point, cos) * weight;
+        scaled += diffuse_limit(point, cos) * weight;
+    }
+    let diffuse = scaled * scaled / printed.max(Vec3::splat(f32::MIN_POSITIVE));
+    (reflected + diffuse).clamp(Vec3::ZERO, Vec3::ONE)
+}

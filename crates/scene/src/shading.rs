@@ -1,0 +1,229 @@
+//! What a surface does with light at one point: a material evaluated where a ray met it.
+//!
+//! Source: glTF 2.0 sections 3.9 (materials) and 3.7.2.1 (normals and tangents), KHR_materials_unlit; design
+//! section 2 for the sides. Deviation: where a mesh has no tangents, they are derived triangle by triangle from
+//! the normal map's coordinates and made perpendicular to the smooth normal, not smoothed over vertices as
+//! MikkTSpace does it.
+
+use crate::surface::SurfaceHit;
+use crate::texture::ColorSpace;
+use crate::traced::{Corner, Shading, TracedScene};
+use glam::{Vec2, Vec3};
+
+/// Reflectance of a dielectric at normal incidence: index of refraction 1.5 (glTF 2.0 appendix B).
+const DIELECTRIC_F0: f32 = 0.04;
+
+/// Smallest GGX alpha: below it the distribution's peak, 1/(πα²), leaves what f32 resolves around a half
+/// vector (some 1e-7 per component).
+pub const MIN_ALPHA: f32 = 1e-4;
+
+/// Smallest cosine between a bent shading normal and the geometric normal or the viewer: a tenth of a degree
+/// above the horizon, enough for sampling to work.
+const MIN_BENT_COSINE: f32 = 2e-3;
+
+/// A surface point as BRDFs see it. All vectors are in world space and unit vectors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShadingPoint {
+    /// World space.
+    pub position: Vec3,
+    /// Normal of the true surface, on the side the ray came from.
+    pub geometric_normal: Vec3,
+    /// Smooth normal without normal map, on the same side.
+    pub normal: Vec3,
+    /// Normal with normal map, on the same side.
+    pub shading_normal: Vec3,
+    /// Linear RGB in 0..=1: factor × texture × vertex colour.
+    pub base_color: Vec3,
+    /// Albedo of the Lambert part (glTF's c_diff), linear RGB in 0..=1.
+    pub diffuse: Vec3,
+    /// Reflectance of the specular part at normal incidence, linear RGB in 0..=1.
+    pub f0: Vec3,
+    /// GGX α, from [`MIN_ALPHA`] to 1.
+    pub alpha: f32,
+    /// Whether the Lambert part is all there is; `f0` is then zero.
+    pub lambert: bool,
+    /// Radiance towards the side the ray came from, W/(m² sr). Zero on the back of materials that are not
+    /// double-sided.
+    pub emission: Vec3,
+    /// Index into [`crate::scene::Scene::materials`].
+    pub material: u32,
+}
+
+impl ShadingPoint {
+    /// A Lambert reflector, for surfaces without materials.
+    pub fn lambert(hit: &SurfaceHit, albedo: Vec3) -> ShadingPoint {
+        ShadingPoint {
+            position: hit.position,
+            geometric_normal: hit.geometric_normal,
+            normal: hit.normal,
+            shading_normal: hit.normal,
+            base_color: albedo,
+            diffuse: albedo,
+            f0: Vec3::ZERO,
+            alpha: 1.0,
+            lambert: true,
+            emission: Vec3::ZERO,
+            material: 0,
+        }
+    }
+
+    /// The same point with its shading normal bent towards a viewer in direction `wo` (unit, away from the
+    /// surface), if it would otherwise face away from it: interpolated and mapped normals do that near
+    /// silhouettes, and the BRDF would be black there.
+    pub fn facing(mut self, wo: Vec3) -> ShadingPoint {
+        self.shading_normal = bend_towards(self.shading_normal, wo);
+        self
+    }
+}
+
+/// `normal` if its cosine with `direction` is at least [`MIN_BENT_COSINE`], otherwise bent until it is.
+fn bend_towards(normal: Vec3, direction: Vec3) -> Vec3 {
+    let cosine = normal.dot(direction);
+    if cosine >= MIN_BENT_COSINE {
+        return normal;
+    }
+    // Without its part along the direction, plus a little of the direction; if nothing else is left, the
+    // direction itself.
+    let across = (normal - direction * cosine)
+        .try_normalize()
+        .unwrap_or(Vec3::ZERO);
+    // The factor 2 covers the rounding of the normalisation.
+    (across + direction * (2.0 * MIN_BENT_COSINE)).normalize()
+}
+
+impl TracedScene {
+    /// Evaluates the material where a ray hit this scene. Its shading normal is above the geometric horizon;
+    /// use [`ShadingPoint::facing`] where the viewer is known.
+    ///
+    /// # Panics
+    /// The hit is from another scene with more triangles.
+    pub fn shading_point(&self, hit: &SurfaceHit) -> ShadingPoint {
+        let (index, corner) = self.corner_of(hit.primitive, hit.barycentric);
+        let material = &self.scene().materials[index as usize];
+        let base_color = self.base_color(index, &corner).truncate();
+        let mut point = ShadingPoint {
+            base_color,
+            material: index,
+            ..ShadingPoint::lambert(hit, base_color)
+        };
+        if hit.front || material.double_sided {
+            point.emission = self.emitted(index, &corner);
+        }
+        if material.unlit {
+            point.diffuse = Vec3::ZERO;
+            return point;
+        }
+        if self.shading() == Shading::Lambert {
+            return point;
+        }
+        let rough_metal =
+            self.texture_value(&material.metallic_roughness_texture, &corner, ColorSpace::Linear);
+        let metallic = unit_interval(material.metallic * rough_metal.z);
+        let roughness = unit_interval(material.roughness * rough_metal.y);
+        point.diffuse = base_color * (1.0 - metallic);
+        point.f0 = Vec3::splat(DIELECTRIC_F0 * (1.0 - metallic)) + base_color * metallic;
+        point.alpha = (roughness * roughness).max(MIN_ALPHA);
+        point.lambert = false;
+        if let Some(normal) = self.mapped_normal(hit, &corner) {
+            point.shading_normal = bend_towards(normal, hit.geometric_normal);
+        }
+        point
+    }
+
+    /// Radiance that a point of a triangle emits from its front (and back, if double-sided), not scaled by
+    /// coverage. Unlit materials emit their base colour.
+    ///
+    /// # Panics
+    /// `triangle` is not below [`TracedScene::triangle_count`].
+    pub fn emission(&self, triangle: u32, barycentric: [f32; 2]) -> Vec3 {
+        let (material, corner) = self.corner_of(triangle, barycentric);
+        self.emitted(material, &corner)
+    }
+
+    fn emitted(&self, index: u32, corner: &Corner<'_>) -> Vec3 {
+        let material = &self.scene().materials[index as usize];
+        if material.unlit {
+            return self.base_color(index, corner).truncate();
+        }
+        if material.emission == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let texture = self.texture_value(&material.emission_texture, corner, ColorSpace::Srgb);
+        (material.emission * texture.truncate()).max(Vec3::ZERO)
+    }
+
+    /// Normal of the normal map, on the ray's side; `None` without a map or where there are no usable
+    /// coordinates.
+    fn mapped_normal(&self, hit: &SurfaceHit, corner: &Corner<'_>) -> Option<Vec3> {
+        let material = self.material(hit.primitive);
+        let usage = material.normal_texture.as_ref()?;
+        // Everything as seen from the front; the back has the front's normal reversed.
+        let side = if hit.front { 1.0 } else { -1.0 };
+        let normal = hit.normal * side;
+        let (tangent, bitangent) = match self.authored_tangent(hit.primitive, corner) {
+            Some((tangent, handedness)) => {
+                let tangent = tangent.reject_from_normalized(normal).try_normalize()?;
+                (tangent, normal.cross(tangent) * handedness)
+            }
+            None => {
+                let uvs = corner
+                    .vertex_uvs(usage.uv_set)
+                    .map(|uv| usage.texture_from_mesh.transform_point2(uv));
+                derived_tangents(&self.triangle_positions(hit.primitive), uvs, normal)?
+            }
+        };
+        let value = self.texture_value(&material.normal_texture, corner, ColorSpace::Linear);
+        let mut local = value.truncate() * 2.0 - 1.0;
+        local.x *= material.normal_scale;
+        local.y *= material.normal_scale;
+        let mapped = tangent * local.x + bitangent * local.y + normal * local.z;
+        mapped.try_normalize().map(|mapped| mapped * side)
+    }
+
+    /// World-space tangent of any length and handedness (±1) from the mesh.
+    fn authored_tangent(&self, triangle: u32, corner: &Corner<'_>) -> Option<(Vec3, f32)> {
+        let tangent = corner.tangent()?;
+        let instance = &self.scene().instances[self.instance_of(triangle) as usize];
+        let linear = &instance.world_from_mesh.matrix3;
+        // Mirroring turns the cross product of normal and tangent around.
+        let mirrored = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
+        let world = Vec3::from(*linear * glam::Vec3A::from(tangent.truncate()));
+        Some((world, tangent.w.signum() * mirrored))
+    }
+}
+
+/// Unit tangent along rising u and unit bitangent along falling v (green of a normal map points up, v points
+/// down), perpendicular to `normal`; `None` where the coordinates span nothing.
+fn derived_tangents(vertices: &[Vec3; 3], uvs: [Vec2; 3], normal: Vec3) -> Option<(Vec3, Vec3)> {
+    let [a, b, c] = vertices.map(|vertex| vertex.as_dvec3());
+    let [ua, ub, uc] = uvs.map(|uv| uv.as_dvec2());
+    let (e1, e2) = (b - a, c - a);
+    let (d1, d2) = (ub - ua, uc - ua);
+    let area = d1.perp_dot(d2);
+    if area == 0.0 {
+        return None;
+    }
+    // ∂P/∂u and ∂P/∂v times |area|.
+    let along_u = (e1 * d2.y - e2 * d1.y) * area.signum();
+    let along_v = (e2 * d1.x - e1 * d2.x) * area.signum();
+    let normal_f64 = normal.as_dvec3();
+    let tangent = (along_u - normal_f64 * along_u.dot(normal_f64))
+        .try_normalize()?
+        .as_vec3();
+    let bitangent = normal.cross(tangent);
+    let up = if bitangent.as_dvec3().dot(-along_v) < 0.0 {
+        -bitangent
+    } else {
+        bitangent
+    };
+    Some((tangent, up))
+}
+
+/// Clamps to 0..=1; NaN becomes 0.
+fn unit_interval(value: f32) -> f32 {
+    if value.is_nan() {
+        0.0
+    } else {
+        value.clamp(0.0, 1.0)
+    }
+}

@@ -1,0 +1,234 @@
+//! From a scene to a traced scene: checks, expansion of instances, decoding of textures.
+
+use super::{Shading, TracedInstance, TracedScene, TracedSceneError};
+use crate::material::{AlphaMode, Material};
+use crate::rays::TriangleBvh;
+use crate::scene::{Mesh, Scene};
+use crate::texture::{DecodedTexture, decode_texture};
+use glam::{Affine3A, Mat3A, Vec3};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+pub(super) fn prepare(scene: Arc<Scene>, shading: Shading) -> Result<TracedScene, TracedSceneError> {
+    check_references(&scene)?;
+    let textures = decode_used_textures(&scene, shading)?;
+    let Expanded {
+        positions,
+        triangles,
+        instances,
+        instance_of_triangle,
+    } = expand(&scene, &textures)?;
+    let bvh = TriangleBvh::build(&positions, &triangles);
+    let emissive = (0..triangles.len() as u32)
+        .filter(|&triangle| {
+            let instance = &instances[instance_of_triangle[triangle as usize] as usize];
+            can_emit(&scene.materials[instance.material as usize])
+                && triangles[triangle as usize]
+                    .iter()
+                    .all(|&vertex| positions[vertex as usize].is_finite())
+        })
+        .collect();
+    let opaque = instances.iter().all(|instance| instance.opaque);
+    Ok(TracedScene {
+        scene,
+        shading,
+        bvh,
+        instances,
+        instance_of_triangle,
+        textures,
+        emissive,
+        opaque,
+    })
+}
+
+fn can_emit(material: &Material) -> bool {
+    material.unlit || material.emission.max_element() > 0.0
+}
+
+fn check(
+    from: impl Fn() -> String,
+    kind: &'static str,
+    index: u32,
+    count: usize,
+) -> Result<(), TracedSceneError> {
+    if (index as usize) < count {
+        return Ok(());
+    }
+    Err(TracedSceneError::Reference {
+        from: from(),
+        kind,
+        index,
+        count,
+    })
+}
+
+fn check_references(scene: &Scene) -> Result<(), TracedSceneError> {
+    for (at, instance) in scene.instances.iter().enumerate() {
+        check(
+            || format!("instance {at}"),
+            "mesh",
+            instance.mesh,
+            scene.meshes.len(),
+        )?;
+    }
+    for (at, mesh) in scene.meshes.iter().enumerate() {
+        let from = || format!("mesh {at}");
+        check(from, "material", mesh.material, scene.materials.len())?;
+        let expected = mesh.positions.len();
+        for &vertex in mesh.triangles.iter().flatten() {
+            check(from, "vertex", vertex, expected)?;
+        }
+        let lengths = [
+            ("normals", mesh.normals.len()),
+            ("tangents", mesh.tangents.len()),
+            ("colours", mesh.colors.len()),
+        ];
+        let uv_lengths = mesh.uvs.iter().map(|set| ("texture coordinates", set.len()));
+        for (attribute, found) in lengths.into_iter().chain(uv_lengths) {
+            if found != 0 && found != expected {
+                return Err(TracedSceneError::AttributeLength {
+                    mesh: at,
+                    attribute,
+                    found,
+                    expected,
+                });
+            }
+        }
+    }
+    for (at, material) in scene.materials.iter().enumerate() {
+        for usage in used_textures(material, Shading::Full) {
+            check(
+                || format!("material {at} ('{}')", material.name),
+                "texture",
+                usage,
+                scene.textures.len(),
+            )?;
+        }
+    }
+    Ok(())
+}
+
+/// Textures that evaluating a material looks up.
+fn used_textures(material: &Material, shading: Shading) -> impl Iterator<Item = u32> {
+    let always = [material.base_color_texture, material.emission_texture];
+    let full = [material.metallic_roughness_texture, material.normal_texture];
+    let full = full.into_iter().filter(move |_| shading == Shading::Full);
+    always
+        .into_iter()
+        .chain(full)
+        .flatten()
+        .map(|usage| usage.texture)
+}
+
+fn decode_used_textures(
+    scene: &Scene,
+    shading: Shading,
+) -> Result<Vec<Option<DecodedTexture>>, TracedSceneError> {
+    let mut used = vec![false; scene.textures.len()];
+    for mesh in &scene.meshes {
+        for texture in used_textures(&scene.materials[mesh.material as usize], shading) {
+            used[texture as usize] = true;
+        }
+    }
+    let decoded: Vec<_> = scene
+        .textures
+        .par_iter()
+        .zip(&used)
+        .enumerate()
+        .map(|(index, (texture, &used))| used.then(|| decode_texture(texture, index)).transpose())
+        .collect();
+    // The first error in order, whichever thread found one first.
+    Ok(decoded.into_iter().collect::<Result<_, _>>()?)
+}
+
+struct Expanded {
+    positions: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+    instances: Vec<TracedInstance>,
+    instance_of_triangle: Vec<u32>,
+}
+
+fn expand(scene: &Scene, textures: &[Option<DecodedTexture>]) -> Result<Expanded, TracedSceneError> {
+    let count = |of: fn(&Mesh) -> usize| -> Result<usize, TracedSceneError> {
+        let total: u64 = scene
+            .instances
+            .iter()
+            .map(|instance| of(&scene.meshes[instance.mesh as usize]) as u64)
+            .sum();
+        u32::try_from(total)
+            .map(|total| total as usize)
+            .map_err(|_| TracedSceneError::TooLarge)
+    };
+    let mut positions = Vec::with_capacity(count(|mesh| mesh.positions.len())?);
+    let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(count(|mesh| mesh.triangles.len())?);
+    let mut instance_of_triangle = Vec::with_capacity(triangles.capacity());
+    let mut instances = Vec::with_capacity(scene.instances.len());
+    for (at, instance) in scene.instances.iter().enumerate() {
+        let mesh = &scene.meshes[instance.mesh as usize];
+        let mirrored = instance.world_from_mesh.matrix3.determinant() < 0.0;
+        let first_vertex = positions.len() as u32;
+        instances.push(TracedInstance {
+            first_triangle: triangles.len() as u32,
+            mesh: instance.mesh,
+            material: mesh.material,
+            normal_from_mesh: normal_from_mesh(&instance.world_from_mesh),
+            mirrored,
+            opaque: is_opaque(mesh, &scene.materials[mesh.material as usize], textures),
+        });
+        positions.extend(
+            mesh.positions
+                .iter()
+                .map(|&position| instance.world_from_mesh.transform_point3(position)),
+        );
+        triangles.extend(mesh.triangles.iter().map(|triangle| {
+            let [a, b, c] = triangle.map(|vertex| first_vertex + vertex);
+            if mirrored { [a, c, b] } else { [a, b, c] }
+        }));
+        instance_of_triangle.resize(triangles.len(), at as u32);
+    }
+    Ok(Expanded {
+        positions,
+        triangles,
+        instances,
+        instance_of_triangle,
+    })
+}
+
+/// Matrix for normals: the cofactors of the linear part, which is its inverse transposed times the
+/// determinant, so that it exists for flattened instances, too; times the determinant's sign, so that fronts
+/// stay fronts. Scaled to entries of at most 1, so that no scale under- or overflows.
+fn normal_from_mesh(world_from_mesh: &Affine3A) -> Mat3A {
+    let m = &world_from_mesh.matrix3;
+    let largest = m
+        .to_cols_array()
+        .iter()
+        .fold(0.0f32, |largest, entry| largest.max(entry.abs()));
+    let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis].map(|axis| axis / largest);
+    let cofactors = Mat3A::from_cols(y.cross(z), z.cross(x), x.cross(y));
+    if x.dot(cofactors.x_axis) < 0.0 {
+        -cofactors
+    } else {
+        cofactors
+    }
+}
+
+/// Whether alpha lets no ray through anywhere on the mesh, whatever the material calls itself.
+fn is_opaque(mesh: &Mesh, material: &Material, textures: &[Option<DecodedTexture>]) -> bool {
+    let needed = match material.alpha_mode {
+        AlphaMode::Opaque => return true,
+        AlphaMode::Mask { cutoff } => cutoff,
+        AlphaMode::Blend => 1.0,
+    };
+    let texture_is_opaque =
+        material
+            .base_color_texture
+            .is_none_or(|usage| match &textures[usage.texture as usize] {
+                Some(texture) => !texture.has_alpha(),
+                None => true,
+            });
+    let lowest_vertex_alpha = mesh
+        .colors
+        .iter()
+        .fold(1.0f32, |lowest, color| lowest.min(color.w));
+    texture_is_opaque && material.base_color.w * lowest_vertex_alpha >= needed
+}
