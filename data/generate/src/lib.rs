@@ -12,14 +12,20 @@ pub mod cornell;
 pub mod furnace;
 mod furnishing;
 pub mod glb;
+pub mod isosurface;
 pub mod mesh;
+mod pattern;
 pub mod sequence;
 pub mod sky;
+pub mod table;
 pub mod texture;
+pub mod two_rooms;
 
 pub use atrium::atrium;
 pub use cornell::cornell;
 pub use furnace::{furnace_box, furnace_sphere, furnace_varying, varying_albedo};
+pub use table::table;
+pub use two_rooms::two_rooms;
 
 /// A file of `data/`: its name and contents.
 pub struct File {
@@ -37,6 +43,8 @@ pub fn scenes() -> Vec<(&'static str, glb::Glb)> {
         ("furnace_box.glb", furnace_box([0.5; 3])),
         ("furnace_varying.glb", furnace_varying(0.5, 0.4)),
         ("atrium.glb", atrium()),
+        ("two_rooms.glb", two_rooms()),
+        ("table.glb", table()),
     ]
 }
 
@@ -46,11 +54,19 @@ pub fn files() -> Vec<File> {
         name,
         bytes: glb.to_bytes(),
     });
-    let sequences = [cornell::sequences(), furnace::sequences(), atrium::sequences()];
-    let sequences = sequences
+    let others = [
+        cornell::sequences(),
+        furnace::sequences(),
+        atrium::sequences(),
+        two_rooms::sequences(),
+        table::sequences(),
+        isosurface::files(),
+        isosurface::sequences(),
+        sky::maps(),
+    ];
+    let others = others
         .into_iter()
         .flatten()
         .map(|(name, bytes)| File { name, bytes });
-    let skies = sky::maps().into_iter().map(|(name, bytes)| File { name, bytes });
-    scenes.chain(sequences).chain(skies).collect()
+    scenes.chain(others).collect()
 }

@@ -215,7 +215,8 @@ pub fn smooth_profile(points: &[(f64, f64)], steps: usize) -> Vec<(f64, f64)> {
                     + (c - a) * t
                     + (2.0 * a - 5.0 * b + 4.0 * c - d) * t * t
                     + (3.0 * b - a - 3.0 * c + d) * t * t * t);
-            out.push((p.x.max(0.0), p.y));
+            // No overshoot in height: a foot stays on its floor.
+            out.push((p.x.max(0.0), p.y.clamp(b.y.min(c.y), b.y.max(c.y))));
         }
     }
     out.push(points[points.len() - 1]);

@@ -2,12 +2,20 @@
 //! here, from its bytes, by code that shares nothing with the writer.
 
 use glam::{DMat4, DQuat, DVec3};
-use relight_data_generate::{File, files};
+use relight_data_generate::File;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::path::Path;
+use std::sync::OnceLock;
+
+/// What the generator makes, made once for all tests.
+fn files() -> &'static [File] {
+    static FILES: OnceLock<Vec<File>> = OnceLock::new();
+    FILES.get_or_init(relight_data_generate::files)
+}
 
 struct Part {
+    node: String,
     positions: Vec<DVec3>,
     normals: Vec<DVec3>,
     triangles: Vec<[usize; 3]>,
@@ -120,7 +128,8 @@ fn visit(out: &mut Parsed, node: usize, world_from_parent: DMat4) {
             .unwrap()
             .clone()
         {
-            let part = read_part(&out.json, &out.bin, &primitive, world);
+            let name = json["name"].as_str().unwrap_or_default().to_string();
+            let part = read_part(&out.json, &out.bin, &primitive, name, world);
             out.parts.push(part);
         }
     }
@@ -129,7 +138,7 @@ fn visit(out: &mut Parsed, node: usize, world_from_parent: DMat4) {
     }
 }
 
-fn read_part(json: &Value, bin: &[u8], primitive: &Value, world_from_part: DMat4) -> Part {
+fn read_part(json: &Value, bin: &[u8], primitive: &Value, node: String, world_from_part: DMat4) -> Part {
     let index = |key: &str| primitive["attributes"][key].as_u64().map(|i| i as usize);
     let at = index("POSITION").unwrap();
     let positions = vec3s(&accessor(json, bin, at).0);
@@ -170,6 +179,7 @@ fn read_part(json: &Value, bin: &[u8], primitive: &Value, world_from_part: DMat4
         .map(|t| [t[0] as usize, t[1] as usize, t[2] as usize])
         .collect();
     Part {
+        node,
         positions,
         normals,
         triangles,
@@ -182,7 +192,7 @@ fn corners(part: &Part, t: &[usize; 3]) -> [DVec3; 3] {
 }
 
 fn scenes() -> Vec<(&'static str, Parsed)> {
-    let glbs = files().into_iter().filter(|f| f.name.ends_with(".glb"));
+    let glbs = files().iter().filter(|f| f.name.ends_with(".glb"));
     glbs.map(|f| (f.name, parse(&f.bytes))).collect()
 }
 
@@ -266,14 +276,16 @@ fn cameras_stand_before_geometry() {
 
 /// The enclosures: each edge, by position, runs once in each direction, so no light leaks and no face is turned over.
 #[test]
-fn furnaces_and_rooms_are_closed() {
+fn furnaces_and_the_two_rooms_are_closed() {
     for (name, scene) in scenes() {
-        if !name.starts_with("furnace") {
+        // What stands in the two rooms is no part of their shell.
+        let shell = |part: &&Part| name != "two_rooms.glb" || part.node == "Rooms";
+        if !name.starts_with("furnace") && name != "two_rooms.glb" {
             continue;
         }
         let mut edges: HashMap<[[u64; 3]; 2], i32> = HashMap::new();
         let key = |p: DVec3| p.to_array().map(|x| (x + 0.0).to_bits());
-        for part in &scene.parts {
+        for part in scene.parts.iter().filter(shell) {
             for t in &part.triangles {
                 let p = corners(part, t).map(key);
                 for k in 0..3 {
@@ -303,10 +315,9 @@ fn furnace_spheres_are_round_to_a_thousandth() {
                 let middle = (p[0] + p[1] + p[2]) / 3.0;
                 assert!((middle.length() - 1.0).abs() < 1e-3, "{name}: {middle}");
                 for (corner, &i) in p.iter().zip(t) {
-                    assert!(
-                        part.normals[i].dot(-*corner) > 0.999_999,
-                        "{name}: normals look at the centre"
-                    );
+                    // Positions and normals are each rounded to 2^-20 per component.
+                    let off = (part.normals[i] + *corner).length();
+                    assert!(off < 4e-6, "{name}: normals look at the centre, {off}");
                 }
             }
         }
@@ -331,7 +342,7 @@ fn the_atrium_has_fifty_thousand_triangles_and_open_sky() {
 
 #[test]
 fn sequences_are_json_and_name_materials_and_files_that_exist() {
-    let all = files();
+    let all: Vec<&File> = files().iter().collect();
     let materials: Vec<String> = scenes()
         .iter()
         .flat_map(|(_, s)| s.json["materials"].as_array().unwrap().clone())
@@ -356,4 +367,92 @@ fn sequences_are_json_and_name_materials_and_files_that_exist() {
         }
     }
     assert!(seen > 0);
+}
+
+/// The features that the table promises, counted in its JSON.
+#[test]
+fn the_table_uses_every_material_feature() {
+    let (_, table) = scenes().into_iter().find(|s| s.0 == "table.glb").unwrap();
+    let text = table.json.to_string();
+    for feature in [
+        "baseColorTexture",
+        "metallicRoughnessTexture",
+        "normalTexture",
+        "emissiveTexture",
+        "KHR_texture_transform",
+        "KHR_materials_emissive_strength",
+        "COLOR_0",
+        "\"MASK\"",
+        "\"BLEND\"",
+        "doubleSided",
+    ] {
+        assert!(text.contains(feature), "{feature}");
+    }
+    assert!(
+        table.parts.iter().any(|p| p.world_from_part.determinant() < 0.0),
+        "a mirrored node"
+    );
+}
+
+#[test]
+fn images_are_png_that_decode_to_at_most_512_pixels() {
+    for (name, scene) in scenes() {
+        for image in scene.json["images"].as_array().unwrap_or(&vec![]) {
+            let view = &scene.json["bufferViews"][image["bufferView"].as_u64().unwrap() as usize];
+            let at = view["byteOffset"].as_u64().unwrap() as usize;
+            let bytes = &scene.bin[at..at + view["byteLength"].as_u64().unwrap() as usize];
+            let decoded = image::load_from_memory_with_format(bytes, image::ImageFormat::Png).unwrap();
+            assert!(
+                decoded.width() <= 512 && decoded.height() <= 512,
+                "{name}: {image}"
+            );
+        }
+    }
+}
+
+/// The orientation of the maps: design section 2 looks a direction up at u = atan2(d.x, −d.z)/2π, v = acos(d.y)/π.
+#[test]
+fn environment_maps_decode_and_the_window_is_in_front_of_the_table() {
+    for file in files().iter().filter(|f| f.name.ends_with(".hdr")) {
+        let map = image::load_from_memory_with_format(&file.bytes, image::ImageFormat::Hdr)
+            .unwrap()
+            .to_rgb32f();
+        assert!(
+            map.pixels()
+                .all(|p| p.0.iter().all(|c| c.is_finite() && *c >= 0.0)),
+            "{}",
+            file.name
+        );
+        if file.name != "window.hdr" {
+            continue;
+        }
+        // The mean direction of the radiance, weighted by solid angle up to a constant.
+        let mut mean = DVec3::ZERO;
+        for (x, y, p) in map.enumerate_pixels() {
+            let u = (f64::from(x) + 0.5) / f64::from(map.width()) * std::f64::consts::TAU;
+            let v = (f64::from(y) + 0.5) / f64::from(map.height()) * std::f64::consts::PI;
+            let d = DVec3::new(u.sin() * v.sin(), v.cos(), -u.cos() * v.sin());
+            mean += d * v.sin() * f64::from(p.0[1]);
+        }
+        // The table's room is open towards +Z.
+        assert!(mean.normalize().z > 0.4 && mean.y > 0.0, "{mean}");
+    }
+}
+
+#[test]
+fn the_readme_lists_every_file_and_the_right_triangle_counts() {
+    let readme = include_str!("../../README.md");
+    for file in files() {
+        let Some(row) = readme
+            .lines()
+            .find(|line| line.starts_with('|') && line.contains(&format!("`{}`", file.name)))
+        else {
+            panic!("data/README.md has no row for {}", file.name);
+        };
+        if file.name.ends_with(".glb") {
+            let count: usize = parse(&file.bytes).parts.iter().map(|p| p.triangles.len()).sum();
+            let written = row.split('|').nth(2).unwrap().trim().replace(',', "");
+            assert_eq!(written, count.to_string(), "{} in data/README.md", file.name);
+        }
+    }
 }

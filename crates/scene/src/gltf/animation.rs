@@ -234,10 +234,12 @@ fn parse_sampler(at: &At, layout: &Layout, target: Target) -> Option<Channel> {
         );
         return None;
     }
-    // An accessor without bytes is all zeros: no times rise there, and its size is unbounded.
-    if times.view.is_none() {
-        at.fault_at("input", format!("uses accessors[{input}], which holds no data"));
-        return None;
+    // An accessor without bytes is mostly zeros: no animation, and its size is unbounded.
+    for (key, index, accessor) in [("input", input, times), ("output", output, values)] {
+        if accessor.view.is_none() {
+            at.fault_at(key, format!("uses accessors[{index}], which holds no data"));
+            return None;
+        }
     }
     Some(Channel {
         input,

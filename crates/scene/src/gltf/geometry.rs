@@ -12,9 +12,41 @@ use crate::scene::{Instance, Mesh};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 use std::collections::HashMap;
 
-/// Vertices or indices decoded for one scene, all meshes together: about 10 GB at 80 bytes a vertex.
-/// A small file can ask for much more, since primitives share accessors and sparse ones need no bytes.
-const MAX_ELEMENTS: u64 = 1 << 27;
+/// Attributes and indices decoded for one scene, all meshes together: about 3 GB.
+const MAX_ELEMENTS: u64 = 1 << 28;
+
+/// What a file may ask for however small it is.
+const FREE_ELEMENTS: u64 = 1 << 24;
+
+/// Elements per byte of the buffers. Primitives may share accessors, and sparse ones need few bytes, so a
+/// small file can ask for very much; real ones use a byte in less than this many primitives.
+const ELEMENTS_PER_BYTE: u64 = 64;
+
+/// Counts what is decoded, and refuses what is out of all proportion.
+struct Budget {
+    left: u64,
+}
+
+impl Budget {
+    fn new(data: &Data) -> Budget {
+        let bytes: u64 = data.buffers.iter().map(|b| b.len() as u64).sum();
+        Budget {
+            left: bytes
+                .saturating_mul(ELEMENTS_PER_BYTE)
+                .clamp(FREE_ELEMENTS, MAX_ELEMENTS),
+        }
+    }
+
+    fn take(&mut self, elements: u64, path: &str, faults: &Faults) -> Option<()> {
+        if elements > self.left {
+            let message = "brings the scene to far more vertices than its buffers hold; split the scene";
+            faults.add(path, message);
+            return None;
+        }
+        self.left -= elements;
+        Some(())
+    }
+}
 
 /// Meshes and where they are.
 pub(super) struct Geometry {
@@ -37,7 +69,9 @@ pub(super) fn build(
         instances: Vec::new(),
     };
     let mut mesh_of: HashMap<&Primitive, Option<u32>> = HashMap::new();
-    let mut elements = 0u64;
+    let mut budget = Budget::new(data);
+    // Of each mesh, the greatest distances from its origin along the axes.
+    let mut extents: Vec<Vec3> = Vec::new();
     let world_from_nodes = graph.world_from_nodes();
     for &i in &graph.order {
         let node = &graph.nodes[i];
@@ -47,22 +81,42 @@ pub(super) fn build(
         }
         for (primitive, path) in &primitives[mesh] {
             let index = *mesh_of.entry(primitive).or_insert_with(|| {
-                elements = elements.saturating_add(element_count(data, primitive));
-                if elements > MAX_ELEMENTS {
-                    faults.add(
-                        path.clone(),
-                        format!(
-                            "brings the scene to more than {MAX_ELEMENTS} vertices and indices; split it"
-                        ),
-                    );
-                    return None;
-                }
+                budget.take(element_count(data, primitive), path, faults)?;
                 let mesh = decode(data, primitive, path, default_material, faults, notes)?;
+                extents.push(
+                    mesh.positions
+                        .iter()
+                        .fold(Vec3::ZERO, |most, p| most.max(p.abs())),
+                );
                 geometry.meshes.push(mesh);
                 Some(geometry.meshes.len() as u32 - 1)
             });
             let Some(index) = index else { continue };
-            place(&mut geometry, index, &world_from_nodes[i], &mut elements, notes);
+            let world_from_mesh = &world_from_nodes[i];
+            if !within_reach(extents[index as usize], world_from_mesh) {
+                notes.count("placed meshes beyond the reach of 32-bit numbers left out", 1);
+                continue;
+            }
+            match rank(world_from_mesh.matrix3) {
+                3 => geometry.instances.push(Instance {
+                    mesh: index,
+                    world_from_mesh: Affine3A::from_mat4(glam::DMat4::from(*world_from_mesh).as_mat4()),
+                }),
+                2 => {
+                    let source = &geometry.meshes[index as usize];
+                    let elements = element_count(data, primitive);
+                    if budget.take(elements, path, faults).is_some() {
+                        let flat = flattened(source, world_from_mesh);
+                        geometry.meshes.push(flat);
+                        extents.push(Vec3::ZERO);
+                        geometry.instances.push(Instance {
+                            mesh: geometry.meshes.len() as u32 - 1,
+                            world_from_mesh: Affine3A::IDENTITY,
+                        });
+                    }
+                }
+                _ => notes.count("placed meshes scaled to nothing left out", 1),
+            }
         }
     }
     geometry
@@ -74,56 +128,36 @@ fn element_count(data: &Data, primitive: &Primitive) -> u64 {
             .as_ref()
             .map_or(0, |a| a.count as u64)
     };
-    count(primitive.positions) + primitive.indices.map_or(0, count)
+    let attributes = 1
+        + primitive.uvs.len()
+        + [primitive.normals, primitive.tangents, primitive.colors]
+            .iter()
+            .flatten()
+            .count();
+    // Without indices every vertex is one.
+    let indices = primitive.indices.unwrap_or(primitive.positions);
+    (count(primitive.positions).saturating_mul(attributes as u64)).saturating_add(count(indices))
 }
 
-/// Adds an instance of a mesh, if it has any extent there.
-fn place(
-    geometry: &mut Geometry,
-    mesh: u32,
-    world_from_mesh: &DAffine3,
-    elements: &mut u64,
-    notes: &mut Notes,
-) {
-    let positions = &geometry.meshes[mesh as usize].positions;
-    let farthest = positions
-        .iter()
-        .fold(Vec3::ZERO, |most, p| most.max(p.abs()))
-        .as_dvec3();
-    let m = world_from_mesh.matrix3;
-    let reach = m.x_axis.abs() * farthest.x
-        + m.y_axis.abs() * farthest.y
-        + m.z_axis.abs() * farthest.z
+/// Whether squared distances stay finite in f32 for a mesh of this extent.
+fn within_reach(extent: Vec3, world_from_mesh: &DAffine3) -> bool {
+    let (m, extent) = (world_from_mesh.matrix3, extent.as_dvec3());
+    let reach = m.x_axis.abs() * extent.x
+        + m.y_axis.abs() * extent.y
+        + m.z_axis.abs() * extent.z
         + world_from_mesh.translation.abs();
-    // Squared distances must stay finite in f32.
-    if !reach.is_finite() || reach.max_element() >= f64::from(f32::MAX).sqrt() {
-        notes.count("placed meshes beyond the reach of 32-bit numbers left out", 1);
-        return;
-    }
-    match rank(m) {
-        3 => geometry.instances.push(Instance {
-            mesh,
-            world_from_mesh: Affine3A::from_mat4(glam::DMat4::from(*world_from_mesh).as_mat4()),
-        }),
-        // A scale of 0 along one axis: flat, but visible. There is no inverse to transform normals with, so
-        // the vertices go to the world once and for all, flat shaded.
-        2 if *elements + positions.len() as u64 <= MAX_ELEMENTS => {
-            *elements += positions.len() as u64;
-            let source = &geometry.meshes[mesh as usize];
-            let world = |p: &Vec3| world_from_mesh.transform_point3(p.as_dvec3()).as_vec3();
-            let flat = Mesh {
-                positions: source.positions.iter().map(world).collect(),
-                normals: Vec::new(),
-                tangents: Vec::new(),
-                ..source.clone()
-            };
-            geometry.meshes.push(flat);
-            geometry.instances.push(Instance {
-                mesh: geometry.meshes.len() as u32 - 1,
-                world_from_mesh: Affine3A::IDENTITY,
-            });
-        }
-        _ => notes.count("placed meshes scaled to nothing left out", 1),
+    reach.is_finite() && reach.max_element() < f64::from(f32::MAX).sqrt()
+}
+
+/// A mesh under a scale of 0 along one axis: flat, but visible. There is no inverse to transform normals
+/// with, so the vertices go to the world once and for all, flat shaded.
+fn flattened(source: &Mesh, world_from_mesh: &DAffine3) -> Mesh {
+    let world = |p: &Vec3| world_from_mesh.transform_point3(p.as_dvec3()).as_vec3();
+    Mesh {
+        positions: source.positions.iter().map(world).collect(),
+        normals: Vec::new(),
+        tangents: Vec::new(),
+        ..source.clone()
     }
 }
 

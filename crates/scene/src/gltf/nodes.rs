@@ -5,6 +5,9 @@ use super::json::At;
 use super::notes::Notes;
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
 
+/// How deep nodes may be nested: transforms of moving lights cost time in proportion.
+const MAX_DEPTH: u32 = 1000;
+
 /// Translation, rotation and scale, in the order in which they are applied last to first; f64, since chains
 /// of them get long.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -382,12 +385,21 @@ fn parse_scene(root: &At, nodes: &[Node], notes: &mut Notes) -> Vec<usize> {
         ));
     }
     let mut order = Vec::new();
+    let mut depth = vec![0u32; nodes.len()];
     let mut stack: Vec<usize> = shown.into_iter().rev().collect();
     // The tree has at most as many nodes as there are; more means a fault that was reported above.
     while let Some(i) = stack.pop()
         && order.len() < nodes.len()
     {
         order.push(i);
+        depth[i] = nodes[i].parent.map_or(0, |p| depth[p] + 1);
+        if depth[i] > MAX_DEPTH {
+            root.fault_at(
+                "nodes",
+                format!("are nested more than {MAX_DEPTH} deep, at node {i}; flatten them"),
+            );
+            break;
+        }
         stack.extend(
             nodes[i]
                 .children

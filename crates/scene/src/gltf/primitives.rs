@@ -7,6 +7,10 @@ use super::json::At;
 use super::materials::MAX_UV_SETS;
 use super::notes::Notes;
 
+/// Elements of an accessor that no bytes stand behind (zeros, some of them replaced): such attributes are
+/// rare and small, and nothing else bounds them.
+const MAX_UNBACKED: usize = 1 << 22;
+
 /// How vertices are joined to triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Mode {
@@ -82,7 +86,19 @@ fn parse_primitive(at: &At, layout: &Layout, materials: usize, notes: &mut Notes
     }
     let accessor = |at: &At, key: &str| -> Option<(usize, &Accessor)> {
         let index = at.index(key, layout.accessors.len(), "accessors")?;
-        Some((index, layout.accessors[index].as_ref()?))
+        let info = layout.accessors[index].as_ref()?;
+        if info.view.is_none() && info.count > MAX_UNBACKED {
+            at.fault_at(
+                key,
+                format!(
+                    "uses accessors[{index}], which declares {} elements without a bufferView; \
+                     at most {MAX_UNBACKED} are imported: export the scene again",
+                    info.count
+                ),
+            );
+            return None;
+        }
+        Some((index, info))
     };
     use Component::*;
     let attribute = |key: &str, widths: &[usize], components: &[Component]| {
