@@ -102,8 +102,10 @@ pub enum Units {
 }
 
 fn parse_point(text: &str) -> Result<Vec3, String> {
-    let numbers: Option<Vec<f32>> =
-        text.split(',').map(|part| part.trim().parse().ok().filter(|x: &f32| x.is_finite())).collect();
+    let numbers: Option<Vec<f32>> = text
+        .split(',')
+        .map(|part| part.trim().parse().ok().filter(|x: &f32| x.is_finite()))
+        .collect();
     match numbers.as_deref() {
         Some(&[x, y, z]) => Ok(Vec3::new(x, y, z)),
         _ => Err("expected three numbers with commas between them, such as 1.5,2,-3".into()),
@@ -118,7 +120,9 @@ pub fn params(args: &BakeArgs, seed: u64) -> Result<BakeParams, Failure> {
         PresetName::Fine => Preset::Fine,
     });
     params.levels = args.levels.unwrap_or(params.levels);
-    params.sender_levels = args.sender_levels.unwrap_or(params.sender_levels.min(params.levels));
+    params.sender_levels = args
+        .sender_levels
+        .unwrap_or(params.sender_levels.min(params.levels));
     params.coarse_radius = args.coarse_radius;
     params.epsilon = args.epsilon.unwrap_or(params.epsilon);
     params.bounces = args.bounces;
@@ -138,8 +142,17 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     let (scene, source_hash) = read_scene(&args.scene, args.light_units)?;
     signals::go_on()?;
     let import_seconds = start.elapsed().as_secs_f64();
-    let shading = if args.lambert { Shading::Lambert } else { Shading::Full };
-    let job = Job { params: &params, shading, lights: lights.as_ref(), source_hash };
+    let shading = if args.lambert {
+        Shading::Lambert
+    } else {
+        Shading::Full
+    };
+    let job = Job {
+        params: &params,
+        shading,
+        lights: lights.as_ref(),
+        source_hash,
+    };
     let result = run_job(&job, scene, &args.output, import_seconds, console)?;
     console.close();
     console.note(format!("{}\n\n{}", result.text, result.saved));
@@ -197,11 +210,18 @@ pub fn run_job(
     console: &Console,
 ) -> Result<JobResult, Failure> {
     let start = Instant::now();
-    let baked = bake(scene, job.shading, job.params, job.lights, job.source_hash, &BakeProgress(console))
-        .map_err(|error| match error {
-            BakeError::Stopped => signals::failure(),
-            other => other.into(),
-        })?;
+    let baked = bake(
+        scene,
+        job.shading,
+        job.params,
+        job.lights,
+        job.source_hash,
+        &BakeProgress(console),
+    )
+    .map_err(|error| match error {
+        BakeError::Stopped => signals::failure(),
+        other => other.into(),
+    })?;
     signals::go_on()?;
     console.begin("Writing the asset", None);
     let encode = Instant::now();

@@ -4,7 +4,8 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::output::{self, SCHEMA};
 use clap::Args;
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::presets;
+use comfy_table::{CellAlignment, Table};
 use relight_scene::image::metrics::{Comparison, compare};
 use relight_scene::image::{FloatImage, Layers, Limits, read_exr};
 use serde_json::{Value, json};
@@ -38,15 +39,20 @@ pub struct CompareArgs {
 /// Runs the command.
 pub fn run(args: &CompareArgs, console: &Console) -> Result<Outcome, Failure> {
     if args.max_relmse.is_some_and(|x| x.is_nan() || x < 0.0) {
-        return Err(Failure::Usage("--max-relmse must be a number of at least 0".into()));
+        return Err(Failure::Usage(
+            "--max-relmse must be a number of at least 0".into(),
+        ));
     }
     let limits = Limits::default();
-    let (image, reference) = (read_exr(&args.image, &limits)?, read_exr(&args.reference, &limits)?);
+    let (image, reference) = (
+        read_exr(&args.image, &limits)?,
+        read_exr(&args.reference, &limits)?,
+    );
     let pairs = pairs(args, &image, &reference, console)?;
     let mut results = Vec::new();
     for (name, a, b) in pairs {
-        let measured =
-            compare(&a, &b).map_err(|error| anyhow::anyhow!("{}: layer {name}: {error}", args.image.display()))?;
+        let measured = compare(&a, &b)
+            .map_err(|error| anyhow::anyhow!("{}: layer {name}: {error}", args.image.display()))?;
         results.push((name, measured));
     }
     let worst = results.iter().map(|(_, c)| c.relmse).fold(0.0, f64::max);
@@ -58,7 +64,10 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<Outcome, Failure> {
     }
     if short {
         // Asked for, so said even with --quiet.
-        eprintln!("relight: relMSE is {worst:.6}, above --max-relmse {}", args.max_relmse.unwrap_or(0.0));
+        eprintln!(
+            "relight: relMSE is {worst:.6}, above --max-relmse {}",
+            args.max_relmse.unwrap_or(0.0)
+        );
         return Ok(Outcome::FellShort);
     }
     Ok(Outcome::Done)
@@ -73,7 +82,12 @@ fn pairs(
     console: &Console,
 ) -> Result<Vec<Pair>, Failure> {
     let names = |layers: &Layers| {
-        layers.layers.iter().map(|l| l.name.as_str()).collect::<Vec<_>>().join(", ")
+        layers
+            .layers
+            .iter()
+            .map(|l| l.name.as_str())
+            .collect::<Vec<_>>()
+            .join(", ")
     };
     let (a, b) = (args.image.display(), args.reference.display());
     if let Some(name) = &args.layer {
@@ -143,21 +157,29 @@ fn results_json(args: &CompareArgs, results: &[(String, Comparison)], worst: f64
 pub fn results_table(results: &[(String, Comparison)]) -> String {
     let mut table = Table::new();
     table
-        .load_preset(presets::NOTHING)
+        .load_style(presets::NOTHING)
         .set_header(["layer", "RMSE", "relMSE", "PSNR dB", "bias %", "p99 rel.", "FLIP"]);
     for (name, c) in results {
         table.add_row([
             name.clone(),
             format!("{:.5}", c.rmse),
             format!("{:.6}", c.relmse),
-            if c.psnr_db.is_finite() { format!("{:.2}", c.psnr_db) } else { "equal".into() },
+            if c.psnr_db.is_finite() {
+                format!("{:.2}", c.psnr_db)
+            } else {
+                "equal".into()
+            },
             format!("{:+.3}", 100.0 * c.bias),
             format!("{:.4}", c.relative_error_p99),
             format!("{:.4}", c.flip),
         ]);
     }
     for (i, column) in table.column_iter_mut().enumerate() {
-        column.set_cell_alignment(if i == 0 { CellAlignment::Left } else { CellAlignment::Right });
+        column.set_cell_alignment(if i == 0 {
+            CellAlignment::Left
+        } else {
+            CellAlignment::Right
+        });
     }
     table.trim_fmt()
 }

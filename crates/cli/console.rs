@@ -30,7 +30,12 @@ struct Stage {
 impl Console {
     /// A console on stderr.
     pub fn new(quiet: bool, verbose: bool) -> Console {
-        Console { quiet, verbose, terminal: std::io::stderr().is_terminal(), stage: Mutex::new(None) }
+        Console {
+            quiet,
+            verbose,
+            terminal: std::io::stderr().is_terminal(),
+            stage: Mutex::new(None),
+        }
     }
 
     /// A sentence for people.
@@ -78,7 +83,13 @@ impl Console {
         };
         let now = Instant::now();
         self.with_stage(|stage| {
-            *stage = Some(Stage { name: name.to_owned(), total, bar, start: now, said: now });
+            *stage = Some(Stage {
+                name: name.to_owned(),
+                total,
+                bar,
+                start: now,
+                said: now,
+            });
         });
     }
 
@@ -108,7 +119,10 @@ impl Console {
 
     fn with_stage<T>(&self, act: impl FnOnce(&mut Option<Stage>) -> T) -> T {
         // A worker that panicked while it held the lock leaves a bar, no more.
-        act(&mut self.stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
+        act(&mut self
+            .stage
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner))
     }
 }
 

@@ -6,7 +6,8 @@ use crate::failure::{Failure, Outcome};
 use crate::output::{self, SCHEMA};
 use crate::words::{self, bytes, count};
 use clap::Args;
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::presets;
+use comfy_table::{CellAlignment, Table};
 use relight_format::{self as format, Asset, Limits};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -51,8 +52,12 @@ fn read_log(asset: &Path) -> Result<Option<Value>, String> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(format!("{}: cannot be read: {error}", path.display())),
     };
-    let log: Value = serde_json::from_str(&text)
-        .map_err(|error| format!("{}: not valid JSON ({error}), so it is left aside", path.display()))?;
+    let log: Value = serde_json::from_str(&text).map_err(|error| {
+        format!(
+            "{}: not valid JSON ({error}), so it is left aside",
+            path.display()
+        )
+    })?;
     // Only what a log holds: it must not be able to contradict the asset.
     let mut kept = json!({});
     for key in ["seconds", "peak_memory_bytes", "threads"] {
@@ -78,16 +83,21 @@ pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
     let counted = |name: &str| provenance.counts.iter().find(|c| c.0 == name).map(|c| c.1);
     let links = |links: &Option<format::Links>| links.as_ref().map_or(0, |l| l.columns.len());
     let points: Vec<usize> = asset.points.iter().map(|level| level.positions.len()).collect();
-    let settings: serde_json::Map<String, Value> =
-        provenance.settings.iter().map(|(name, value)| (name.clone(), value.clone().into())).collect();
+    let settings: serde_json::Map<String, Value> = provenance
+        .settings
+        .iter()
+        .map(|(name, value)| (name.clone(), value.clone().into()))
+        .collect();
     let left_out: Vec<Value> = provenance
         .left_out
         .iter()
         .map(|l| json!({ "what": l.what, "why": l.why, "saved_bytes": l.saved_bytes }))
         .collect();
     let instances = &asset.geometry.instances;
-    let triangles: usize =
-        instances.iter().map(|i| asset.geometry.meshes[i.mesh as usize].triangles.len()).sum();
+    let triangles: usize = instances
+        .iter()
+        .map(|i| asset.geometry.meshes[i.mesh as usize].triangles.len())
+        .sum();
     let all_links = links(&asset.transfer) + links(&asset.solution);
     Ok(json!({
         "schema": SCHEMA,
@@ -149,12 +159,16 @@ fn longest_row(asset: &Asset) -> u32 {
 
 fn table(header: &[&str], rows: Vec<Vec<String>>) -> String {
     let mut table = Table::new();
-    table.load_preset(presets::NOTHING).set_header(header.to_vec());
+    table.load_style(presets::NOTHING).set_header(header.to_vec());
     for row in rows {
         table.add_row(row);
     }
     for (i, column) in table.column_iter_mut().enumerate() {
-        column.set_cell_alignment(if i == 0 { CellAlignment::Left } else { CellAlignment::Right });
+        column.set_cell_alignment(if i == 0 {
+            CellAlignment::Left
+        } else {
+            CellAlignment::Right
+        });
     }
     table.trim_fmt()
 }
@@ -168,7 +182,12 @@ pub fn describe(json: &Value) -> String {
     let mut line = |text: String| {
         let _ = writeln!(out, "{text}");
     };
-    line(format!("asset      {}  {}, format {}", text("asset_hash"), text("tool_version"), number("format_version")));
+    line(format!(
+        "asset      {}  {}, format {}",
+        text("asset_hash"),
+        text("tool_version"),
+        number("format_version")
+    ));
     line(format!(
         "scene      {} triangles, {} meshes placed {} times, {} materials, {} textures{}",
         count(number("triangles")),
@@ -176,23 +195,41 @@ pub fn describe(json: &Value) -> String {
         count(number("instances")),
         count(number("materials")),
         count(number("textures")),
-        if json["lambert"] == true { ", all Lambert" } else { "" }
+        if json["lambert"] == true {
+            ", all Lambert"
+        } else {
+            ""
+        }
     ));
     if let Some(settings) = json["settings"].as_object() {
-        let pairs: Vec<String> =
-            settings.iter().map(|(k, v)| format!("{k} {}", v.as_str().unwrap_or("-"))).collect();
-        line(format!("settings   {}, seed {}", pairs.join(", "), number("seed")));
+        let pairs: Vec<String> = settings
+            .iter()
+            .map(|(k, v)| format!("{k} {}", v.as_str().unwrap_or("-")))
+            .collect();
+        line(format!(
+            "settings   {}, seed {}",
+            pairs.join(", "),
+            number("seed")
+        ));
     }
     let array = |key: &str| json[key].as_array().cloned().unwrap_or_default();
     let points: Vec<u64> = array("points").iter().filter_map(Value::as_u64).collect();
     let all_points: u64 = points.iter().sum();
-    line(format!("points     {} on {}", count(all_points), words::plural(points.len(), "level")));
+    line(format!(
+        "points     {} on {}",
+        count(all_points),
+        words::plural(points.len(), "level")
+    ));
     let (links, potential) = (number("links"), number("potential_links"));
     line(format!(
         "links      {} of {} potential ({}), {} a point, longest row {}",
         count(links),
         count(potential),
-        if potential > 0 { format!("{:.3} %", 100.0 * links as f64 / potential as f64) } else { "-".into() },
+        if potential > 0 {
+            format!("{:.3} %", 100.0 * links as f64 / potential as f64)
+        } else {
+            "-".into()
+        },
         words::per(links, all_points),
         count(number("longest_row")),
     ));
@@ -210,7 +247,10 @@ pub fn describe(json: &Value) -> String {
             ]
         })
         .collect();
-    line(format!("\n{}", table(&["level", "points", "distance m", "links", "links/point"], rows)));
+    line(format!(
+        "\n{}",
+        table(&["level", "points", "distance m", "links", "links/point"], rows)
+    ));
     line(format!("\n{}", bytes_table(json, links, all_points)));
     if let Some(seconds) = json["seconds"].as_object() {
         let stages: Vec<String> = seconds
@@ -226,12 +266,20 @@ pub fn describe(json: &Value) -> String {
             of("ray_tracing"),
             words::plural(number("threads") as usize, "thread")
         ));
-        line(format!("memory     {} at its peak", bytes(number("peak_memory_bytes"))));
+        line(format!(
+            "memory     {} at its peak",
+            bytes(number("peak_memory_bytes"))
+        ));
     }
     for left in array("left_out") {
         let part = |key: &str| left[key].as_str().unwrap_or("-").to_owned();
         let saved = left["saved_bytes"].as_u64().unwrap_or(0);
-        line(format!("left out   {} ({}): {}", part("what"), bytes(saved), part("why")));
+        line(format!(
+            "left out   {} ({}): {}",
+            part("what"),
+            bytes(saved),
+            part("why")
+        ));
     }
     for note in array("notes") {
         line(format!("note       {}", note.as_str().unwrap_or("-")));
@@ -244,7 +292,9 @@ fn bytes_table(json: &Value, links: u64, points: u64) -> String {
     let sections = json["bytes"].as_object().unwrap_or(&empty);
     let mut rows = Vec::new();
     for (name, section) in sections {
-        let (Some(raw), Some(stored)) = (section["raw"].as_u64(), section["stored"].as_u64()) else { continue };
+        let (Some(raw), Some(stored)) = (section["raw"].as_u64(), section["stored"].as_u64()) else {
+            continue;
+        };
         let each = match name.as_str() {
             "links_transfer" | "links_solution" => format!("{} a link", words::per(stored, links)),
             "points" => format!("{} a point", words::per(stored, points)),

@@ -8,8 +8,10 @@ mod bake;
 mod compare;
 mod console;
 mod failure;
+mod frames;
 mod inspect;
 mod output;
+mod play;
 mod signals;
 mod words;
 
@@ -54,6 +56,7 @@ struct Global {
 #[derive(Subcommand)]
 enum Command {
     Bake(bake::BakeArgs),
+    Play(play::PlayArgs),
     Inspect(inspect::InspectArgs),
     Compare(compare::CompareArgs),
 }
@@ -77,11 +80,14 @@ fn main() -> ExitCode {
 fn run(cli: &Cli, console: &Console) -> Result<Outcome, Failure> {
     signals::install()?;
     if let Some(threads) = cli.global.threads {
-        rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()?;
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.into())
+            .build_global()?;
     }
     let seed = cli.global.seed;
     match &cli.command {
         Command::Bake(args) => bake::run(args, seed, console),
+        Command::Play(args) => play::run(args, seed, console),
         Command::Inspect(args) => inspect::run(args, console),
         Command::Compare(args) => compare::run(args, console),
     }

@@ -43,12 +43,21 @@ pub fn prepare_output(path: &Path) -> Result<()> {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("{}: cannot make its folder; check the path and its permissions", path.display()))?;
+    std::fs::create_dir_all(folder).with_context(|| {
+        format!(
+            "{}: cannot make its folder; check the path and its permissions",
+            path.display()
+        )
+    })?;
     tempfile::Builder::new()
         .prefix(".relight-")
         .tempfile_in(folder)
-        .with_context(|| format!("{}: cannot write into its folder; check permissions and free space", path.display()))?;
+        .with_context(|| {
+            format!(
+                "{}: cannot write into its folder; check permissions and free space",
+                path.display()
+            )
+        })?;
     Ok(())
 }
 

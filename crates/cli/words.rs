@@ -22,7 +22,11 @@ pub fn bytes(n: u64) -> String {
         value /= 1024.0;
         unit += 1;
     }
-    if unit == 0 { format!("{n} B") } else { format!("{value:.1} {}", UNITS[unit]) }
+    if unit == 0 {
+        format!("{n} B")
+    } else {
+        format!("{value:.1} {}", UNITS[unit])
+    }
 }
 
 /// A noun with its number: `1 light`, `2 lights`.
@@ -32,7 +36,11 @@ pub fn plural(n: usize, noun: &str) -> String {
 
 /// Bytes a file would like to be per item; `-` of nothing.
 pub fn per(total: u64, items: u64) -> String {
-    if items == 0 { "-".into() } else { format!("{:.2}", total as f64 / items as f64) }
+    if items == 0 {
+        "-".into()
+    } else {
+        format!("{:.2}", total as f64 / items as f64)
+    }
 }
 
 #[cfg(test)]
@@ -41,7 +49,13 @@ mod tests {
 
     #[test]
     fn numbers_are_grouped_and_scaled() {
-        assert_eq!((count(0), count(999), count(1000), count(1_234_567)), ("0".into(), "999".into(), "1,000".into(), "1,234,567".into()));
-        assert_eq!((bytes(1023), bytes(1536), bytes(5 << 30)), ("1023 B".into(), "1.5 KiB".into(), "5.0 GiB".into()));
+        assert_eq!(
+            (count(0), count(999), count(1000), count(1_234_567)),
+            ("0".into(), "999".into(), "1,000".into(), "1,234,567".into())
+        );
+        assert_eq!(
+            (bytes(1023), bytes(1536), bytes(5 << 30)),
+            ("1023 B".into(), "1.5 KiB".into(), "5.0 GiB".into())
+        );
     }
 }

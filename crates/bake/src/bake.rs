@@ -67,8 +67,17 @@ pub fn bake(
     progress: &dyn Progress,
 ) -> Result<Baked, BakeError> {
     settings::validate(params)?;
-    let mut clock = Clock { start: Instant::now(), seconds: Vec::new() };
-    let go_on = || if progress.stopped() { Err(BakeError::Stopped) } else { Ok(()) };
+    let mut clock = Clock {
+        start: Instant::now(),
+        seconds: Vec::new(),
+    };
+    let go_on = || {
+        if progress.stopped() {
+            Err(BakeError::Stopped)
+        } else {
+            Ok(())
+        }
+    };
     go_on()?;
 
     progress.stage("load", None);
@@ -78,14 +87,25 @@ pub fn bake(
     clock.lap("load");
 
     progress.stage("points", None);
-    let Places { points, viewpoints, rays: search_rays, automatic } =
-        place_points(&timed, &scene, lights, params, progress)?;
+    let Places {
+        points,
+        viewpoints,
+        rays: search_rays,
+        automatic,
+    } = place_points(&timed, &scene, lights, params, progress)?;
     clock.lap("points");
 
     let (levels, points) = quantised(points);
-    let covered = levels_of(&points).last().map_or(Coverage::default(), |finest| coverage(&traced, finest, params.seed));
+    let covered = levels_of(&points).last().map_or(Coverage::default(), |finest| {
+        coverage(&traced, finest, params.seed)
+    });
     let receivers: u64 = points.levels.iter().map(|l| l.points.len() as u64).sum();
-    let senders: u64 = points.levels.iter().take(params.sender_levels).map(|l| l.points.len() as u64).sum();
+    let senders: u64 = points
+        .levels
+        .iter()
+        .take(params.sender_levels)
+        .map(|l| l.points.len() as u64)
+        .sum();
     progress.stage("refine", Some(receivers));
     let transport = transport(
         &timed,
@@ -105,17 +125,37 @@ pub fn bake(
     clock.lap("refine");
 
     progress.stage("prune", None);
-    let Pruned { scene: kept, mut left_out, keeps_lights, keeps_emission } = prune(&scene, shading, lights);
-    unreached(&mut left_out, covered, levels.iter().map(|l| l.positions.len()).sum());
+    let Pruned {
+        scene: kept,
+        mut left_out,
+        keeps_lights,
+        keeps_emission,
+    } = prune(&scene, shading, lights);
+    unreached(
+        &mut left_out,
+        covered,
+        levels.iter().map(|l| l.positions.len()).sum(),
+    );
     let rays = transport.rays + search_rays;
-    let facts = Facts { rays, potential_links: receivers * senders, covered, automatic };
+    let facts = Facts {
+        rays,
+        potential_links: receivers * senders,
+        covered,
+        automatic,
+    };
     let mut notes = scene.notes.clone();
     notes.extend(remarks(&transport, &facts, &viewpoints));
     let mut settings = settings::settings(params);
     settings.extend(setting_strings([
         ("bounce_level", transport.bounce_level.to_string()),
-        ("own_lights", if keeps_lights { "kept" } else { "left out" }.into()),
-        ("emission", if keeps_emission { "kept" } else { "left out" }.into()),
+        (
+            "own_lights",
+            if keeps_lights { "kept" } else { "left out" }.into(),
+        ),
+        (
+            "emission",
+            if keeps_emission { "kept" } else { "left out" }.into(),
+        ),
     ]));
     let provenance = format::Provenance {
         tool_version: concat!("relight ", env!("CARGO_PKG_VERSION")).into(),
@@ -161,6 +201,10 @@ impl Clock {
     }
 }
 
+/// Levels for which an automatic coarse radius is chosen, whatever their number in a bake: fewer levels are to
+/// make a bake coarser, not to spread the same points over them.
+const RADIUS_LEVELS: usize = 6;
+
 struct Places {
     points: PointLevels,
     viewpoints: Vec<Vec3>,
@@ -195,7 +239,8 @@ fn place_points(
     let radius = match params.coarse_radius {
         Some(radius) => radius,
         None => {
-            let (radius, cast) = points::coarse_radius_for(surfaces, &viewpoints, params.levels, params.seed)?;
+            let (radius, cast) =
+                points::coarse_radius_for(surfaces, &viewpoints, RADIUS_LEVELS, params.seed)?;
             rays += cast;
             radius
         }
@@ -203,11 +248,27 @@ fn place_points(
     if !(radius.is_finite() && radius > 0.0) {
         return Err(BakeError::NothingReachable { viewpoints });
     }
-    let points = points::distribute(surfaces, &viewpoints, params.levels, radius, params.seed, |finest| {
-        progress.advance(finest as u64);
-        if progress.stopped() { Err(BakeError::Stopped) } else { Ok(()) }
-    })?;
-    Ok(Places { points, viewpoints, rays, automatic })
+    let points = points::distribute(
+        surfaces,
+        &viewpoints,
+        params.levels,
+        radius,
+        params.seed,
+        |finest| {
+            progress.advance(finest as u64);
+            if progress.stopped() {
+                Err(BakeError::Stopped)
+            } else {
+                Ok(())
+            }
+        },
+    )?;
+    Ok(Places {
+        points,
+        viewpoints,
+        rays,
+        automatic,
+    })
 }
 
 /// The points as a reader of the file will see them: the operators are built over those. Places keep where
@@ -220,7 +281,11 @@ fn quantised(mut points: PointLevels) -> (Vec<format::Level>, PointLevels) {
             support_radius: level.support_radius,
             positions: level.points.iter().map(|p| p.position.to_array()).collect(),
             normals: level.points.iter().map(|p| p.normal.to_array()).collect(),
-            albedo: level.points.iter().map(|p| p.albedo.clamp(Vec3::ZERO, Vec3::ONE).to_array()).collect(),
+            albedo: level
+                .points
+                .iter()
+                .map(|p| p.albedo.clamp(Vec3::ZERO, Vec3::ONE).to_array())
+                .collect(),
             area: vec![0.0; level.points.len()],
         };
         let stored = format::quantised_level(&exact);
@@ -249,7 +314,10 @@ struct Facts {
 }
 
 fn setting_strings<const N: usize>(pairs: [(&str, String); N]) -> Vec<(String, String)> {
-    pairs.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+    pairs
+        .into_iter()
+        .map(|(name, value)| (name.to_owned(), value))
+        .collect()
 }
 
 fn counts(transport: &Transport, facts: &Facts) -> Vec<(String, u64)> {
@@ -278,7 +346,9 @@ fn remarks(transport: &Transport, facts: &Facts, viewpoints: &[Vec3]) -> Vec<Str
         ));
     }
     if transport.links.is_empty() {
-        notes.push("No surface sees another: there is no indirect light, and the transfer operator is empty.".into());
+        notes.push(
+            "No surface sees another: there is no indirect light, and the transfer operator is empty.".into(),
+        );
     }
     notes
 }
@@ -296,7 +366,8 @@ fn unreached(left_out: &mut Vec<format::LeftOut>, covered: Coverage, points: usi
     let per_area = points as f64 / (area - uncovered).max(f64::MIN_POSITIVE);
     left_out.push(format::LeftOut {
         what: format!("points on {:.1} % of the surface", 100.0 * uncovered / area),
-        why: "no light path leads from there to the viewpoints; --viewpoint adds places that can be seen".into(),
+        why: "no light path leads from there to the viewpoints; --viewpoint adds places that can be seen"
+            .into(),
         saved_bytes: (per_area * uncovered * POINT_BYTES) as u64,
     });
 }

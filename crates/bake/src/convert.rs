@@ -29,7 +29,9 @@ pub fn textures(scene: &Scene) -> Vec<format::Texture> {
 
 /// Cameras and the scene's own lights.
 pub fn stage(scene: &Scene) -> format::Stage {
-    format::Stage { json: stage_to_json(&scene.cameras, &scene.sequence) }
+    format::Stage {
+        json: stage_to_json(&scene.cameras, &scene.sequence),
+    }
 }
 
 fn mesh(mesh: &Mesh) -> format::Mesh {
@@ -39,7 +41,11 @@ fn mesh(mesh: &Mesh) -> format::Mesh {
     format::Mesh {
         positions: mesh.positions.iter().map(Vec3::to_array).collect(),
         normals: some(mesh.normals.iter().map(|n| unit(*n).to_array()).collect()),
-        uvs: mesh.uvs.iter().map(|set| set.iter().map(|uv| uv.to_array()).collect()).collect(),
+        uvs: mesh
+            .uvs
+            .iter()
+            .map(|set| set.iter().map(|uv| uv.to_array()).collect())
+            .collect(),
         colors: some(mesh.colors.iter().map(Vec4::to_array).collect()),
         tangents: some(mesh.tangents.iter().map(|t| tangent(*t)).collect()),
         triangles: mesh.triangles.clone(),
@@ -53,19 +59,29 @@ fn unit(v: Vec3) -> Vec3 {
 }
 
 fn tangent(t: Vec4) -> [f32; 4] {
-    unit(t.truncate()).extend(if t.w < 0.0 { -1.0 } else { 1.0 }).to_array()
+    unit(t.truncate())
+        .extend(if t.w < 0.0 { -1.0 } else { 1.0 })
+        .to_array()
 }
 
 fn instance(instance: &Instance) -> format::Instance {
     let m = instance.world_from_mesh;
-    let [x, y, z, t] =
-        [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis, m.translation].map(|v| v.to_array());
+    let [x, y, z, t] = [
+        m.matrix3.x_axis,
+        m.matrix3.y_axis,
+        m.matrix3.z_axis,
+        m.translation,
+    ]
+    .map(|v| v.to_array());
     let row = |i: usize| [x[i], y[i], z[i], t[i]];
     let mut rows = [0.0; 12];
     for i in 0..3 {
         rows[4 * i..4 * i + 4].copy_from_slice(&row(i));
     }
-    format::Instance { mesh: instance.mesh, world_from_mesh: rows }
+    format::Instance {
+        mesh: instance.mesh,
+        world_from_mesh: rows,
+    }
 }
 
 fn material(material: &Material) -> format::Material {
@@ -91,7 +107,10 @@ fn material(material: &Material) -> format::Material {
 }
 
 fn texture_ref(usage: TextureUse) -> format::TextureRef {
-    let Affine2 { matrix2: m, translation: t } = usage.texture_from_mesh;
+    let Affine2 {
+        matrix2: m,
+        translation: t,
+    } = usage.texture_from_mesh;
     format::TextureRef {
         texture: usage.texture,
         // Sets are renumbered to those in use, of which a material has at most four.
@@ -102,7 +121,11 @@ fn texture_ref(usage: TextureUse) -> format::TextureRef {
 
 fn texture(texture: &Texture) -> format::Texture {
     // JPEG files start with the marker SOI, FF D8; whatever else is decoded is PNG.
-    let mime = if texture.encoded.starts_with(&[0xff, 0xd8]) { "image/jpeg" } else { "image/png" };
+    let mime = if texture.encoded.starts_with(&[0xff, 0xd8]) {
+        "image/jpeg"
+    } else {
+        "image/png"
+    };
     let [u, v] = texture.wrap.map(|wrap| match wrap {
         Wrap::Repeat => format::Wrap::Repeat,
         Wrap::Mirror => format::Wrap::MirroredRepeat,
@@ -113,6 +136,10 @@ fn texture(texture: &Texture) -> format::Texture {
         mime: mime.into(),
         wrap_u: u,
         wrap_v: v,
-        filter: if texture.nearest { format::Filter::Nearest } else { format::Filter::Linear },
+        filter: if texture.nearest {
+            format::Filter::Nearest
+        } else {
+            format::Filter::Linear
+        },
     }
 }

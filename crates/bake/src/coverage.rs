@@ -50,5 +50,8 @@ pub fn coverage(scene: &TracedScene, finest: &Level, seed: u64) -> Coverage {
         bare += u64::from(!covered(hit.normal) && !covered(-hit.normal));
     }
     let share = total / SAMPLES as f64;
-    Coverage { area: there as f64 * share, uncovered: bare as f64 * share }
+    Coverage {
+        area: there as f64 * share,
+        uncovered: bare as f64 * share,
+    }
 }

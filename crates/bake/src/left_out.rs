@@ -47,7 +47,11 @@ pub fn prune(scene: &Scene, shading: Shading, lights: Option<&Sequence>) -> Prun
 }
 
 fn note(left_out: &mut Vec<LeftOut>, what: impl Into<String>, why: &str, saved_bytes: usize) {
-    left_out.push(LeftOut { what: what.into(), why: why.into(), saved_bytes: saved_bytes as u64 });
+    left_out.push(LeftOut {
+        what: what.into(),
+        why: why.into(),
+        saved_bytes: saved_bytes as u64,
+    });
 }
 
 fn plural(count: usize, what: &str) -> String {
@@ -74,7 +78,11 @@ fn own_lights(pruned: &mut Pruned, sequence: &Sequence) {
 }
 
 fn emission(pruned: &mut Pruned, sequence: &Sequence) {
-    if sequence.lights.iter().any(|light| matches!(light.kind, LightKind::Emissive { .. })) {
+    if sequence
+        .lights
+        .iter()
+        .any(|light| matches!(light.kind, LightKind::Emissive { .. }))
+    {
         return;
     }
     let emits = |m: &Material| !m.unlit && (m.emission != Vec3::ZERO || m.emission_texture.is_some());
@@ -113,10 +121,14 @@ fn glossy_maps(pruned: &mut Pruned) {
 }
 
 fn tangents(pruned: &mut Pruned) {
-    let Scene { meshes, materials, .. } = &mut pruned.scene;
+    let Scene {
+        meshes, materials, ..
+    } = &mut pruned.scene;
     let (mut count, mut bytes) = (0, 0);
     for mesh in meshes {
-        let used = materials.get(mesh.material as usize).is_some_and(|m| m.normal_texture.is_some());
+        let used = materials
+            .get(mesh.material as usize)
+            .is_some_and(|m| m.normal_texture.is_some());
         if !used && !mesh.tangents.is_empty() {
             count += 1;
             bytes += mesh.tangents.len() * 5;
@@ -142,7 +154,9 @@ fn uses(material: &mut Material) -> impl Iterator<Item = &mut TextureUse> {
 
 /// Keeps the sets that a mesh's material looks up, renumbered.
 fn coordinates(pruned: &mut Pruned) {
-    let Scene { meshes, materials, .. } = &mut pruned.scene;
+    let Scene {
+        meshes, materials, ..
+    } = &mut pruned.scene;
     let used: Vec<Vec<u32>> = materials
         .iter_mut()
         .map(|material| {
@@ -184,13 +198,21 @@ fn colors(pruned: &mut Pruned) {
         }
     }
     if count > 0 {
-        let what = format!("vertex colours of {}", plural(count, "mesh").replace("meshs", "meshes"));
+        let what = format!(
+            "vertex colours of {}",
+            plural(count, "mesh").replace("meshs", "meshes")
+        );
         note(&mut pruned.left_out, what, "they are all white", bytes);
     }
 }
 
 fn textures(pruned: &mut Pruned) {
-    let Scene { meshes, materials, textures, .. } = &mut pruned.scene;
+    let Scene {
+        meshes,
+        materials,
+        textures,
+        ..
+    } = &mut pruned.scene;
     let mut material_used = vec![false; materials.len()];
     for mesh in meshes.iter() {
         if let Some(used) = material_used.get_mut(mesh.material as usize) {
@@ -223,7 +245,11 @@ fn textures(pruned: &mut Pruned) {
     textures.retain(|texture| {
         let keep = used[i];
         if !keep {
-            let name = if texture.name.is_empty() { format!("{i}") } else { format!("{:?}", texture.name) };
+            let name = if texture.name.is_empty() {
+                format!("{i}")
+            } else {
+                format!("{:?}", texture.name)
+            };
             note(
                 &mut left_out,
                 format!("texture {name}"),

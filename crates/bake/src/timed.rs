@@ -68,7 +68,8 @@ impl<'a> TimedSurfaces<'a> {
         let start = Instant::now();
         let result = call();
         let nanos = start.elapsed().as_nanos() as u64;
-        self.nanos.fetch_add(nanos.saturating_sub(self.timer_nanos), Ordering::Relaxed);
+        self.nanos
+            .fetch_add(nanos.saturating_sub(self.timer_nanos), Ordering::Relaxed);
         self.sampled.fetch_add(1, Ordering::Relaxed);
         result
     }

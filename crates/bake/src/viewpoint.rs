@@ -16,10 +16,13 @@ const PER_MOVING_CAMERA: u32 = 16;
 /// Eyes of the scene's cameras and of the sequence's own camera.
 pub fn of_cameras(scene: &Scene, lights: Option<&Sequence>) -> Vec<Vec3> {
     let frames = lights.map_or(1, |s| s.frames).max(scene.sequence.frames);
-    let own = [Some(&scene.sequence), lights].into_iter().flatten().filter_map(|s| match &s.camera {
-        Some(SequenceCamera::Own(track)) => Some(track),
-        _ => None,
-    });
+    let own = [Some(&scene.sequence), lights]
+        .into_iter()
+        .flatten()
+        .filter_map(|s| match &s.camera {
+            Some(SequenceCamera::Own(track)) => Some(track),
+            _ => None,
+        });
     let mut eyes = Vec::new();
     for track in scene.cameras.iter().chain(own) {
         eyes.extend(eyes_of(track, frames));
@@ -34,7 +37,13 @@ fn eyes_of(track: &CameraTrack, frames: u32) -> Vec<Vec3> {
     }
     let count = frames.clamp(1, PER_MOVING_CAMERA);
     let last = f64::from(frames.saturating_sub(1));
-    (0..count).map(|i| track.position.at(last * f64::from(i) / f64::from(count.max(2) - 1))).collect()
+    (0..count)
+        .map(|i| {
+            track
+                .position
+                .at(last * f64::from(i) / f64::from(count.max(2) - 1))
+        })
+        .collect()
 }
 
 /// Places that are tried.
@@ -65,11 +74,18 @@ pub fn in_open_space(surfaces: &dyn Surfaces, seed: u64) -> (Option<Vec3>, u64) 
             let mut stream = Stream::new(seed, STAGE, u64::from(i));
             let at = Vec3::new(stream.uniform(), stream.uniform(), stream.uniform());
             let place = min + size * at;
-            (score(surfaces, place, Vec2::new(stream.uniform(), stream.uniform())), place)
+            (
+                score(surfaces, place, Vec2::new(stream.uniform(), stream.uniform())),
+                place,
+            )
         })
         .collect();
     let best = scores.iter().fold((0.0, None), |best, &(score, place)| {
-        if score > best.0 { (score, Some(place)) } else { best }
+        if score > best.0 {
+            (score, Some(place))
+        } else {
+            best
+        }
     });
     (best.1, u64::from(PLACES * RAYS))
 }
@@ -83,8 +99,15 @@ fn score(surfaces: &dyn Surfaces, origin: Vec3, start: Vec2) -> f32 {
             let (sin, cos) = (u.y * std::f32::consts::TAU).sin_cos();
             let s = (1.0 - z * z).max(0.0).sqrt();
             let direction = Vec3::new(s * cos, s * sin, z);
-            let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
-            surfaces.closest_hit(&ray).map_or(0.0, |hit| hit.t * if hit.front { 1.0 } else { BACK })
+            let ray = Ray {
+                origin,
+                direction,
+                t_min: 0.0,
+                t_max: f32::INFINITY,
+            };
+            surfaces
+                .closest_hit(&ray)
+                .map_or(0.0, |hit| hit.t * if hit.front { 1.0 } else { BACK })
         })
         .sum()
 }

@@ -17,7 +17,11 @@ fn mesh(mesh: format::Mesh) -> Mesh {
         positions: vectors(mesh.positions),
         normals: mesh.normals.map(vectors).unwrap_or_default(),
         tangents: mesh.tangents.map(four).unwrap_or_default(),
-        uvs: mesh.uvs.into_iter().map(|set| set.into_iter().map(Vec2::from).collect()).collect(),
+        uvs: mesh
+            .uvs
+            .into_iter()
+            .map(|set| set.into_iter().map(Vec2::from).collect())
+            .collect(),
         colors: mesh.colors.map(four).unwrap_or_default(),
         triangles: mesh.triangles,
         material: mesh.material,

@@ -96,9 +96,27 @@ pub fn load(path: &Path, with_transfer: bool) -> Result<Loaded, LoadError> {
     let in_format = |source| LoadError::Format { file: file(), source };
     let asset = format::read_file(path, &Limits::default()).map_err(in_format)?;
     let hash = asset_hash(path).map_err(in_format)?;
-    let Asset { provenance, geometry, materials, textures, stage, points, transfer, bounce, .. } = asset;
+    let Asset {
+        provenance,
+        geometry,
+        materials,
+        textures,
+        stage,
+        points,
+        transfer,
+        bounce,
+        ..
+    } = asset;
     let (cameras, sequence) = match stage.json.as_str() {
-        "" => Ok((Vec::new(), Sequence { frames: 1, fps: 24.0, camera: None, lights: Vec::new() })),
+        "" => Ok((
+            Vec::new(),
+            Sequence {
+                frames: 1,
+                fps: 24.0,
+                camera: None,
+                lights: Vec::new(),
+            },
+        )),
         json => stage_from_json(json),
     }
     .map_err(|source| LoadError::Stage { file: file(), source })?;
@@ -111,16 +129,28 @@ pub fn load(path: &Path, with_transfer: bool) -> Result<Loaded, LoadError> {
         sequence,
         notes: Vec::new(),
     });
-    let shading = if provenance.lambert { Shading::Lambert } else { Shading::Full };
-    let traced =
-        TracedScene::new(scene.clone(), shading).map_err(|source| LoadError::Scene { file: file(), source })?;
+    let shading = if provenance.lambert {
+        Shading::Lambert
+    } else {
+        Shading::Full
+    };
+    let traced = TracedScene::new(scene.clone(), shading)
+        .map_err(|source| LoadError::Scene { file: file(), source })?;
     let transfer = if with_transfer && !points.is_empty() {
-        let mismatch = |message| LoadError::Mismatch { file: file(), message };
+        let mismatch = |message| LoadError::Mismatch {
+            file: file(),
+            message,
+        };
         Some(operators(&provenance, points, transfer, bounce).map_err(mismatch)?)
     } else {
         None
     };
-    Ok(Loaded { player: Player::new(traced, transfer), scene, provenance, hash })
+    Ok(Loaded {
+        player: Player::new(traced, transfer),
+        scene,
+        provenance,
+        hash,
+    })
 }
 
 /// Hash that identifies the content of an asset's file, from its header alone.
@@ -131,18 +161,28 @@ pub fn asset_hash(path: &Path) -> Result<u64, FormatError> {
     let mut header = Vec::new();
     std::fs::File::open(path)
         .and_then(|file| file.take(format::layout::HEADER_BYTES).read_to_end(&mut header))
-        .map_err(|source| FormatError::Io { action: "read", path: path.to_path_buf(), source })?;
+        .map_err(|source| FormatError::Io {
+            action: "read",
+            path: path.to_path_buf(),
+            source,
+        })?;
     Ok(format::content_hash(&header))
 }
 
 /// Value of a setting in provenance.
 pub fn setting<'a>(provenance: &'a Provenance, name: &str) -> Option<&'a str> {
-    provenance.settings.iter().find(|pair| pair.0 == name).map(|pair| pair.1.as_str())
+    provenance
+        .settings
+        .iter()
+        .find(|pair| pair.0 == name)
+        .map(|pair| pair.1.as_str())
 }
 
 fn number(provenance: &Provenance, name: &str) -> Result<usize, String> {
     let found = setting(provenance, name).ok_or_else(|| format!("provenance has no setting {name}"))?;
-    found.parse().map_err(|_| format!("setting {name} in provenance is {found:?}, not a number"))
+    found
+        .parse()
+        .map_err(|_| format!("setting {name} in provenance is {found:?}, not a number"))
 }
 
 fn operators(
@@ -193,17 +233,41 @@ fn operators(
             offsets: bounce.row_offsets,
             entries: bounce.columns.into_iter().zip(bounce.weights).collect(),
         },
-        None => Rows { columns: size as u32, offsets: vec![0; size + 1], entries: Vec::new() },
+        None => Rows {
+            columns: size as u32,
+            offsets: vec![0; size + 1],
+            entries: Vec::new(),
+        },
     };
     if bounce.rows() != size {
-        return Err(format!("the bounce operator has {} rows for {size} points of its level", bounce.rows()));
+        return Err(format!(
+            "the bounce operator has {} rows for {size} points of its level",
+            bounce.rows()
+        ));
     }
-    let albedo = points.last().map_or_else(Vec::new, |finest| vectors(&finest.albedo));
+    let albedo = points
+        .last()
+        .map_or_else(Vec::new, |finest| vectors(&finest.albedo));
     let levels = points
         .iter()
-        .map(|l| Level::new(vectors(&l.positions), vectors(&l.normals), l.disk_radius, l.support_radius))
+        .map(|l| {
+            Level::new(
+                vectors(&l.positions),
+                vectors(&l.normals),
+                l.disk_radius,
+                l.support_radius,
+            )
+        })
         .collect();
-    Ok(Transfer::new(levels, sender_levels, albedo, &links, bounce, bounce_level, bounces))
+    Ok(Transfer::new(
+        levels,
+        sender_levels,
+        albedo,
+        &links,
+        bounce,
+        bounce_level,
+        bounces,
+    ))
 }
 
 fn vectors(values: &[[f32; 3]]) -> Vec<Vec3> {
@@ -223,7 +287,10 @@ pub fn check_kept(loaded: &Loaded, sequence: Option<&Sequence>) -> Result<(), Le
             () => Ok(()),
         };
     };
-    let emissive = sequence.lights.iter().find(|light| matches!(light.kind, LightKind::Emissive { .. }));
+    let emissive = sequence
+        .lights
+        .iter()
+        .find(|light| matches!(light.kind, LightKind::Emissive { .. }));
     match emissive {
         Some(light) if left_out("emission") => Err(LeftOutError::Emission(light.name.clone())),
         _ => Ok(()),
