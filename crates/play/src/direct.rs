@@ -1,0 +1,76 @@
+//! One light sample at one surface point: shared by the reference integrators.
+
+use glam::Vec3;
+use relight_scene::bsdf;
+use relight_scene::light_set::{LightSample, LightSet};
+use relight_scene::shading::ShadingPoint;
+use relight_scene::surface::{SurfaceHit, Surfaces, ray_between, ray_between_hits, ray_from};
+use relight_scene::traced::TracedScene;
+
+/// BRDF × cosine for light from `wi`.
+pub(crate) fn reflected(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> Vec3 {
+    bsdf::eval(point, wo, wi) * point.shading_normal.dot(wi).max(0.0)
+}
+
+/// Whether anything stands between a surface point and what was drawn on a light.
+pub(crate) fn occluded(scene: &TracedScene, hit: &SurfaceHit, sample: &LightSample) -> bool {
+    let ray = match &sample.emitter {
+        Some(emitter) => {
+            let vertices = scene.triangle_positions(emitter.primitive);
+            let front = (vertices[1] - vertices[0])
+                .cross(vertices[2] - vertices[0])
+                .dot(emitter.normal)
+                > 0.0;
+            let target = scene.surface_at(emitter.primitive, emitter.barycentric, front);
+            ray_between_hits(hit, &target)
+        }
+        None if sample.distance == f32::INFINITY => ray_from(hit, sample.direction),
+        None => ray_between(hit, hit.position + sample.direction * sample.distance),
+    };
+    scene.occluded(&ray)
+}
+
+/// Radiance towards `wo` from one sample of `light`, unweighted, with the sample's density (0: no extent).
+/// `None` where it is zero.
+pub(crate) fn direct_sample(
+    scene: &TracedScene,
+    lights: &LightSet<'_>,
+    light: usize,
+    hit: &SurfaceHit,
+    point: &ShadingPoint,
+    wo: Vec3,
+    random: [f32; 3],
+) -> Option<(Vec3, LightSample)> {
+    let sample = lights.sample(light, hit.position, random)?;
+    let reflected = reflected(point, wo, sample.direction);
+    if reflected == Vec3::ZERO {
+        return None;
+    }
+    (!occluded(scene, hit, &sample)).then(|| (reflected * sample.radiance_over_pdf, sample))
+}
+
+/// Calls `visit(light, radiance, density)` for all light that leaves a surface, or an area light before it, or
+/// the environment behind everything, against a ray that started at `origin` with unit `direction` and met
+/// `hit`. Density: per steradian, of drawing this direction from `origin` as a sample of that light.
+pub(crate) fn light_met(
+    scene: &TracedScene,
+    lights: &LightSet<'_>,
+    origin: Vec3,
+    direction: Vec3,
+    hit: Option<&SurfaceHit>,
+    mut visit: impl FnMut(usize, Vec3, f32),
+) {
+    let t_max = hit.map_or(f32::INFINITY, |hit| hit.t);
+    lights.along(origin, direction, t_max, |met| {
+        visit(met.light, met.radiance, met.pdf)
+    });
+    if let Some(hit) = hit
+        && lights.has_emissive()
+        && (hit.front || scene.material(hit.primitive).double_sided)
+    {
+        let cos = hit.geometric_normal.dot(direction);
+        lights.emitted(hit.primitive, hit.barycentric, hit.t, cos, |met| {
+            visit(met.light, met.radiance, met.pdf);
+        });
+    }
+}
