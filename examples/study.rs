@@ -9,7 +9,7 @@ use relight_play::frame::{LightingSettings, Player};
 use relight_play::shot;
 use relight_play::transfer::Transfer;
 use relight_scene::gltf::{ImportOptions, import};
-use relight_scene::light_set::LightRig;
+use relight_scene::light_set::{LightRig, SceneEmitters};
 use relight_scene::sequence::read_sequence;
 use relight_scene::surface::Surfaces;
 use relight_scene::traced::{Shading, TracedScene};
@@ -101,7 +101,7 @@ fn main() {
         &baked.links,
         baked.bounce,
         baked.bounce_level,
-        params.bounces,
+        get("bounces").map(|b| b.parse().unwrap()),
     );
     let player = Player::new(traced, Some(transfer));
     let prepare_s = start.elapsed().as_secs_f64();
@@ -118,7 +118,8 @@ fn main() {
     shot.weigh(&player.transfer.as_ref().unwrap().finest);
     let weigh_s = start.elapsed().as_secs_f64();
     let sequence = read_sequence(&shared.join(format!("reference/{name}.lights.json"))).unwrap();
-    let rig = LightRig::new(&player.scene, &sequence.lights).unwrap();
+    let emitters = SceneEmitters::new(&player.scene);
+    let rig = LightRig::new(&emitters, &sequence.lights).unwrap();
     let lights = rig.at(0.0);
     let settings = LightingSettings {
         pixel_samples: 16,

@@ -5,7 +5,7 @@ use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::SenderField;
 use crate::params::BakeParams;
-use crate::points::{self, PointLevels};
+use crate::points::PointLevels;
 use crate::refine::{Refined, Refinement, refine};
 use crate::select::SenderTraits;
 use glam::Vec3;

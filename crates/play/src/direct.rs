@@ -1,170 +1,77 @@
-//! Direct light at surface places: one reflection's worth of incident light, with shadow rays.
+//! One light sample at one surface point: shared by the reference integrators.
 
-use glam::Vec2;
 use glam::Vec3;
-use rayon::prelude::*;
 use relight_scene::bsdf;
 use relight_scene::light_set::{LightSample, LightSet};
 use relight_scene::rays::Ray;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_between, ray_between_hits, ray_from};
-use relight_transport::random::Stream;
-use relight_transport::sampling::r2;
+use relight_scene::traced::TracedScene;
 
-/// Stage numbers of the random streams.
-const STAGE_POINTS: u32 = 0x10;
-const STAGE_PIXELS: u32 = 0x11;
+/// BRDF × cosine for light from `wi`.
+pub(crate) fn reflected(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> Vec3 {
+    bsdf::eval(point, wo, wi) * point.shading_normal.dot(wi).max(0.0)
+}
 
-/// Places per parallel task and per packet of shadow rays.
-const PACKET: usize = 256;
-
-/// The shadow ray from a surface towards a light sample.
-pub fn shadow_ray(hit: &SurfaceHit, sample: &LightSample) -> Ray {
-    if let Some(emitter) = sample.emitter {
-        // The emitter's own surface must not stop the ray: end on it as on any other hit.
-        let end = SurfaceHit {
-            position: emitter.position,
-            position_error: hit
-                .position_error
-                .max(emitter.position.abs() * (8.0 * f32::EPSILON)),
-            geometric_normal: emitter.normal,
-            normal: emitter.normal,
-            primitive: emitter.primitive,
-            barycentric: emitter.barycentric,
-            ..*hit
-        };
-        return ray_between_hits(hit, &end);
-    }
-    if sample.distance.is_finite() {
-        ray_between(hit, hit.position + sample.direction * sample.distance)
-    } else {
-        ray_from(hit, sample.direction)
+/// The shadow ray from a surface point to what was drawn on a light.
+pub(crate) fn shadow_ray(scene: &TracedScene, hit: &SurfaceHit, sample: &LightSample) -> Ray {
+    match &sample.emitter {
+        Some(emitter) => {
+            let vertices = scene.triangle_positions(emitter.primitive);
+            let front = (vertices[1] - vertices[0])
+                .cross(vertices[2] - vertices[0])
+                .dot(emitter.normal)
+                > 0.0;
+            let target = scene.surface_at(emitter.primitive, emitter.barycentric, front);
+            ray_between_hits(hit, &target)
+        }
+        None if sample.distance == f32::INFINITY => ray_from(hit, sample.direction),
+        None => ray_between(hit, hit.position + sample.direction * sample.distance),
     }
 }
 
-/// The `index`-th random triple of a place: evenly spread over a place's samples, shifted from place to place.
-fn random_triple(stage: u32, seed: u64, place: usize, light: usize, index: u32) -> [f32; 3] {
-    let mut stream = Stream::new(seed, stage ^ ((light as u32) << 8), place as u64);
-    let start = Vec2::new(stream.uniform(), stream.uniform());
-    let point = r2(index, start);
-    // The third number picks a triangle or the sun: the golden ratio's own sequence.
-    let third = (f64::from(stream.uniform()) + f64::from(index) * 0.618_033_988_749_894_8).fract();
-    [point.x, point.y, third as f32]
+/// Radiance towards `wo` from one sample of `light`, unweighted, with the sample's density (0: no extent).
+/// `None` where it is zero.
+pub(crate) fn direct_sample(
+    scene: &TracedScene,
+    lights: &LightSet<'_>,
+    light: usize,
+    hit: &SurfaceHit,
+    point: &ShadingPoint,
+    wo: Vec3,
+    random: [f32; 3],
+) -> Option<(Vec3, LightSample)> {
+    let sample = lights.sample(light, hit.position, random)?;
+    let reflected = reflected(point, wo, sample.direction);
+    if reflected == Vec3::ZERO {
+        return None;
+    }
+    (!scene.occluded(&shadow_ray(scene, hit, &sample)))
+        .then(|| (reflected * sample.radiance_over_pdf, sample))
 }
 
-/// Adds `contribution(place, sample)` of one light, where it is not occluded, to `out[place]`, averaged over
-/// `samples` samples (one for lights without extent). Places without a hit get nothing.
-fn add_light(
-    surfaces: &dyn Surfaces,
-    lights: &LightSet,
-    light: usize,
-    hits: &[Option<SurfaceHit>],
-    samples: u32,
-    (stage, seed): (u32, u64),
-    contribution: impl Fn(usize, &LightSample) -> Vec3 + Sync,
-    out: &mut [Vec3],
+/// Calls `visit(light, radiance, density)` for all light that leaves a surface, or an area light before it, or
+/// the environment behind everything, against a ray that started at `origin` with unit `direction` and met
+/// `hit`. Density: per steradian, of drawing this direction from `origin` as a sample of that light.
+pub(crate) fn light_met(
+    scene: &TracedScene,
+    lights: &LightSet<'_>,
+    origin: Vec3,
+    direction: Vec3,
+    hit: Option<&SurfaceHit>,
+    mut visit: impl FnMut(usize, Vec3, f32),
 ) {
-    let samples = if lights.is_delta(light) { 1 } else { samples.max(1) };
-    out.par_chunks_mut(PACKET).enumerate().for_each_init(
-        || (Vec::new(), Vec::new(), Vec::new()),
-        |(rays, targets, occluded): &mut (Vec<Ray>, Vec<(usize, Vec3)>, Vec<bool>), (chunk, out)| {
-            for index in 0..samples {
-                rays.clear();
-                targets.clear();
-                for local in 0..out.len() {
-                    let place = chunk * PACKET + local;
-                    let Some(hit) = &hits[place] else { continue };
-                    let random = if samples == 1 && lights.is_delta(light) {
-                        [0.0; 3]
-                    } else {
-                        random_triple(stage, seed, place, light, index)
-                    };
-                    let Some(sample) = lights.sample(light, hit.position, random) else {
-                        continue;
-                    };
-                    let part = contribution(place, &sample);
-                    if part.max_element() > 0.0 {
-                        rays.push(shadow_ray(hit, &sample));
-                        targets.push((local, part / samples as f32));
-                    }
-                }
-                occluded.clear();
-                occluded.resize(rays.len(), false);
-                surfaces.occluded_packet(rays, occluded);
-                for (&(local, part), &dark) in targets.iter().zip(occluded.iter()) {
-                    if !dark {
-                        out[local] += part;
-                    }
-                }
-            }
-        },
-    );
-}
-
-/// Irradiance of one light on the geometric side of each place, for its smooth normal. `samples` per place
-/// for lights with extent.
-pub fn irradiance_at(
-    surfaces: &dyn Surfaces,
-    lights: &LightSet,
-    light: usize,
-    hits: &[Option<SurfaceHit>],
-    samples: u32,
-    seed: u64,
-    out: &mut [Vec3],
-) {
-    let contribution = |place: usize, sample: &LightSample| {
-        hits[place].as_ref().map_or(Vec3::ZERO, |hit| {
-            let cosine = hit.normal.dot(sample.direction);
-            let above = hit.geometric_normal.dot(sample.direction) > 0.0;
-            if above {
-                sample.radiance_over_pdf * cosine.max(0.0)
-            } else {
-                Vec3::ZERO
-            }
-        })
-    };
-    add_light(
-        surfaces,
-        lights,
-        light,
-        hits,
-        samples,
-        (STAGE_POINTS, seed),
-        contribution,
-        out,
-    );
-}
-
-/// Radiance that each shading point sends towards its viewer after one reflection of one light. `views` are
-/// unit vectors to the viewer.
-pub fn reflected_at(
-    surfaces: &dyn Surfaces,
-    lights: &LightSet,
-    light: usize,
-    hits: &[Option<SurfaceHit>],
-    points: &[Option<ShadingPoint>],
-    views: &[Vec3],
-    samples: u32,
-    seed: u64,
-    out: &mut [Vec3],
-) {
-    let contribution = |place: usize, sample: &LightSample| {
-        points[place].as_ref().map_or(Vec3::ZERO, |point| {
-            let cosine = point.shading_normal.dot(sample.direction);
-            if cosine <= 0.0 {
-                return Vec3::ZERO;
-            }
-            bsdf::eval(point, views[place], sample.direction) * sample.radiance_over_pdf * cosine
-        })
-    };
-    add_light(
-        surfaces,
-        lights,
-        light,
-        hits,
-        samples,
-        (STAGE_PIXELS, seed),
-        contribution,
-        out,
-    );
+    let t_max = hit.map_or(f32::INFINITY, |hit| hit.t);
+    lights.along(origin, direction, t_max, |met| {
+        visit(met.light, met.radiance, met.pdf)
+    });
+    if let Some(hit) = hit
+        && lights.has_emissive()
+        && (hit.front || scene.material(hit.primitive).double_sided)
+    {
+        let cos = hit.geometric_normal.dot(direction);
+        lights.emitted(hit.primitive, hit.barycentric, hit.t, cos, |met| {
+            visit(met.light, met.radiance, met.pdf);
+        });
+    }
 }

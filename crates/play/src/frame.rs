@@ -4,7 +4,7 @@
 //! vector irradiance, dotted with the shading normal, times the surface's total hemispherical reflectance
 //! over π. A glossy surface so reflects the right amount of indirect light, spread like a matt one.
 
-use crate::direct;
+use crate::lighting;
 use crate::reconstruct;
 use crate::shot::Shot;
 use crate::transfer::{Transfer, TransferStats};
@@ -106,7 +106,7 @@ impl Player {
         for light in 0..lights.len() {
             let start = Instant::now();
             let mut irradiance = vec![Vec3::ZERO; self.points.len()];
-            direct::irradiance_at(
+            lighting::irradiance_at(
                 &self.scene,
                 lights,
                 light,
@@ -118,7 +118,7 @@ impl Player {
             times.direct_points += milliseconds(start);
             let start = Instant::now();
             let mut reflected = vec![Vec3::ZERO; count];
-            direct::reflected_at(
+            lighting::reflected_at(
                 &self.scene,
                 lights,
                 light,

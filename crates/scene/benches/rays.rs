@@ -1,7 +1,7 @@
 //! Rays per second of the ray casting kernel, beside obvhs's own eight-wide traversal in the same run.
 //!
 //! `cargo bench -p relight-scene --bench rays`, with `RELIGHT_SCENES` naming a folder (or one file) of `.glb` scenes to measure
-//! besides the procedural one. Rounds of all contestants are interleaved, and medians of rounds reported, so that a noisy
+//! besides the procedural one. Further arguments keep the measurements whose names contain one of them. Rounds of all contestants are interleaved, and medians of rounds reported, so that a noisy
 //! machine disturbs all alike.
 
 use std::hint::black_box;
@@ -198,6 +198,14 @@ fn measure(scene: &str, positions: &[Vec3], triangles: &[[u32; 3]]) {
 
 /// Prints the medians of interleaved rounds, one and two threads.
 fn compare(scene: &str, name: &str, rays: &[Ray], part: usize, contestants: &[Contestant]) {
+    let wanted: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
+    if !wanted.is_empty()
+        && !wanted
+            .iter()
+            .any(|w| format!("{scene} {name}").contains(w.as_str()))
+    {
+        return;
+    }
     for threads in [1, 2] {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)

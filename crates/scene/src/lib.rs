@@ -9,10 +9,13 @@
 pub mod animated;
 pub mod bsdf;
 pub mod camera;
+pub mod composite;
 pub mod environment;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 pub mod image;
+pub mod implicit;
+pub mod isosurface;
 pub mod light;
 pub mod light_set;
 pub mod material;
@@ -22,5 +25,6 @@ pub mod sequence;
 pub mod shading;
 pub mod sky;
 pub mod surface;
+pub mod surface_scene;
 pub mod texture;
 pub mod traced;

@@ -12,11 +12,13 @@
 mod alias;
 mod emissive;
 mod rect;
+mod scene_emitters;
 mod sphere;
 #[cfg(test)]
 mod tests;
 
 pub use emissive::{EmissiveTriangle, Emitters, NoEmitters};
+pub use scene_emitters::SceneEmitters;
 
 use crate::environment::{EnvironmentSampler, direction_from_uv, luminance, uv_from_direction};
 use crate::light::{EnvironmentMap, LightKind, LightTrack};
@@ -513,7 +515,10 @@ impl<'a> LightSet<'a> {
             }
             Shape::Emissive { table, scale } => {
                 let drawn = table.sample(self.emitters.emissive_triangles(), from, random)?;
-                let radiance = self.emitters.emitted(drawn.primitive, drawn.barycentric) * *scale;
+                // A ray would meet the surface with probability `coverage`.
+                let radiance = self.emitters.emitted(drawn.primitive, drawn.barycentric)
+                    * self.emitters.coverage(drawn.primitive, drawn.barycentric)
+                    * *scale;
                 let d = drawn.point - from;
                 LightSample {
                     emitter: Some(EmitterPoint {

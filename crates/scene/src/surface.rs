@@ -2,7 +2,7 @@
 //! paper section 5.1). Triangle scenes, implicit surfaces and isosurfaces all stand behind [`Surfaces`].
 
 use crate::rays::{self, Ray, SurfacePoint};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// Where a ray met a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,5 +74,83 @@ fn ray_end(hit: &SurfaceHit) -> SurfacePoint {
         position: hit.position,
         normal: hit.geometric_normal,
         clearance: hit.position_error.max_element(),
+    }
+}
+
+/// How near to a curved surface a ray may start, relative to the diagonal of the surface's bounds: some 2⁶ f32
+/// roundings, so that the start is on its side of the surface whatever the surface's slope.
+const CURVED_CLEARANCE: f64 = 1.0 / (1 << 18) as f64;
+
+/// A ray in f64 with a unit direction, clipped to a box: what surfaces that are no triangles march along.
+pub(crate) struct ClippedRay {
+    pub(crate) origin: DVec3,
+    pub(crate) direction: DVec3,
+    /// Distances in metres.
+    pub(crate) near: f64,
+    pub(crate) far: f64,
+    /// Whether the ray starts outside the box.
+    pub(crate) starts_outside: bool,
+    /// Metres per unit of the ray's own t.
+    length: f64,
+}
+
+impl ClippedRay {
+    /// `None` where the ray misses the box or is not finite.
+    pub(crate) fn new(ray: &Ray, low: DVec3, high: DVec3) -> Option<ClippedRay> {
+        let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+        let length = direction.length();
+        if !(origin.is_finite() && length.is_finite() && length > 0.0) {
+            return None;
+        }
+        let direction = direction / length;
+        let start = f64::from(ray.t_min.max(0.0)) * length;
+        let (mut near, mut far) = (start, f64::from(ray.t_max) * length);
+        for axis in 0..3 {
+            let a = (low[axis] - origin[axis]) / direction[axis];
+            let b = (high[axis] - origin[axis]) / direction[axis];
+            if a.is_nan() || b.is_nan() {
+                continue; // within a face and along it
+            }
+            near = near.max(a.min(b));
+            far = far.min(a.max(b));
+        }
+        (near <= far).then_some(ClippedRay {
+            origin,
+            direction,
+            near,
+            far,
+            starts_outside: near > start,
+            length,
+        })
+    }
+
+    pub(crate) fn at(&self, distance: f64) -> DVec3 {
+        self.origin + self.direction * distance
+    }
+
+    /// The hit at a distance on a surface whose outward `gradient` (and smooth gradient) may have any length.
+    pub(crate) fn hit(&self, distance: f64, gradient: DVec3, smooth: DVec3, diagonal: f64) -> SurfaceHit {
+        let position = self.at(distance).as_vec3();
+        // Where the gradient vanishes the surface faces the ray.
+        let outward = gradient.try_normalize().unwrap_or(-self.direction);
+        let front = outward.dot(self.direction) <= 0.0;
+        let geometric = if front { outward } else { -outward };
+        let smooth = smooth.try_normalize().unwrap_or(geometric);
+        let smooth = if smooth.dot(geometric) < 0.0 {
+            -smooth
+        } else {
+            smooth
+        };
+        let rounding = position.abs().max_element() * f32::EPSILON + f32::MIN_POSITIVE;
+        SurfaceHit {
+            t: (distance / self.length) as f32,
+            position,
+            position_error: Vec3::splat(rounding + (diagonal * CURVED_CLEARANCE) as f32),
+            geometric_normal: geometric.as_vec3(),
+            normal: smooth.as_vec3(),
+            front,
+            primitive: 0,
+            barycentric: [0.0; 2],
+        }
     }
 }

@@ -525,6 +525,19 @@ fn bombs_are_refused_before_anything_is_allocated() {
         .collect();
     zeros.set("/meshes/0/primitives", json!(primitives));
     refused("shared zeros", &zeros);
+    // A million triangles, placed by a thousand nodes.
+    let mut crowd = everything();
+    let indices = crowd.accessor(&[0; 3_000_000], 5121, 3_000_000, "SCALAR");
+    crowd.set("/meshes/0/primitives/0/indices", indices.into());
+    let first = crowd.json["nodes"].as_array().unwrap().len();
+    for _ in 0..1000 {
+        crowd.push("/nodes", json!({ "mesh": 0 }));
+    }
+    crowd.set(
+        "/scenes/0/nodes",
+        json!((first..first + 1000).collect::<Vec<_>>()),
+    );
+    refused("crowd", &crowd);
     let mut buffer = everything();
     buffer.set("/buffers/0/byteLength", json!(1u64 << 40));
     refused("buffer", &buffer);

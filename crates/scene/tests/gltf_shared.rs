@@ -216,3 +216,29 @@ fn what_is_in_the_development_scenes() {
         m.normal_texture.is_some() && m.emission_texture.is_some() && m.metallic_roughness_texture.is_some()
     );
 }
+
+#[test]
+fn our_own_scenes_load_without_notes() {
+    // Unlike the shared folder these are part of the repository; their generator knows nothing of this importer.
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    let mut found = 0;
+    for entry in std::fs::read_dir(folder).expect("data/") {
+        let path = entry.expect("entry").path();
+        if !path.extension().is_some_and(|e| e == "glb" || e == "gltf") {
+            continue;
+        }
+        let start = std::time::Instant::now();
+        let scene = import(&path, &ImportOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let triangles: usize = scene.meshes.iter().map(|m| m.triangles.len()).sum();
+        eprintln!(
+            "{}: {triangles} triangles, {} lights, {:.1?}",
+            path.display(),
+            scene.sequence.lights.len(),
+            start.elapsed()
+        );
+        assert_eq!(scene.notes, [""; 0], "{}", path.display());
+        assert!(triangles > 0);
+        found += 1;
+    }
+    assert!(found > 0, "no scene in data/");
+}

@@ -394,3 +394,68 @@ fn no_ray_leaks_through_shared_edges_and_vertices_of_closed_meshes() {
     }
     assert_eq!(cast, 400_000);
 }
+
+/// Coherent packets take paths of their own: they must return what single rays return, ray by ray.
+#[test]
+fn packets_with_a_common_end_return_what_single_rays_return() {
+    let mut mesh = soup(3000);
+    mesh.add(box_grid(3));
+    for scale in [1e-4, 1.0, 1e5] {
+        let mesh = mesh.clone().scaled(scale);
+        let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles);
+        let scalar = TriangleBvh::build(&mesh.positions, &mesh.triangles).with_kernel(Kernel::Scalar);
+        let mut random = Random(23);
+        let mut hits = [0, 0];
+        for index in 0..200 {
+            // A narrow or wide bundle of segments between a point and a cloud, common origin or common target; a
+            // corner of a box as the common point now and then, so that triangles straddle origins.
+            let common = if index % 3 == 0 {
+                Vec3::new(2.0, 3.0, 1.0) * scale
+            } else {
+                random.point_in(&mesh)
+            };
+            let (center, width) = (random.point_in(&mesh), [0.05, 0.5, 3.0][index % 3] * scale);
+            let rays: Vec<Ray> = (0..1 + random.below(300))
+                .map(|_| {
+                    let other = center + (random.point_in_cube() - 0.5) * width;
+                    let (origin, target) = if index % 2 == 0 {
+                        (common, other)
+                    } else {
+                        (other, common)
+                    };
+                    Ray {
+                        origin,
+                        direction: target - origin,
+                        t_min: 0.0,
+                        t_max: 0.999,
+                    }
+                })
+                .collect();
+            let mut occluded = vec![false; rays.len()];
+            bvh.any_hit_packet(&rays, &mut occluded);
+            for (ray, &occluded) in rays.iter().zip(&occluded) {
+                assert_eq!(occluded, scalar.any_hit(ray), "{ray:?}");
+                hits[usize::from(occluded)] += 1;
+            }
+        }
+        assert!(hits[0] > 1000 && hits[1] > 1000, "free and occluded: {hits:?}");
+    }
+}
+
+#[test]
+fn a_packet_longer_than_its_answer_fills_the_answer() {
+    let mesh = sphere(8, 8);
+    let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles);
+    let ray = Ray {
+        origin: Vec3::ZERO,
+        direction: Vec3::X,
+        t_min: 0.0,
+        t_max: f32::INFINITY,
+    };
+    let mut occluded = [false; 3];
+    bvh.any_hit_packet(&[ray; 400], &mut occluded);
+    assert_eq!(occluded, [true; 3]);
+    let mut occluded = [false; 400];
+    bvh.any_hit_packet(&[ray; 3], &mut occluded);
+    assert_eq!(occluded.iter().filter(|o| **o).count(), 3);
+}

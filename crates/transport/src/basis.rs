@@ -9,6 +9,10 @@ use crate::kernel;
 use crate::sparse::Rows;
 use glam::Vec3;
 
+/// Cosine between normals above which two places count as facing the same way: 60°, at which the squared
+/// cosine of equation 8 has fallen to a quarter.
+const FACING: f32 = 0.5;
+
 /// Points of one level with the functions they carry.
 #[derive(Clone, Debug)]
 pub struct Level {
@@ -21,18 +25,23 @@ pub struct Level {
     /// Unit normals.
     pub normals: Vec<Vec3>,
     grid: PointGrid,
+    /// For [`Level::nearest`]: cells of the disk's size, because the nearest point of a maximal disk set is
+    /// within a disk radius.
+    near_grid: PointGrid,
 }
 
 impl Level {
     /// A level over the given points.
     pub fn new(positions: Vec<Vec3>, normals: Vec<Vec3>, disk_radius: f32, support_radius: f32) -> Level {
         let grid = PointGrid::new(&positions, &normals, support_radius);
+        let near_grid = PointGrid::new(&positions, &normals, disk_radius);
         Level {
             disk_radius,
             support_radius,
             positions,
             normals,
             grid,
+            near_grid,
         }
     }
 
@@ -78,16 +87,36 @@ impl Level {
         }
     }
 
-    /// The function with the largest weight at (`x`, `normal`), if any covers it. Ties go to the lower index.
+    /// The nearest point under the distance of equation 10 that faces the same way, if there is one within a
+    /// disk radius; else the nearest one within a support radius, whatever its normal. Ties go to the lower
+    /// index.
     #[inline]
     pub fn nearest(&self, x: Vec3, normal: Vec3) -> Option<u32> {
-        let mut best = (0.0f32, u32::MAX);
-        self.weights_at(x, normal, |j, w| {
-            if w > best.0 || (w == best.0 && j < best.1) {
-                best = (w, j);
+        let mut best = (f32::INFINITY, u32::MAX);
+        self.near_grid.near(x, |entry| {
+            let squared = kernel::distance_squared(x - entry.position, entry.normal);
+            if (squared, entry.index) < best && entry.normal.dot(normal) > FACING {
+                best = (squared, entry.index);
             }
         });
-        (best.0 > 0.0).then_some(best.1)
+        if best.0 <= self.disk_radius * self.disk_radius {
+            return Some(best.1);
+        }
+        self.grid.near(x, |entry| {
+            let squared = kernel::distance_squared(x - entry.position, entry.normal);
+            if (squared, entry.index) < best && entry.normal.dot(normal) > FACING {
+                best = (squared, entry.index);
+            }
+        });
+        if best.1 == u32::MAX {
+            self.grid.near(x, |entry| {
+                let squared = entry.position.distance_squared(x);
+                if (squared, entry.index) < best {
+                    best = (squared, entry.index);
+                }
+            });
+        }
+        (best.0 <= self.support_radius * self.support_radius).then_some(best.1)
     }
 
     /// As [`Level::functions_at`], but where no function covers the place, the nearest point within the support

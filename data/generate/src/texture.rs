@@ -218,6 +218,6 @@ pub fn damask(size: u32) -> Vec<u8> {
         let motif = band
             .max(flower(cell, tall * 0.6))
             .max(flower(shifted, (v - 0.5) * 0.6));
-        0.74 + 0.16 * motif + 0.05 * weave + 0.06 * (fbm(u, v, 8, 3, 71) - 0.5)
+        0.66 + 0.26 * motif + 0.03 * weave + 0.06 * (fbm(u, v, 8, 3, 71) - 0.5)
     })
 }

@@ -456,3 +456,17 @@ fn the_readme_lists_every_file_and_the_right_triangle_counts() {
         }
     }
 }
+
+/// A second opinion: the validation of the `gltf` crate.
+#[test]
+fn the_gltf_crate_accepts_every_scene() {
+    for file in files().iter().filter(|f| f.name.ends_with(".glb")) {
+        let gltf = gltf::Gltf::from_slice(&file.bytes).unwrap_or_else(|e| panic!("{}: {e}", file.name));
+        assert!(
+            gltf.blob.is_some() && gltf.default_scene().is_some(),
+            "{}",
+            file.name
+        );
+        assert_eq!(gltf.extensions_required().count(), 0, "{}", file.name);
+    }
+}

@@ -15,6 +15,10 @@ use std::collections::HashMap;
 /// Attributes and indices decoded for one scene, all meshes together: about 3 GB.
 const MAX_ELEMENTS: u64 = 1 << 28;
 
+/// Triangles with every instance drawn: whoever traces them numbers them all, and a mesh may be placed by
+/// millions of nodes.
+const MAX_DRAWN: u64 = 1 << 28;
+
 /// What a file may ask for however small it is.
 const FREE_ELEMENTS: u64 = 1 << 24;
 
@@ -70,6 +74,7 @@ pub(super) fn build(
     };
     let mut mesh_of: HashMap<&Primitive, Option<u32>> = HashMap::new();
     let mut budget = Budget::new(data);
+    let mut drawn = 0u64;
     // Of each mesh, the greatest distances from its origin along the axes.
     let mut extents: Vec<Vec3> = Vec::new();
     let world_from_nodes = graph.world_from_nodes();
@@ -92,6 +97,14 @@ pub(super) fn build(
                 Some(geometry.meshes.len() as u32 - 1)
             });
             let Some(index) = index else { continue };
+            drawn += geometry.meshes[index as usize].triangles.len() as u64;
+            if drawn > MAX_DRAWN {
+                let path = format!("nodes[{i}].mesh");
+                let message =
+                    format!("brings the scene to more than {MAX_DRAWN} drawn triangles; split the scene");
+                faults.add(path, message);
+                return geometry;
+            }
             let world_from_mesh = &world_from_nodes[i];
             if !within_reach(extents[index as usize], world_from_mesh) {
                 notes.count("placed meshes beyond the reach of 32-bit numbers left out", 1);

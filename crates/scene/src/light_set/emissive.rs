@@ -29,6 +29,10 @@ pub trait Emitters: Sync {
     /// Radiance that a primitive emits at the place with these barycentric weights of vertices 1 and 2,
     /// texture included, before any light's scale.
     fn emitted(&self, primitive: u32, barycentric: [f32; 2]) -> Vec3;
+    /// How much of a surface there is at that place (alpha masks and blending), 0 to 1.
+    fn coverage(&self, _primitive: u32, _barycentric: [f32; 2]) -> f32 {
+        1.0
+    }
 }
 
 /// A scene in which nothing emits.

@@ -5,6 +5,8 @@
 //! entries without bounds checks, which the shape of [`Tree`] allows.
 #![allow(unsafe_code)] // SIMD intrinsics; every block states why it is sound, and tests compare with `scalar`.
 
+mod packet;
+
 use std::arch::x86_64::*;
 use std::mem::MaybeUninit;
 
@@ -40,9 +42,8 @@ impl Avx2 {
 
     /// See [`super::TriangleBvh::any_hit_packet`].
     pub(super) fn any_hit_packet(self, tree: &Tree, rays: &[Ray], occluded: &mut [bool]) {
-        for (ray, occluded) in rays.iter().zip(occluded) {
-            *occluded = self.cast::<true>(tree, ray, &|_| true).is_some();
-        }
+        // SAFETY: a value of this type exists only where `detect` found the instructions.
+        unsafe { packet::any_hit_packet(tree, rays, occluded) }
     }
 }
 
@@ -314,4 +315,13 @@ fn difference_of_products(a: __m128, b: __m128, c: __m128, d: __m128) -> __m128 
     let cd = _mm_mul_ps(c, d);
     let error = _mm_fnmadd_ps(c, d, cd);
     _mm_add_ps(_mm_fmsub_ps(a, b, cd), error)
+}
+
+/// The same for eight lanes.
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn difference_of_products_8(a: __m256, b: __m256, c: __m256, d: __m256) -> __m256 {
+    let cd = _mm256_mul_ps(c, d);
+    let error = _mm256_fnmadd_ps(c, d, cd);
+    _mm256_add_ps(_mm256_fmsub_ps(a, b, cd), error)
 }

@@ -91,40 +91,42 @@ pub fn offset_origin(position: Vec3, geometric_normal: Vec3, direction: Vec3, po
     )
 }
 
-/// A ray from a surface point into `direction`, without end.
+/// The parameter that leads `distance` along each axis at most, in units of `direction`.
+fn parameter_of(distance: f32, direction: Vec3) -> f32 {
+    distance / direction.abs().max_element()
+}
+
+/// A ray from a surface point into `direction`, without end. It starts one clearance above the surface and one along
+/// the ray, so that at an edge it does not hit the other face that it starts on, either.
 pub fn ray_from_surface(from: &SurfacePoint, direction: Vec3) -> Ray {
     let origin = offset_origin(from.position, from.normal, direction, from.clearance);
     Ray {
         origin,
         direction,
-        t_min: 0.0,
+        t_min: parameter_of(from.clearance, direction),
         t_max: f32::INFINITY,
     }
 }
 
 /// A ray between two surface points that hits neither's surface. Its direction is the difference of its ends.
 pub fn shadow_ray(from: &SurfacePoint, to: &SurfacePoint) -> Ray {
-    let direction = to.position - from.position;
-    let origin = offset_origin(from.position, from.normal, direction, from.clearance);
+    let between = to.position - from.position;
     // Seen from the start, the target's triangle lies as far away as the ray is long.
-    let clearance = to.clearance + CLEARANCE * direction.abs().max_element();
-    let target = offset_origin(to.position, to.normal, -direction, clearance);
-    Ray {
-        origin,
-        direction: target - origin,
-        t_min: 0.0,
-        t_max: 1.0 - 4.0 * UNIT_ROUNDOFF,
-    }
+    let clearance = to.clearance + CLEARANCE * between.abs().max_element();
+    let target = offset_origin(to.position, to.normal, -between, clearance);
+    let mut ray = ray_from_surface(from, between);
+    ray.direction = target - ray.origin;
+    ray.t_min = parameter_of(from.clearance, ray.direction);
+    ray.t_max = 1.0 - parameter_of(clearance, ray.direction);
+    ray
 }
 
 /// A ray from a surface point to a point in space, such as a point light. It ends short of the point by 2⁻¹⁷ of its
 /// length, so that a light on a surface is not hidden by it, except at grazing angles.
 pub fn shadow_ray_to_point(from: &SurfacePoint, point: Vec3) -> Ray {
-    let origin = offset_origin(from.position, from.normal, point - from.position, from.clearance);
-    Ray {
-        origin,
-        direction: point - origin,
-        t_min: 0.0,
-        t_max: 1.0 - 2.0 * CLEARANCE,
-    }
+    let mut ray = ray_from_surface(from, point - from.position);
+    ray.direction = point - ray.origin;
+    ray.t_min = parameter_of(from.clearance, ray.direction);
+    ray.t_max = 1.0 - 2.0 * CLEARANCE;
+    ray
 }

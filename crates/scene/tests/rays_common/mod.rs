@@ -49,7 +49,8 @@ impl Mesh {
         (low + high) * 0.5
     }
 
-    fn quads(&mut self, columns: u32, rows: u32, place: impl Fn(f32, f32) -> Vec3) {
+    /// A grid of quads whose corners `place` puts, from column and row.
+    pub fn quads(&mut self, columns: u32, rows: u32, place: impl Fn(f32, f32) -> Vec3) {
         let first = self.positions.len() as u32;
         for row in 0..=rows {
             for column in 0..=columns {

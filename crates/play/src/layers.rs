@@ -1,0 +1,180 @@
+//! What integrators share: the size of an image, its layers, and rendering tile by tile on all cores.
+//!
+//! A pixel is a function of its place, so that the image does not depend on the number of threads.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use relight_scene::image::{BEAUTY, Layers};
+use relight_scene::light_set::LightSet;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use thiserror::Error;
+
+/// Size of an image in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RenderSize {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+/// Rendering was stopped from outside; there is no image.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[error("rendering was stopped")]
+pub struct Cancelled;
+
+/// How far rendering is, and whether it shall stop.
+#[derive(Clone, Copy)]
+pub struct Watch<'a> {
+    /// Set to true, it stops the rendering within a tile's time.
+    pub cancel: &'a AtomicBool,
+    /// Called from worker threads after every tile with (tiles done, tiles in all).
+    pub progress: &'a (dyn Fn(usize, usize) + Sync),
+}
+
+/// Sums over the samples of one pixel, f64.
+pub(crate) struct PixelSum {
+    /// Light seen directly, after one reflection, after two and more; W/(m² sr).
+    transported: [DVec3; 3],
+    /// All of it by light; empty if light layers aren't wanted.
+    lights: Vec<DVec3>,
+    albedo: DVec3,
+    normal: DVec3,
+    depth: f64,
+    hits: u32,
+}
+
+impl PixelSum {
+    fn new(lights: usize) -> PixelSum {
+        PixelSum {
+            transported: [DVec3::ZERO; 3],
+            lights: vec![DVec3::ZERO; lights],
+            albedo: DVec3::ZERO,
+            normal: DVec3::ZERO,
+            depth: 0.0,
+            hits: 0,
+        }
+    }
+
+    /// Adds light that came from `light` (`None`: from no light, an unlit material) over `reflections`.
+    pub fn add(&mut self, light: Option<usize>, reflections: u32, radiance: Vec3) {
+        // What f32 cannot hold is dropped rather than spread: a single NaN would blacken the pixel.
+        if !radiance.is_finite() {
+            return;
+        }
+        let radiance = radiance.as_dvec3();
+        self.transported[reflections.min(2) as usize] += radiance;
+        if let Some(light) = light
+            && let Some(sum) = self.lights.get_mut(light)
+        {
+            *sum += radiance;
+        }
+    }
+
+    /// Adds what an eye ray found first: total reflectance, shading normal, distance along the ray.
+    pub fn add_surface(&mut self, albedo: Vec3, normal: Vec3, depth: f32) {
+        self.albedo += albedo.as_dvec3();
+        self.normal += normal.as_dvec3();
+        self.depth += f64::from(depth);
+        self.hits += 1;
+    }
+}
+
+/// Tiles are squares of this many pixels: large enough to keep rays together, small enough to share out.
+const TILE: usize = 16;
+
+/// Names and channels of the layers that every integrator makes, in order; light layers follow.
+const LAYERS: [(&str, usize); 7] = [
+    (BEAUTY, 3),
+    ("emission", 3),
+    ("direct", 3),
+    ("indirect", 3),
+    ("albedo", 3),
+    ("normal", 3),
+    ("depth", 1),
+];
+
+/// Calls `pixel(x, y, sums)` for every pixel and turns the sums over `samples` into layers: beauty = emission +
+/// direct + indirect, albedo, normal, depth (distance along the eye ray in metres), and `light.<name>` where
+/// `light_layers`. Albedo, normal and depth are means over the samples that met a surface, 0 where none did.
+pub(crate) fn render_tiles(
+    size: RenderSize,
+    lights: &LightSet<'_>,
+    light_layers: bool,
+    samples: u32,
+    watch: &Watch<'_>,
+    pixel: impl Fn(usize, usize, &mut PixelSum) + Sync,
+) -> Result<Layers, Cancelled> {
+    let light_count = if light_layers { lights.len() } else { 0 };
+    let channels = LAYERS.iter().map(|layer| layer.1).sum::<usize>() + 3 * light_count;
+    let (columns, rows) = (size.width.div_ceil(TILE), size.height.div_ceil(TILE));
+    let done = AtomicUsize::new(0);
+    let tiles: Vec<Vec<f32>> = (0..columns * rows)
+        .into_par_iter()
+        .map(|tile| {
+            if watch.cancel.load(Ordering::Relaxed) {
+                return Vec::new();
+            }
+            let mut values = Vec::with_capacity(TILE * TILE * channels);
+            for (x, y) in tile_pixels(tile, columns, size) {
+                let mut sums = PixelSum::new(light_count);
+                pixel(x, y, &mut sums);
+                finish(&sums, samples, &mut values);
+            }
+            (watch.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, columns * rows);
+            values
+        })
+        .collect();
+    if watch.cancel.load(Ordering::Relaxed) {
+        return Err(Cancelled);
+    }
+
+    let mut layers = Layers::new(size.width, size.height);
+    let light_names = (0..light_count).map(|light| format!("light.{}", lights.name(light)));
+    let names = LAYERS.iter().map(|&(name, width)| (name.to_string(), width));
+    let mut first = 0;
+    for (name, width) in names.chain(light_names.map(|name| (name, 3))) {
+        let mut data = vec![0.0; size.width * size.height * width];
+        for (tile, values) in tiles.iter().enumerate() {
+            for ((x, y), pixel) in tile_pixels(tile, columns, size).zip(values.chunks_exact(channels)) {
+                let at = (y * size.width + x) * width;
+                data[at..at + width].copy_from_slice(&pixel[first..first + width]);
+            }
+        }
+        match width {
+            3 => layers.push_rgb(&name, data.as_chunks::<3>().0),
+            _ => layers.push_scalar(&name, &data),
+        }
+        first += width;
+    }
+    Ok(layers)
+}
+
+fn tile_pixels(tile: usize, columns: usize, size: RenderSize) -> impl Iterator<Item = (usize, usize)> {
+    let (x0, y0) = (tile % columns * TILE, tile / columns * TILE);
+    let (x1, y1) = ((x0 + TILE).min(size.width), (y0 + TILE).min(size.height));
+    (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (x, y)))
+}
+
+/// Appends the values of one pixel in the order of [`LAYERS`].
+fn finish(sums: &PixelSum, samples: u32, values: &mut Vec<f32>) {
+    let mean = |sum: DVec3, count: u32| (sum / f64::from(count.max(1))).as_vec3();
+    let [emission, direct, indirect] = sums.transported.map(|sum| mean(sum, samples));
+    // Summed in f32, so that the layers of a file add up exactly.
+    let beauty = emission + direct + indirect;
+    let normal = mean(sums.normal, sums.hits).normalize_or_zero();
+    for v in [
+        beauty,
+        emission,
+        direct,
+        indirect,
+        mean(sums.albedo, sums.hits),
+        normal,
+    ] {
+        values.extend(v.to_array());
+    }
+    values.push((sums.depth / f64::from(sums.hits.max(1))) as f32);
+    for light in &sums.lights {
+        values.extend(mean(*light, samples).to_array());
+    }
+}

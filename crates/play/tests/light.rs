@@ -1,0 +1,544 @@
+//! Statements about light that the two reference integrators must show. Truths are closed forms, or the other
+//! integrator: `brute` knows neither BRDF samples, nor a choice among lights, nor recursion.
+
+use glam::{Affine3A, Vec3};
+use relight_play::brute::{self, BruteSettings};
+use relight_play::layers::{Cancelled, RenderSize, Watch};
+use relight_play::path::{self, PathSettings};
+use relight_scene::animated::Animated;
+use relight_scene::camera::{Camera, CameraTrack};
+use relight_scene::image::Layers;
+use relight_scene::light::{EnvironmentMap, LightKind, LightTrack};
+use relight_scene::light_set::{LightSet, SceneEmitters};
+use relight_scene::material::Material;
+use relight_scene::scene::{Instance, Mesh, Scene};
+use relight_scene::sequence::Sequence;
+use relight_scene::traced::{Shading, TracedScene};
+use std::f64::consts::PI;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+const SIZE: RenderSize = RenderSize {
+    width: 16,
+    height: 16,
+};
+
+fn constant<T>(value: T) -> Animated<T> {
+    Animated::Constant(value)
+}
+
+fn matt(albedo: f32, emission: f32) -> Material {
+    Material {
+        name: "matt".into(),
+        base_color: Vec3::splat(albedo).extend(1.0),
+        metallic: 0.0,
+        emission: Vec3::splat(emission),
+        ..Material::default()
+    }
+}
+
+/// A quadrilateral as a mesh, front where its corners run counter-clockwise.
+fn quad(corners: [Vec3; 4], material: u32) -> Mesh {
+    Mesh {
+        positions: corners.to_vec(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        material,
+        ..Mesh::default()
+    }
+}
+
+/// A floor of the given half width around the origin, facing up.
+fn floor(half: f32, material: u32) -> Mesh {
+    let corner = |x: f32, z: f32| Vec3::new(x, 0.0, z) * half;
+    quad(
+        [
+            corner(-1.0, 1.0),
+            corner(1.0, 1.0),
+            corner(1.0, -1.0),
+            corner(-1.0, -1.0),
+        ],
+        material,
+    )
+}
+
+/// The box from −1 to 1, fronts inwards, in 12 triangles.
+fn room(size: f32) -> Mesh {
+    let positions: Vec<Vec3> = (0..8)
+        .map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - 1.0)
+        .map(|p| p * size)
+        .collect();
+    let mut triangles = Vec::new();
+    for [a, b, c, d] in [
+        [0, 1, 3, 2],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 3, 7, 6],
+        [0, 2, 6, 4],
+        [1, 3, 7, 5],
+    ] {
+        for [i, j, k] in [[a, b, c], [a, c, d]] {
+            let [p, q, r] = [i, j, k].map(|v: u32| positions[v as usize]);
+            let outwards = (q - p).cross(r - p).dot(p + q + r) > 0.0;
+            triangles.push(if outwards { [i, k, j] } else { [i, j, k] });
+        }
+    }
+    Mesh {
+        positions,
+        triangles,
+        ..Mesh::default()
+    }
+}
+
+fn traced(meshes: Vec<Mesh>, materials: Vec<Material>) -> TracedScene {
+    let instances = (0..meshes.len() as u32)
+        .map(|mesh| Instance {
+            mesh,
+            world_from_mesh: Affine3A::IDENTITY,
+        })
+        .collect();
+    let scene = Scene {
+        meshes,
+        instances,
+        materials,
+        textures: Vec::new(),
+        cameras: Vec::new(),
+        sequence: Sequence {
+            frames: 1,
+            fps: 24.0,
+            camera: None,
+            lights: Vec::new(),
+        },
+        notes: Vec::new(),
+    };
+    TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap()
+}
+
+fn camera(position: Vec3, look_at: Vec3, vfov_deg: f32) -> Camera {
+    CameraTrack {
+        name: String::new(),
+        position: constant(position),
+        look_at: constant(look_at),
+        up: constant(Vec3::new(0.1, 1.0, 0.2)),
+        vfov_deg: constant(vfov_deg),
+        aspect: None,
+    }
+    .at(0.0)
+}
+
+fn light(name: &str, kind: LightKind) -> LightTrack {
+    LightTrack {
+        name: name.into(),
+        kind,
+    }
+}
+
+fn point(position: Vec3, intensity: f32) -> LightKind {
+    LightKind::Point {
+        position: constant(position),
+        intensity: constant(Vec3::splat(intensity)),
+    }
+}
+
+fn sky(radiance: f32) -> LightKind {
+    LightKind::Environment {
+        map: Arc::new(EnvironmentMap {
+            width: 8,
+            height: 4,
+            pixels: vec![Vec3::splat(radiance); 32],
+        }),
+        file: String::new(),
+        scale: constant(Vec3::ONE),
+        rotation_deg: constant(0.0),
+    }
+}
+
+fn emissive(scale: f32) -> LightKind {
+    LightKind::Emissive {
+        material: None,
+        scale: constant(Vec3::splat(scale)),
+    }
+}
+
+/// Some of everything that has extent, above the floor.
+fn area_lights() -> Vec<LightTrack> {
+    let panel = LightKind::Rect {
+        center: constant(Vec3::new(0.5, 1.0, 0.0)),
+        edge_u: constant(Vec3::X),
+        edge_v: constant(Vec3::Z * 0.5),
+        radiance: constant(Vec3::new(3.0, 2.0, 1.0)),
+    };
+    let globe = LightKind::Sphere {
+        center: constant(Vec3::new(-0.7, 0.5, 0.3)),
+        radius: constant(0.2),
+        radiance: constant(Vec3::new(1.0, 5.0, 2.0)),
+    };
+    vec![
+        light("panel", panel),
+        light("globe", globe),
+        light("sky", sky(0.3)),
+        light("glow", emissive(2.0)),
+    ]
+}
+
+fn watched<R>(call: impl FnOnce(&Watch<'_>) -> Result<R, Cancelled>) -> R {
+    let cancel = AtomicBool::new(false);
+    call(&Watch {
+        cancel: &cancel,
+        progress: &|_, _| {},
+    })
+    .unwrap()
+}
+
+fn path_traced(
+    scene: &TracedScene,
+    tracks: &[LightTrack],
+    camera: &Camera,
+    settings: &PathSettings,
+) -> Layers {
+    let emitters = SceneEmitters::new(scene);
+    let lights = LightSet::new(&emitters, tracks, 0.0).unwrap();
+    watched(|watch| path::render(scene, &lights, camera, SIZE, settings, watch))
+}
+
+fn brute_forced(scene: &TracedScene, tracks: &[LightTrack], camera: &Camera, spp: u32) -> Layers {
+    let emitters = SceneEmitters::new(scene);
+    let lights = LightSet::new(&emitters, tracks, 0.0).unwrap();
+    let settings = BruteSettings {
+        spp,
+        ..BruteSettings::default()
+    };
+    watched(|watch| brute::render(scene, &lights, camera, SIZE, &settings, watch))
+}
+
+/// Mean over all pixels and channels.
+fn mean(layers: &Layers, name: &str) -> f64 {
+    let data = &layers.layer(name).unwrap().data;
+    data.iter().map(|&v| f64::from(v)).sum::<f64>() / data.len() as f64
+}
+
+fn assert_close(found: f64, truth: f64, tolerance: f64, what: &str) {
+    let error = (found / truth - 1.0).abs();
+    assert!(
+        error < tolerance,
+        "{what}: found {found}, truth {truth}, relative error {error}"
+    );
+}
+
+fn settings(spp: u32) -> PathSettings {
+    PathSettings {
+        spp,
+        ..PathSettings::default()
+    }
+}
+
+/// A floor with a small emissive quad that hangs over it, facing down.
+fn stage() -> TracedScene {
+    let at = |x: f32, z: f32| Vec3::new(x - 0.4, 0.7, z - 0.6);
+    let lamp = quad([at(0.0, 0.0), at(0.3, 0.0), at(0.3, 0.3), at(0.0, 0.3)], 1);
+    traced(vec![floor(2.0, 0), lamp], vec![matt(0.6, 0.0), matt(0.0, 4.0)])
+}
+
+fn stage_camera() -> Camera {
+    camera(Vec3::new(0.3, 1.5, 2.0), Vec3::new(0.0, 0.0, 0.0), 35.0)
+}
+
+/// Truth: L = (ρ/π) I cos θ / d². The view spans 0.1°, over which it varies by less than 1e-3.
+#[test]
+fn a_point_light_over_a_floor_obeys_lambert_and_the_inverse_square() {
+    for scale in [1e-4f32, 1.0, 1e5] {
+        let scene = traced(vec![floor(10.0 * scale, 0)], vec![matt(0.5, 0.0)]);
+        let lights = [light(
+            "bulb",
+            point(Vec3::new(3.0, 4.0, 0.0) * scale, 10.0 * scale * scale),
+        )];
+        let view = camera(Vec3::new(0.0, 5.0, 1.0) * scale, Vec3::ZERO, 0.1);
+        let truth = 0.5 / PI * 10.0 * 0.8 / 25.0;
+        let layers = path_traced(&scene, &lights, &view, &settings(4));
+        assert_close(mean(&layers, "direct"), truth, 1e-3, "path");
+        assert_close(
+            mean(&brute_forced(&scene, &lights, &view, 4), "direct"),
+            truth,
+            1e-3,
+            "brute",
+        );
+        assert_eq!(mean(&layers, "indirect") + mean(&layers, "emission"), 0.0);
+        assert_close(mean(&layers, "albedo"), 0.5, 1e-6, "albedo");
+    }
+}
+
+/// Truth: under radiance 1 from everywhere a floor shows its albedo. With BRDF and light samples both nearly
+/// proportional, 256 pixels × 64 samples have a standard error under 0.1 %.
+#[test]
+fn a_floor_under_a_constant_sky_shows_its_albedo() {
+    let scene = traced(vec![floor(2.0, 0)], vec![matt(0.37, 0.0)]);
+    let lights = [light("sky", sky(1.0))];
+    let view = camera(Vec3::new(0.0, 2.0, 1.0), Vec3::ZERO, 20.0);
+    assert_close(
+        mean(&path_traced(&scene, &lights, &view, &settings(64)), "direct"),
+        0.37,
+        5e-3,
+        "path",
+    );
+    assert_close(
+        mean(&brute_forced(&scene, &lights, &view, 64), "direct"),
+        0.37,
+        1e-2,
+        "brute",
+    );
+}
+
+/// Truth: E = π L (r/d)² sin(height) for a sphere; L_out = ρ E / π.
+#[test]
+fn a_sphere_light_over_a_floor_gives_the_closed_form() {
+    let scene = traced(vec![floor(10.0, 0)], vec![matt(0.5, 0.0)]);
+    let globe = LightKind::Sphere {
+        center: constant(Vec3::new(3.0, 4.0, 0.0)),
+        radius: constant(2.0),
+        radiance: constant(Vec3::splat(7.0)),
+    };
+    let lights = [light("globe", globe)];
+    let view = camera(Vec3::new(0.0, 5.0, -3.0), Vec3::ZERO, 0.1);
+    let truth = 0.5 * 7.0 * (2.0f64 / 5.0).powi(2) * 0.8;
+    assert_close(
+        mean(&path_traced(&scene, &lights, &view, &settings(64)), "direct"),
+        truth,
+        5e-3,
+        "path",
+    );
+}
+
+/// Truth: radiosity in a closed room whose walls all emit 1 and reflect ρ: direct ρ, indirect ρ²/(1 − ρ).
+/// Tolerance: five standard errors of 65,536 paths, whose indirect light has a relative deviation below
+/// √(1/(1 − ρ)) by the geometric distribution of their lengths.
+#[test]
+fn closed_furnaces_have_the_analytic_indirect_light() {
+    for (albedo, tolerance) in [(0.0, 0.0), (0.5, 0.01), (0.9, 0.02), (0.99, 0.06)] {
+        for size in [1e-3, 1.0, 1e4] {
+            let scene = traced(vec![room(size)], vec![matt(albedo, 1.0)]);
+            let view = camera(
+                Vec3::new(0.1, 0.2, 0.3) * size,
+                Vec3::new(1.0, 0.1, -0.4) * size,
+                60.0,
+            );
+            let layers = path_traced(&scene, &[light("walls", emissive(1.0))], &view, &settings(256));
+            assert_close(mean(&layers, "emission"), 1.0, 1e-6, "emission");
+            let rho = f64::from(albedo);
+            if albedo == 0.0 {
+                assert_eq!(mean(&layers, "direct") + mean(&layers, "indirect"), 0.0);
+                continue;
+            }
+            assert_close(mean(&layers, "direct"), rho, 0.01, "direct");
+            let found = mean(&layers, "indirect") / mean(&layers, "direct");
+            assert_close(found, rho / (1.0 - rho), tolerance, "indirect over direct");
+        }
+    }
+}
+
+/// Truth: `brute`, which samples lights only. Standard errors of either are about 0.2 % at these counts.
+#[test]
+fn direct_light_of_path_and_brute_agree_light_by_light() {
+    let (scene, view) = (stage(), stage_camera());
+    for track in area_lights() {
+        let tracks = [track];
+        let layers = path_traced(&scene, &tracks, &view, &settings(256));
+        let brute = brute_forced(&scene, &tracks, &view, 256);
+        assert_close(
+            mean(&layers, "direct"),
+            mean(&brute, "direct"),
+            0.01,
+            &tracks[0].name,
+        );
+        assert_eq!(mean(&layers, "emission"), mean(&brute, "emission"));
+    }
+}
+
+/// Truth: `brute`, which samples every light. With more lights than are sampled together, one is drawn.
+#[test]
+fn drawing_one_of_many_lights_is_right_on_average() {
+    let (scene, view) = (stage(), stage_camera());
+    let mut tracks = area_lights();
+    for i in 0..20 {
+        let place = Vec3::new(
+            i as f32 * 0.2 - 2.0,
+            0.3 + 0.05 * i as f32,
+            (i % 5) as f32 * 0.4 - 1.0,
+        );
+        tracks.push(light(
+            &format!("bulb {i}"),
+            point(place, 0.1 * (1 + i % 3) as f32),
+        ));
+    }
+    let direct = mean(&path_traced(&scene, &tracks, &view, &settings(512)), "direct");
+    assert_close(
+        direct,
+        mean(&brute_forced(&scene, &tracks, &view, 64), "direct"),
+        0.01,
+        "direct",
+    );
+}
+
+/// Truth: transport is linear. The layers sum the same samples, so only f32 rounding is between them.
+#[test]
+fn light_layers_add_up_to_the_beauty() {
+    let tracks = area_lights();
+    let settings = PathSettings {
+        light_layers: true,
+        ..settings(16)
+    };
+    let layers = path_traced(&stage(), &tracks, &stage_camera(), &settings);
+    let beauty = &layers.layer("beauty").unwrap().data;
+    for (i, &value) in beauty.iter().enumerate() {
+        let parts = ["emission", "direct", "indirect"].map(|name| layers.layer(name).unwrap().data[i]);
+        assert_eq!(value, parts[0] + parts[1] + parts[2]);
+        let lights: f32 = tracks
+            .iter()
+            .map(|t| layers.layer(&format!("light.{}", t.name)).unwrap().data[i])
+            .sum();
+        assert!((value - lights).abs() <= 1e-5 * value, "{value} {lights}");
+    }
+}
+
+/// Truth: transport is linear in intensity, and a power of two changes no mantissa.
+#[test]
+fn forty_decades_of_intensity_change_nothing_but_the_exponent() {
+    let (scene, view) = (stage(), stage_camera());
+    let render = |factor: f32| {
+        let bulb = light("bulb", point(Vec3::new(0.5, 1.0, 0.5), factor));
+        let tracks = [bulb, light("sky", sky(factor)), light("glow", emissive(factor))];
+        path_traced(&scene, &tracks, &view, &settings(4))
+            .layer("beauty")
+            .unwrap()
+            .data
+            .clone()
+    };
+    let base = render(1.0);
+    for exponent in [-66, 66] {
+        let factor = 2f32.powi(exponent);
+        let scaled: Vec<f32> = base.iter().map(|v| v * factor).collect();
+        assert_eq!(render(factor), scaled);
+    }
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let (scene, view, tracks) = (stage(), stage_camera(), area_lights());
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| {
+            (
+                path_traced(&scene, &tracks, &view, &settings(4)),
+                brute_forced(&scene, &tracks, &view, 2),
+            )
+        })
+    };
+    assert_eq!(with(1), with(3));
+}
+
+/// Truth: the error of an unbiased estimate falls at least as 1/√n: 16 times the samples, a quarter of it.
+#[test]
+fn error_falls_with_the_square_root_of_the_samples_or_faster() {
+    let (scene, view, tracks) = (stage(), stage_camera(), area_lights());
+    let truth = path_traced(
+        &scene,
+        &tracks,
+        &view,
+        &PathSettings {
+            seed: 7,
+            ..settings(8192)
+        },
+    );
+    let rmse = |spp: u32| {
+        let image = path_traced(&scene, &tracks, &view, &settings(spp));
+        let (a, b) = (
+            &image.layer("direct").unwrap().data,
+            &truth.layer("direct").unwrap().data,
+        );
+        (a.iter()
+            .zip(b)
+            .map(|(a, b)| f64::from(a - b).powi(2))
+            .sum::<f64>()
+            / a.len() as f64)
+            .sqrt()
+    };
+    let (few, many) = (rmse(8), rmse(128));
+    // A quarter, with a tenth of room for the deviation of an RMSE over 768 values.
+    assert!(many < 0.275 * few, "{few} {many}");
+}
+
+#[test]
+fn a_limit_of_reflections_cuts_exactly_there() {
+    let scene = traced(vec![room(1.0)], vec![matt(0.8, 1.0)]);
+    let view = camera(Vec3::ZERO, Vec3::X, 60.0);
+    let lights = [light("walls", emissive(1.0))];
+    // Truth: ρ + ρ² + … up to the limit.
+    for (limit, direct, indirect) in [
+        (0, 0.0, 0.0),
+        (1, 0.8, 0.0),
+        (2, 0.8, 0.64),
+        (3, 0.8, 0.64 + 0.512),
+    ] {
+        let limited = PathSettings {
+            max_bounces: Some(limit),
+            ..settings(128)
+        };
+        let layers = path_traced(&scene, &lights, &view, &limited);
+        for (name, truth) in [("direct", direct), ("indirect", indirect)] {
+            let found = mean(&layers, name);
+            assert!(
+                (found - truth).abs() <= 0.01 * truth,
+                "{limit} {name}: {found} {truth}"
+            );
+        }
+    }
+}
+
+#[test]
+fn unlit_materials_show_their_colour_and_light_nothing() {
+    let unlit = Material {
+        unlit: true,
+        ..matt(0.25, 0.0)
+    };
+    let wall = quad(
+        [
+            Vec3::new(-1.0, 0.0, -1.0),
+            Vec3::new(1.0, 0.0, -1.0),
+            Vec3::new(1.0, 2.0, -1.0),
+            Vec3::new(-1.0, 2.0, -1.0),
+        ],
+        1,
+    );
+    let scene = traced(vec![floor(2.0, 0), wall], vec![matt(0.5, 0.0), unlit]);
+    let at_wall = camera(Vec3::new(0.0, 1.0, 1.0), Vec3::new(0.0, 1.0, -1.0), 10.0);
+    let layers = path_traced(&scene, &[], &at_wall, &settings(2));
+    assert_close(mean(&layers, "beauty"), 0.25, 1e-6, "unlit");
+    let at_floor = camera(Vec3::new(0.0, 1.0, 1.0), Vec3::ZERO, 10.0);
+    assert_eq!(
+        mean(&path_traced(&scene, &[], &at_floor, &settings(2)), "beauty"),
+        0.0
+    );
+}
+
+#[test]
+fn an_empty_scene_shows_the_sky_and_a_cancelled_one_nothing() {
+    let scene = traced(Vec::new(), Vec::new());
+    let view = camera(Vec3::ZERO, Vec3::X, 60.0);
+    let tracks = [light("sky", sky(2.0))];
+    let layers = path_traced(&scene, &tracks, &view, &settings(1));
+    assert_close(mean(&layers, "emission"), 2.0, 1e-6, "sky");
+    assert!(layers.layer("depth").unwrap().data.iter().all(|&d| d == 0.0));
+
+    let emitters = SceneEmitters::new(&scene);
+    let lights = LightSet::new(&emitters, &tracks, 0.0).unwrap();
+    let cancel = AtomicBool::new(true);
+    let watch = Watch {
+        cancel: &cancel,
+        progress: &|_, _| {},
+    };
+    assert_eq!(
+        path::render(&scene, &lights, &view, SIZE, &settings(1), &watch),
+        Err(Cancelled)
+    );
+}

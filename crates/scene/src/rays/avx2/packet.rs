@@ -1,0 +1,417 @@
+//! Shadow rays in packets of sixteen: one box, or one triangle, meets eight rays at once.
+//!
+//! Rays are first sorted by the signs of their direction, and by their dominant axis, within windows of the input. A packet
+//! then descends together; a box is tested against the bounds of all its rays (interval arithmetic on origins and
+//! inverse directions, as in Boulos et al., "Geometric and Arithmetic Culling Methods for Entire Ray Packets", 2006)
+//! before the rays themselves are asked. Once few rays are left in a subtree they go on singly.
+//!
+//! Whether a ray hits something depends on the triangle test alone, which repeats the single one operation by
+//! operation; so packets return what single rays return.
+
+use std::arch::x86_64::*;
+
+use super::super::Ray;
+use super::super::layout::{Block, LEAF_BIT, NO_TRIANGLE, Node, STACK_SIZE, Tree, UNIT_ROUNDOFF};
+use super::super::ray_setup::RaySetup;
+use super::{difference_of_products_8, traverse};
+
+/// Rays that are sorted together: their setups (25 KB) stay in the first-level cache.
+const WINDOW: usize = 128;
+
+/// Vectors of eight rays per packet: sixteen rays, as in the packets that measured best for Embree.
+const GROUPS: usize = 2;
+const LANES: usize = 8;
+const PACKET: usize = GROUPS * LANES;
+
+/// With at most this many rays left in a subtree, single traversal is faster (docs/rays.md).
+const FEW: u32 = 5;
+
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+pub(super) fn any_hit_packet(tree: &Tree, rays: &[Ray], occluded: &mut [bool]) {
+    let mut setups: Vec<RaySetup> = Vec::with_capacity(WINDOW);
+    // Signs (3 bits), dominant axis (2), place in the window (8), place in `setups` (8): sorted, alike rays are neighbours.
+    let mut order: Vec<u32> = Vec::with_capacity(WINDOW);
+    for (rays, occluded) in rays.chunks(WINDOW).zip(occluded.chunks_mut(WINDOW)) {
+        setups.clear();
+        order.clear();
+        for (index, ray) in rays.iter().enumerate().take(occluded.len()) {
+            occluded[index] = false;
+            if let Some(setup) = RaySetup::new(tree, ray) {
+                let [x, y, z] = setup.negative;
+                let class = (x + 2 * y + 4 * z) * 4 + setup.axes[2];
+                order.push((class << 16 | index << 8 | setups.len()) as u32);
+                setups.push(setup);
+            }
+        }
+        order.sort_unstable();
+        let setup = |member: u32| &setups[(member & 0xff) as usize];
+        for same_signs in order.chunk_by(|a, b| a >> 18 == b >> 18) {
+            for members in same_signs.chunks(PACKET) {
+                let mut of_packet = [setup(members[0]); PACKET];
+                for (slot, member) in of_packet.iter_mut().zip(members) {
+                    *slot = setup(*member);
+                }
+                let hits = cast_packet(tree, &of_packet, members.len());
+                for (lane, member) in members.iter().enumerate() {
+                    occluded[(member >> 8 & 0xff) as usize] = hits >> lane & 1 != 0;
+                }
+            }
+        }
+    }
+}
+
+/// Eight rays, one per lane.
+struct Group {
+    near_inverse: [__m256; 3],
+    near_offset: [__m256; 3],
+    far_inverse: [__m256; 3],
+    far_offset: [__m256; 3],
+    t_min: __m256,
+    t_max: __m256,
+    origin: [__m256; 3],
+    shear: [__m256; 3],
+}
+
+/// What holds for all rays of a packet, in all lanes.
+struct Common {
+    /// Index of the near plane of each axis.
+    near_plane: [usize; 3],
+    /// Per axis the origin that makes the near plane nearest, and the one that makes the far plane farthest.
+    near_origin: [__m256; 3],
+    far_origin: [__m256; 3],
+    /// Per axis the bounds of the inverse directions.
+    near_inverse: [[__m256; 2]; 3],
+    far_inverse: [[__m256; 2]; 3],
+    t_min: __m256,
+    t_max: __m256,
+}
+
+/// Casts up to sixteen rays whose directions have the same signs; unused slots repeat one of them. Returns a bit per ray.
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn cast_packet(tree: &Tree, rays: &[&RaySetup; PACKET], count: usize) -> u32 {
+    let mut active = (1u32 << count) - 1;
+    if active.count_ones() <= FEW {
+        return cast_singly(tree, rays, active, 0);
+    }
+    let groups = [group(&rays[..LANES]), group(&rays[LANES..])];
+    let common = common(rays, &groups);
+    let same_axes = rays.iter().all(|ray| ray.axes == rays[0].axes);
+    let mut hits = 0u32;
+    // Child in the lower, rays in the upper half.
+    let mut stack = [0u64; STACK_SIZE];
+    stack[0] = u64::from(active) << 32;
+    let mut top = 1;
+    while top > 0 {
+        top -= 1;
+        let (child, mask) = (stack[top] as u32, (stack[top] >> 32) as u32 & active);
+        if mask == 0 {
+            continue;
+        }
+        let mut found = 0;
+        if mask.count_ones() <= FEW {
+            found = cast_singly(tree, rays, mask, child);
+        } else if child & LEAF_BIT != 0 {
+            // SAFETY: references with the leaf bit are indices of `blocks`.
+            let block = unsafe { tree.blocks.get_unchecked((child & !LEAF_BIT) as usize) };
+            found = if same_axes {
+                meet_block(block, &groups, rays, mask)
+            } else {
+                cast_singly(tree, rays, mask, child)
+            };
+        } else {
+            // SAFETY: references without the leaf bit are indices of `nodes`.
+            let node = unsafe { tree.nodes.get_unchecked(child as usize) };
+            let mut children = meet_any(node, &common);
+            while children != 0 {
+                let lane = children.trailing_zeros() as usize & 7;
+                children &= children - 1;
+                let inside = meet_box(node, lane, &common, &groups, mask);
+                // A node leaves at most seven children waiting beside the one visited next; see `STACK_SIZE`.
+                if inside != 0 {
+                    stack[top] = u64::from(inside) << 32 | u64::from(node.children[lane]);
+                    top += 1;
+                }
+            }
+        }
+        hits |= found;
+        active &= !found;
+        if active == 0 {
+            break;
+        }
+    }
+    hits
+}
+
+/// Casts the rays of `mask` one by one from `root` on.
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn cast_singly(tree: &Tree, rays: &[&RaySetup; PACKET], mask: u32, root: u32) -> u32 {
+    let mut hits = 0;
+    let mut rest = mask;
+    while rest != 0 {
+        let lane = rest.trailing_zeros() as usize;
+        rest &= rest - 1;
+        if traverse::<true>(tree, rays[lane & (PACKET - 1)], root, &|_| true).is_some() {
+            hits |= 1 << lane;
+        }
+    }
+    hits
+}
+
+/// Per-ray values of a group, lane by lane.
+#[repr(C, align(32))]
+struct Columns {
+    per_axis: [[[f32; LANES]; 3]; 6],
+    t_min: [f32; LANES],
+    t_max: [f32; LANES],
+}
+
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn group(rays: &[&RaySetup]) -> Group {
+    let mut columns = Columns {
+        per_axis: [[[0.0; LANES]; 3]; 6],
+        t_min: [0.0; LANES],
+        t_max: [0.0; LANES],
+    };
+    for lane in 0..LANES {
+        let ray = rays[lane];
+        for axis in 0..3 {
+            columns.per_axis[0][axis][lane] = ray.near_inverse[axis];
+            columns.per_axis[1][axis][lane] = ray.near_offset[axis];
+            columns.per_axis[2][axis][lane] = ray.far_inverse[axis];
+            columns.per_axis[3][axis][lane] = ray.far_offset[axis];
+            columns.per_axis[4][axis][lane] = ray.origin[ray.axes[axis]];
+            columns.per_axis[5][axis][lane] = ray.shear[axis];
+        }
+        columns.t_min[lane] = ray.t_min;
+        columns.t_max[lane] = ray.t_max;
+    }
+    // SAFETY: every column holds eight floats.
+    let load = |column: &[f32; LANES]| unsafe { _mm256_loadu_ps(column.as_ptr()) };
+    let three = |columns: &[[f32; LANES]; 3]| [load(&columns[0]), load(&columns[1]), load(&columns[2])];
+    let [near_inverse, near_offset, far_inverse, far_offset, origin, shear] = &columns.per_axis;
+    let minus = _mm256_set1_ps(-0.0);
+    let shear = three(shear);
+    Group {
+        near_inverse: three(near_inverse),
+        near_offset: three(near_offset),
+        far_inverse: three(far_inverse),
+        far_offset: three(far_offset),
+        t_min: load(&columns.t_min),
+        t_max: load(&columns.t_max),
+        origin: three(origin),
+        shear: [
+            _mm256_xor_ps(shear[0], minus),
+            _mm256_xor_ps(shear[1], minus),
+            shear[2],
+        ],
+    }
+}
+
+/// The smallest lane, in all lanes.
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn lowest(v: __m256) -> __m256 {
+    let v = _mm256_min_ps(v, _mm256_permute2f128_ps::<1>(v, v));
+    let v = _mm256_min_ps(v, _mm256_permute_ps::<0b01_00_11_10>(v));
+    _mm256_min_ps(v, _mm256_permute_ps::<0b10_11_00_01>(v))
+}
+
+/// The largest lane, in all lanes.
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn highest(v: __m256) -> __m256 {
+    let v = _mm256_max_ps(v, _mm256_permute2f128_ps::<1>(v, v));
+    let v = _mm256_max_ps(v, _mm256_permute_ps::<0b01_00_11_10>(v));
+    _mm256_max_ps(v, _mm256_permute_ps::<0b10_11_00_01>(v))
+}
+
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn common(rays: &[&RaySetup; PACKET], groups: &[Group; GROUPS]) -> Common {
+    let [a, b] = groups;
+    let zero = _mm256_setzero_ps();
+    let mut common = Common {
+        near_plane: [
+            rays[0].negative[0],
+            2 + rays[0].negative[1],
+            4 + rays[0].negative[2],
+        ],
+        near_origin: [zero; 3],
+        far_origin: [zero; 3],
+        near_inverse: [[zero; 2]; 3],
+        far_inverse: [[zero; 2]; 3],
+        t_min: lowest(_mm256_min_ps(a.t_min, b.t_min)),
+        t_max: highest(_mm256_max_ps(a.t_max, b.t_max)),
+    };
+    let minus = _mm256_set1_ps(-0.0);
+    let slack = _mm256_set1_ps(4.0 * UNIT_ROUNDOFF);
+    for axis in 0..3 {
+        let (near_a, near_b) = (a.near_inverse[axis], b.near_inverse[axis]);
+        let (far_a, far_b) = (a.far_inverse[axis], b.far_inverse[axis]);
+        common.near_inverse[axis] = [
+            lowest(_mm256_min_ps(near_a, near_b)),
+            highest(_mm256_max_ps(near_a, near_b)),
+        ];
+        common.far_inverse[axis] = [
+            lowest(_mm256_min_ps(far_a, far_b)),
+            highest(_mm256_max_ps(far_a, far_b)),
+        ];
+        // The padded origins, back from the offsets, widened by the two roundings of that way and two to spare.
+        let near_a = _mm256_div_ps(a.near_offset[axis], near_a);
+        let near_b = _mm256_div_ps(b.near_offset[axis], near_b);
+        let far_a = _mm256_div_ps(a.far_offset[axis], far_a);
+        let far_b = _mm256_div_ps(b.far_offset[axis], far_b);
+        let (near, far, sign) = if rays[0].negative[axis] == 0 {
+            (
+                highest(_mm256_max_ps(near_a, near_b)),
+                lowest(_mm256_min_ps(far_a, far_b)),
+                slack,
+            )
+        } else {
+            let slack = _mm256_xor_ps(slack, minus);
+            (
+                lowest(_mm256_min_ps(near_a, near_b)),
+                highest(_mm256_max_ps(far_a, far_b)),
+                slack,
+            )
+        };
+        common.near_origin[axis] = _mm256_fmadd_ps(_mm256_andnot_ps(minus, near), sign, near);
+        common.far_origin[axis] = _mm256_fnmadd_ps(_mm256_andnot_ps(minus, far), sign, far);
+    }
+    common
+}
+
+/// Children whose box any ray of the packet may meet: bounds of all slab distances at once. The error, three relative
+/// roundings of t, is within the cone's slope, which leaves ten.
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn meet_any(node: &Node, common: &Common) -> u32 {
+    let near = |axis: usize| {
+        // SAFETY: plane indices are below 6, and each plane holds eight aligned floats.
+        let plane = unsafe { _mm256_load_ps(node.planes.get_unchecked(common.near_plane[axis]).as_ptr()) };
+        let distance = _mm256_sub_ps(plane, common.near_origin[axis]);
+        let [low, high] = common.near_inverse[axis];
+        _mm256_min_ps(_mm256_mul_ps(distance, low), _mm256_mul_ps(distance, high))
+    };
+    let far = |axis: usize| {
+        // SAFETY: as above.
+        let plane =
+            unsafe { _mm256_load_ps(node.planes.get_unchecked(common.near_plane[axis] ^ 1).as_ptr()) };
+        let distance = _mm256_sub_ps(plane, common.far_origin[axis]);
+        let [low, high] = common.far_inverse[axis];
+        _mm256_max_ps(_mm256_mul_ps(distance, low), _mm256_mul_ps(distance, high))
+    };
+    let enter = _mm256_max_ps(
+        _mm256_max_ps(near(0), near(1)),
+        _mm256_max_ps(near(2), common.t_min),
+    );
+    let leave = _mm256_min_ps(_mm256_min_ps(far(0), far(1)), _mm256_min_ps(far(2), common.t_max));
+    _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(enter, leave)) as u32
+}
+
+/// The rays of `mask` that meet the box of one child.
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn meet_box(node: &Node, lane: usize, common: &Common, groups: &[Group; GROUPS], mask: u32) -> u32 {
+    // SAFETY: plane indices are below 6.
+    let plane = |index: usize| _mm256_set1_ps(unsafe { node.planes.get_unchecked(index) }[lane]);
+    let [x, y, z] = common.near_plane;
+    let near = [plane(x), plane(y), plane(z)];
+    let far = [plane(x ^ 1), plane(y ^ 1), plane(z ^ 1)];
+    let mut inside = 0;
+    for (index, group) in groups.iter().enumerate() {
+        if mask >> (LANES * index) & 0xff == 0 {
+            continue;
+        }
+        let near =
+            |axis: usize| _mm256_fmsub_ps(near[axis], group.near_inverse[axis], group.near_offset[axis]);
+        let far = |axis: usize| _mm256_fmsub_ps(far[axis], group.far_inverse[axis], group.far_offset[axis]);
+        let enter = _mm256_max_ps(
+            _mm256_max_ps(near(0), near(1)),
+            _mm256_max_ps(near(2), group.t_min),
+        );
+        let leave = _mm256_min_ps(_mm256_min_ps(far(0), far(1)), _mm256_min_ps(far(2), group.t_max));
+        let meets = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(enter, leave)) as u32;
+        inside |= meets << (LANES * index);
+    }
+    inside & mask
+}
+
+/// The rays of `mask` that hit a triangle of the block. All rays share their axes.
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn meet_block(block: &Block, groups: &[Group; GROUPS], rays: &[&RaySetup; PACKET], mask: u32) -> u32 {
+    let axes = rays[0].axes;
+    let mut hits = 0;
+    for lane in 0..block.triangles.len() {
+        if block.triangles[lane] == NO_TRIANGLE {
+            break;
+        }
+        for (index, group) in groups.iter().enumerate() {
+            let wanted = (mask & !hits) >> (LANES * index) & 0xff;
+            if wanted == 0 {
+                continue;
+            }
+            let (hit, straddles) = meet_triangle(block, lane, axes, group);
+            let mut unsure = hit & straddles & wanted;
+            let mut hit = hit & wanted;
+            while unsure != 0 {
+                let ray = unsure.trailing_zeros() as usize;
+                unsure &= unsure - 1;
+                if !rays[LANES * index + ray].plane_is_ahead(&block.triangle(lane)) {
+                    hit &= !(1 << ray);
+                }
+            }
+            hits |= hit << (LANES * index);
+        }
+    }
+    hits
+}
+
+/// Which of eight rays hit a triangle, and for which it straddles the origin; see `scalar::intersect` for the steps.
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn meet_triangle(block: &Block, lane: usize, axes: [usize; 3], group: &Group) -> (u32, u32) {
+    let vertex = |index: usize| {
+        let load = |axis: usize| _mm256_set1_ps(block.vertices[index][axis][lane]);
+        let dx = _mm256_sub_ps(load(axes[0]), group.origin[0]);
+        let dy = _mm256_sub_ps(load(axes[1]), group.origin[1]);
+        let dz = _mm256_sub_ps(load(axes[2]), group.origin[2]);
+        (
+            _mm256_fmadd_ps(group.shear[0], dz, dx),
+            _mm256_fmadd_ps(group.shear[1], dz, dy),
+            dz,
+        )
+    };
+    let (a, b, c) = (vertex(0), vertex(1), vertex(2));
+    let u = difference_of_products_8(c.0, b.1, c.1, b.0);
+    let v = difference_of_products_8(a.0, c.1, a.1, c.0);
+    let w = difference_of_products_8(b.0, a.1, b.1, a.0);
+    let zero = _mm256_setzero_ps();
+    let positive = _mm256_cmp_ps::<_CMP_GE_OQ>(_mm256_min_ps(_mm256_min_ps(u, v), w), zero);
+    let negative = _mm256_cmp_ps::<_CMP_LE_OQ>(_mm256_max_ps(_mm256_max_ps(u, v), w), zero);
+    let inside = _mm256_or_ps(positive, negative);
+    if _mm256_movemask_ps(inside) == 0 {
+        return (0, 0);
+    }
+    let det = _mm256_add_ps(_mm256_add_ps(u, v), w);
+    let depth = _mm256_fmadd_ps(u, a.2, _mm256_fmadd_ps(v, b.2, _mm256_mul_ps(w, c.2)));
+    let t = _mm256_div_ps(_mm256_mul_ps(depth, group.shear[2]), det);
+    let reached = _mm256_and_ps(
+        _mm256_cmp_ps::<_CMP_GE_OQ>(t, group.t_min),
+        _mm256_cmp_ps::<_CMP_LE_OQ>(t, group.t_max),
+    );
+    let hit = _mm256_and_ps(
+        _mm256_and_ps(inside, reached),
+        _mm256_cmp_ps::<_CMP_NEQ_OQ>(det, zero),
+    );
+    let behind = |depth: __m256| _mm256_cmp_ps::<_CMP_LE_OQ>(_mm256_mul_ps(depth, group.shear[2]), zero);
+    let straddles = _mm256_or_ps(_mm256_or_ps(behind(a.2), behind(b.2)), behind(c.2));
+    (
+        _mm256_movemask_ps(hit) as u32,
+        _mm256_movemask_ps(straddles) as u32,
+    )
+}
