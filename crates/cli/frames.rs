@@ -64,16 +64,24 @@ pub fn parse_pattern(text: &str) -> Result<Pattern, String> {
     }
     let folder = text.rfind('/').map_or(0, |slash| slash + 1);
     let name = &text[folder..];
-    let plain = Pattern { before: text.into(), after: String::new(), digits: 0 };
+    let plain = Pattern {
+        before: text.into(),
+        after: String::new(),
+        digits: 0,
+    };
     if let Some(end) = name.rfind('#') {
-        let start = name[..end].rfind(|c| c != '#').map_or(0, |i| i + name[i..].chars().next().map_or(1, char::len_utf8));
+        let start = name[..end]
+            .rfind(|c| c != '#')
+            .map_or(0, |i| i + name[i..].chars().next().map_or(1, char::len_utf8));
         return Ok(Pattern {
             before: text[..folder + start].into(),
             after: name[end + 1..].into(),
             digits: end + 1 - start,
         });
     }
-    let Some(percent) = name.find('%') else { return Ok(plain) };
+    let Some(percent) = name.find('%') else {
+        return Ok(plain);
+    };
     let rest = &name[percent + 1..];
     let Some(d) = rest.find('d') else {
         return Err(format!("{name:?}: a % must begin a frame number such as %04d"));
@@ -86,7 +94,11 @@ pub fn parse_pattern(text: &str) -> Result<Pattern, String> {
             .filter(|n| (1..=9).contains(n))
             .ok_or_else(|| format!("{name:?}: a % must begin a frame number such as %04d"))?,
     };
-    Ok(Pattern { before: text[..folder + percent].into(), after: rest[d + 1..].into(), digits })
+    Ok(Pattern {
+        before: text[..folder + percent].into(),
+        after: rest[d + 1..].into(),
+        digits,
+    })
 }
 
 impl Pattern {
@@ -100,7 +112,13 @@ impl Pattern {
         if self.digits == 0 {
             return self.before.clone().into();
         }
-        format!("{}{frame:0width$}{}", self.before, self.after, width = self.digits).into()
+        format!(
+            "{}{frame:0width$}{}",
+            self.before,
+            self.after,
+            width = self.digits
+        )
+        .into()
     }
 }
 

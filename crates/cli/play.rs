@@ -253,8 +253,12 @@ fn summary(times: &[Value], integrator: Integrator, args: &PlayArgs, range: Fram
     let mut totals: Vec<f64> = times.iter().filter_map(|t| t["total"].as_f64()).collect();
     totals.sort_by(f64::total_cmp);
     let median = totals.get(totals.len() / 2).copied().unwrap_or(0.0);
-    let name = integrator.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
-    let last = args.output.file(range.first + (range.last - range.first) / range.step * range.step);
+    let name = integrator
+        .to_possible_value()
+        .map_or_else(String::new, |v| v.get_name().to_owned());
+    let last = args
+        .output
+        .file(range.first + (range.last - range.first) / range.step * range.step);
     format!(
         "Wrote {} with {name}, {median:.1} ms each (median), up to {}.",
         words::plural(times.len(), "frame"),
@@ -278,7 +282,8 @@ fn integrator(args: &PlayArgs, loaded: &Loaded) -> Result<Integrator, Failure> {
     };
     if args.max_bounces.is_some() && integrator != Integrator::Path {
         return Err(Failure::Usage(
-            "--max-bounces belongs to --integrator path; what an asset holds is chosen by bake --bounces".into(),
+            "--max-bounces belongs to --integrator path; what an asset holds is chosen by bake --bounces"
+                .into(),
         ));
     }
     Ok(integrator)
@@ -286,11 +291,23 @@ fn integrator(args: &PlayArgs, loaded: &Loaded) -> Result<Integrator, Failure> {
 
 fn camera(args: &PlayArgs, scene: &Scene, sequence: &Sequence) -> Result<CameraTrack, Failure> {
     let named = |name: &str, whence: &str| {
-        scene.cameras.iter().find(|track| track.name == name).cloned().ok_or_else(|| {
-            let known: Vec<String> = scene.cameras.iter().map(|c| format!("{:?}", c.name)).collect();
-            let known = if known.is_empty() { "it has none".into() } else { format!("it has {}", known.join(", ")) };
-            anyhow::anyhow!("{}: no camera is named {name:?}, as {whence} asks; {known}", args.asset.display())
-        })
+        scene
+            .cameras
+            .iter()
+            .find(|track| track.name == name)
+            .cloned()
+            .ok_or_else(|| {
+                let known: Vec<String> = scene.cameras.iter().map(|c| format!("{:?}", c.name)).collect();
+                let known = if known.is_empty() {
+                    "it has none".into()
+                } else {
+                    format!("it has {}", known.join(", "))
+                };
+                anyhow::anyhow!(
+                    "{}: no camera is named {name:?}, as {whence} asks; {known}",
+                    args.asset.display()
+                )
+            })
     };
     if let Some(name) = &args.camera {
         return Ok(named(name, "--camera")?);
@@ -310,14 +327,21 @@ fn camera(args: &PlayArgs, scene: &Scene, sequence: &Sequence) -> Result<CameraT
 }
 
 fn default_size(track: &CameraTrack) -> (usize, usize) {
-    let aspect = track.aspect.filter(|a| a.is_finite() && *a > 0.0).unwrap_or(DEFAULT_ASPECT);
+    let aspect = track
+        .aspect
+        .filter(|a| a.is_finite() && *a > 0.0)
+        .unwrap_or(DEFAULT_ASPECT);
     let width = (DEFAULT_HEIGHT as f32 * aspect).round().clamp(1.0, 16384.0);
     (width as usize, DEFAULT_HEIGHT)
 }
 
 fn frame_range(args: &PlayArgs, sequence: &Sequence) -> Result<FrameRange, Failure> {
     let end = sequence.frames.max(1) - 1;
-    let range = args.frames.unwrap_or(FrameRange { first: 0, last: end, step: 1 });
+    let range = args.frames.unwrap_or(FrameRange {
+        first: 0,
+        last: end,
+        step: 1,
+    });
     if range.last > end {
         return Err(Failure::Usage(format!(
             "--frames goes up to {}, but the sequence has {} (0 to {end})",
@@ -381,26 +405,50 @@ impl Session<'_> {
 
     fn reference(&self, lights: &LightSet, camera: &Camera) -> Result<Rendered, Failure> {
         let start = Instant::now();
-        let size = RenderSize { width: self.width, height: self.height };
-        let watch = Watch { cancel: signals::stop_flag(), progress: &|_, _| {} };
+        let size = RenderSize {
+            width: self.width,
+            height: self.height,
+        };
+        let watch = Watch {
+            cancel: signals::stop_flag(),
+            progress: &|_, _| {},
+        };
         let scene = &self.loaded.player.scene;
         let light_layers = self.wants(LayerName::Lights);
         let seed = self.seed;
         let layers = if self.integrator == Integrator::Brute {
             let defaults = BruteSettings::default();
             let spp = self.args.spp.unwrap_or(defaults.spp);
-            let settings = BruteSettings { spp, seed, light_layers, ..defaults };
+            let settings = BruteSettings {
+                spp,
+                seed,
+                light_layers,
+                ..defaults
+            };
             brute::render(scene, lights, camera, size, &settings, &watch)
         } else {
             let spp = self.args.spp.unwrap_or(PathSettings::default().spp);
-            let settings = PathSettings { spp, max_bounces: self.args.max_bounces, seed, light_layers };
+            let settings = PathSettings {
+                spp,
+                max_bounces: self.args.max_bounces,
+                seed,
+                light_layers,
+            };
             path::render(scene, lights, camera, size, &settings, &watch)
         };
         let layers = layers.map_err(|_| signals::failure())?;
-        Ok((layers, Map::from_iter([("render".to_owned(), milliseconds(start).into())])))
+        Ok((
+            layers,
+            Map::from_iter([("render".to_owned(), milliseconds(start).into())]),
+        ))
     }
 
-    fn transfer(&mut self, lights: &LightSet, camera: &Camera, console: &Console) -> Result<Rendered, Failure> {
+    fn transfer(
+        &mut self,
+        lights: &LightSet,
+        camera: &Camera,
+        console: &Console,
+    ) -> Result<Rendered, Failure> {
         let player = &self.loaded.player;
         let mut times = Map::new();
         if self.shot.is_none() || !self.fixed {
@@ -425,7 +473,9 @@ impl Session<'_> {
             }
             self.shot = Some(shot);
         }
-        let Some(shot) = &self.shot else { unreachable!("made above") };
+        let Some(shot) = &self.shot else {
+            unreachable!("made above")
+        };
         let settings = LightingSettings {
             pixel_samples: PIXEL_LIGHT_SAMPLES,
             point_samples: POINT_LIGHT_SAMPLES,
@@ -436,7 +486,14 @@ impl Session<'_> {
         let start = Instant::now();
         let layers = self.resolved(shot, &lit);
         let resolve = milliseconds(start);
-        let FrameTimes { direct_points, bounces, transfer, flatten, direct_pixels, reconstruct } = frame;
+        let FrameTimes {
+            direct_points,
+            bounces,
+            transfer,
+            flatten,
+            direct_pixels,
+            reconstruct,
+        } = frame;
         for (name, value) in [
             ("direct_points", direct_points),
             ("bounces", bounces),
@@ -462,7 +519,9 @@ impl Session<'_> {
         let direct = shot.resolve(&lit.direct);
         let mut indirect = shot.resolve(&lit.indirect);
         indirect.iter_mut().for_each(|v| *v = v.max(Vec3::ZERO));
-        let beauty: Vec<Vec3> = (0..indirect.len()).map(|i| emission[i] + direct[i] + indirect[i]).collect();
+        let beauty: Vec<Vec3> = (0..indirect.len())
+            .map(|i| emission[i] + direct[i] + indirect[i])
+            .collect();
         push(BEAUTY, &beauty);
         push("emission", &emission);
         push("direct", &direct);

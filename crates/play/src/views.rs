@@ -42,10 +42,11 @@ fn means(shot: &Shot, value: impl Fn(usize) -> Vec3) -> Vec<Vec3> {
     (0..shot.width * shot.height)
         .map(|pixel| {
             let fragments = shot.offsets[pixel] as usize..shot.offsets[pixel + 1] as usize;
-            let (sum, covered) = fragments.filter(|&f| shot.hits[f].is_some()).fold(
-                (Vec3::ZERO, 0.0f32),
-                |(sum, covered), f| (sum + value(f) * shot.coverage[f], covered + shot.coverage[f]),
-            );
+            let (sum, covered) = fragments
+                .filter(|&f| shot.hits[f].is_some())
+                .fold((Vec3::ZERO, 0.0f32), |(sum, covered), f| {
+                    (sum + value(f) * shot.coverage[f], covered + shot.coverage[f])
+                });
             if covered > 0.0 { sum / covered } else { Vec3::ZERO }
         })
         .collect()
