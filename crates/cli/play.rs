@@ -17,7 +17,7 @@ use relight_play::shot::{Shot, expose};
 use relight_play::views;
 use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::image::preview::tone_mapped;
-use relight_scene::image::{BEAUTY, ExrHeader, FloatImage, Layers, write_exr, write_png};
+use relight_scene::image::{BEAUTY, ExrHeader, Layers, write_exr, write_png};
 use relight_scene::light_set::{LightRig, LightSet, SceneEmitters};
 use relight_scene::scene::Scene;
 use relight_scene::sequence::{Sequence, SequenceCamera, read_sequence};
@@ -540,9 +540,4 @@ impl Session<'_> {
         }
         layers
     }
-}
-
-/// A frame's beauty.
-pub fn beauty(layers: &Layers) -> FloatImage {
-    layers.rgb(BEAUTY).unwrap_or_default()
 }
