@@ -3,8 +3,8 @@
 //! Source: design of relight, section 6 (bounces). K_jk is the irradiance averaged over sender j's function
 //! per unit radiosity of sender k.
 
-use relight_transport::sparse::Rows;
 use rayon::prelude::*;
+use relight_transport::sparse::Rows;
 
 /// Share of a row's sum that may be dropped as small entries; the rest is scaled up so that the sum stays.
 const DROPPED_SHARE: f32 = 0.05;
@@ -39,7 +39,11 @@ pub fn bounce_operator(responses: &[Vec<(u32, f32)>], functions_at_points: &Rows
             },
         )
         .collect();
-    let mut operator = Rows { columns: size as u32, offsets: vec![0], entries: Vec::new() };
+    let mut operator = Rows {
+        columns: size as u32,
+        offsets: vec![0],
+        entries: Vec::new(),
+    };
     for row in rows {
         operator.entries.extend(row);
         operator.offsets.push(operator.entries.len() as u32);

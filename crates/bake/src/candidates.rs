@@ -67,7 +67,12 @@ pub fn trace(
             for i in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
                 let particle = first + i as u64;
                 let start = viewpoints[(particle % viewpoints.len() as u64) as usize];
-                rays += trace_one(surfaces, start, &mut Stream::new(seed, STAGE, particle), &mut landings);
+                rays += trace_one(
+                    surfaces,
+                    start,
+                    &mut Stream::new(seed, STAGE, particle),
+                    &mut landings,
+                );
             }
             (landings, rays)
         })
@@ -82,7 +87,12 @@ fn trace_one(surfaces: &dyn Surfaces, start: Vec3, s: &mut Stream, landings: &mu
         let u = Vec2::new(2.0 * s.uniform() - 1.0, s.uniform());
         relight_transport::sampling::uniform_hemisphere(u)
     };
-    let mut ray = Ray { origin: start, direction: toward, t_min: 0.0, t_max: f32::INFINITY };
+    let mut ray = Ray {
+        origin: start,
+        direction: toward,
+        t_min: 0.0,
+        t_max: f32::INFINITY,
+    };
     for bounce in 0..BOUNCES {
         let Some(hit) = surfaces.closest_hit(&ray) else {
             return bounce as u64 + 1;

@@ -91,7 +91,12 @@ pub fn gather(
     let mut lost = 0;
     for (i, &local) in directions.directions.iter().enumerate() {
         let direction = frame.world_from_local(local);
-        let ray = Ray { origin: place.origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+        let ray = Ray {
+            origin: place.origin,
+            direction,
+            t_min: 0.0,
+            t_max: f32::INFINITY,
+        };
         let Some(hit) = surfaces.closest_hit(&ray) else {
             continue;
         };

@@ -51,9 +51,19 @@ impl BakeParams {
             seed: 0,
         };
         match preset {
-            Preset::Draft => BakeParams { levels: 5, rays: 256, epsilon: 0.05, ..standard },
+            Preset::Draft => BakeParams {
+                levels: 5,
+                rays: 256,
+                epsilon: 0.05,
+                ..standard
+            },
             Preset::Standard => standard,
-            Preset::Fine => BakeParams { sender_levels: 4, epsilon: 0.01, rays: 1024, ..standard },
+            Preset::Fine => BakeParams {
+                sender_levels: 4,
+                epsilon: 0.01,
+                rays: 1024,
+                ..standard
+            },
         }
     }
 }

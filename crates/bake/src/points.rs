@@ -36,7 +36,11 @@ pub struct PointLevel {
 
 /// C in r = C·R: from 1.5 on the coarsest level to 2.5 on the finest (section 2.3).
 fn support_over_disk(level: usize, levels: usize) -> f32 {
-    let t = if levels > 1 { level as f32 / (levels - 1) as f32 } else { 1.0 };
+    let t = if levels > 1 {
+        level as f32 / (levels - 1) as f32
+    } else {
+        1.0
+    };
     1.5 + t
 }
 
@@ -59,8 +63,9 @@ pub fn distribute(
     seed: u64,
     mut step: impl FnMut(usize) -> Result<(), BakeError>,
 ) -> Result<PointLevels, BakeError> {
-    let mut disks: Vec<Disks> =
-        (0..levels).map(|l| Disks::new(coarse_radius / (1u64 << l) as f32)).collect();
+    let mut disks: Vec<Disks> = (0..levels)
+        .map(|l| Disks::new(coarse_radius / (1u64 << l) as f32))
+        .collect();
     let mut kept: Vec<Vec<Candidate>> = vec![Vec::new(); levels];
     let directions = DirectionSet::uniform(CREVICE_RAYS, &mut Stream::new(seed, 2, 0));
     let crevice_rays = std::sync::atomic::AtomicU64::new(0);
@@ -74,7 +79,9 @@ pub fn distribute(
             barren += 1;
             // 32 batches are a quarter of a million particles that met nothing.
             if barren == 32 && traced == 0 {
-                return Err(BakeError::NothingReachable { viewpoints: viewpoints.to_vec() });
+                return Err(BakeError::NothingReachable {
+                    viewpoints: viewpoints.to_vec(),
+                });
             }
             if barren > 64 {
                 break;
@@ -93,7 +100,11 @@ pub fn distribute(
                     is_open(surfaces, &batch[i], radius, &directions)
                 }
             });
-            kept[level].extend(disks.candidates[old..].iter().map(|&c| batch[(c - traced) as usize]));
+            kept[level].extend(
+                disks.candidates[old..]
+                    .iter()
+                    .map(|&c| batch[(c - traced) as usize]),
+            );
         }
         traced += batch.len() as u64;
         step(kept[levels - 1].len())?;
@@ -104,11 +115,18 @@ pub fn distribute(
             PointLevel {
                 disk_radius: disks[l].radius(),
                 support_radius: disks[l].radius() * support_over_disk(l, levels),
-                points: morton_order(&positions).into_iter().map(|i| kept[l][i as usize]).collect(),
+                points: morton_order(&positions)
+                    .into_iter()
+                    .map(|i| kept[l][i as usize])
+                    .collect(),
             }
         })
         .collect();
-    Ok(PointLevels { levels, candidates: traced, rays: rays + crevice_rays.into_inner() })
+    Ok(PointLevels {
+        levels,
+        candidates: traced,
+        rays: rays + crevice_rays.into_inner(),
+    })
 }
 
 /// Section 2.3, last paragraph: whether the harmonic mean distance to the geometry above a place, along rays
@@ -121,7 +139,12 @@ fn is_open(surfaces: &dyn Surfaces, place: &Candidate, radius: f32, directions: 
         .iter()
         .map(|&d| {
             let direction = frame.world_from_local(d);
-            let ray = Ray { origin: place.origin, direction, t_min: 0.0, t_max: longest };
+            let ray = Ray {
+                origin: place.origin,
+                direction,
+                t_min: 0.0,
+                t_max: longest,
+            };
             let distance = surfaces.closest_hit(&ray).map_or(longest, |hit| hit.t);
             1.0 / distance.max(longest * f32::EPSILON)
         })
@@ -131,7 +154,7 @@ fn is_open(surfaces: &dyn Surfaces, place: &Candidate, radius: f32, directions: 
 
 /// Points that the finest level of preset `standard` is given: with five coarser levels, that makes about
 /// the paper's 190,000 on the plain Sponza (table 1).
-const FINEST_POINTS: f32 = 142_000.0;
+const FINEST_POINTS: f32 = 195_000.0;
 
 /// A radius for the coarsest level such that the finest has about [`FINEST_POINTS`] points.
 ///
@@ -144,7 +167,9 @@ pub fn coarse_radius_for(
     seed: u64,
 ) -> Result<(f32, u64), BakeError> {
     let Some((min, max)) = surfaces.bounds() else {
-        return Err(BakeError::NothingReachable { viewpoints: viewpoints.to_vec() });
+        return Err(BakeError::NothingReachable {
+            viewpoints: viewpoints.to_vec(),
+        });
     };
     // Fine enough to see the scene's objects, coarse enough to take some ten thousand candidates.
     let trial = (max - min).length() / 64.0;

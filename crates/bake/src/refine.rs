@@ -107,7 +107,12 @@ pub fn refine(
             .into_par_iter()
             .with_min_len(16)
             .map_init(
-                || (RowScratch::new(links.senders as usize), RowScratch::new(links.senders as usize)),
+                || {
+                    (
+                        RowScratch::new(links.senders as usize),
+                        RowScratch::new(links.senders as usize),
+                    )
+                },
                 |(gathered, predicted), i| {
                     let parents = r.fine_from_coarse.row(i);
                     let active = parents.is_empty() || parents.iter().any(|&(k, _)| keeps[k as usize]);
@@ -172,7 +177,9 @@ pub fn refine(
         if level > 0 {
             // Parents are on the next coarser level that covers a point, nearly always the one above; rows
             // further up stay for the rest.
-            rows[r.ranges.range(level - 1)].iter_mut().for_each(|row| row.shrink_to_fit());
+            rows[r.ranges.range(level - 1)]
+                .iter_mut()
+                .for_each(|row| row.shrink_to_fit());
         }
     }
     refined.links = links;
@@ -186,5 +193,8 @@ pub fn refine(
 /// error over the surface a link of half the size earns its place there: the threshold halves per level.
 fn thresholds(epsilon: f32, coarser: usize) -> Thresholds {
     let link = epsilon / (1u64 << coarser.min(40)) as f32;
-    Thresholds { link, row: link * 0.5 }
+    Thresholds {
+        link,
+        row: link * 0.5,
+    }
 }

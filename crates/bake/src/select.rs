@@ -70,8 +70,10 @@ pub fn select(
         .collect();
     kept.sort_unstable_by_key(|link| link.0);
     give_dropped_to_nearest(row, senders, thresholds, coarse, &mut kept);
-    let mut links: Vec<(u32, Vec3)> =
-        kept.into_iter().map(|(j, vector)| (j, quantised(Vec3::from(vector)))).collect();
+    let mut links: Vec<(u32, Vec3)> = kept
+        .into_iter()
+        .map(|(j, vector)| (j, quantised(Vec3::from(vector))))
+        .collect();
     links.retain(|link| link.1 != Vec3::ZERO);
     links
 }
@@ -88,7 +90,12 @@ fn give_dropped_to_nearest(
         .touched
         .iter()
         .copied()
-        .filter(|&j| j < coarse && kept[..kept_coarse].binary_search_by_key(&j, |link| link.0).is_err())
+        .filter(|&j| {
+            j < coarse
+                && kept[..kept_coarse]
+                    .binary_search_by_key(&j, |link| link.0)
+                    .is_err()
+        })
         .collect();
     dropped.sort_unstable();
     if kept_coarse == 0 {
@@ -110,8 +117,7 @@ fn give_dropped_to_nearest(
         let distance = |k: u32| {
             senders.coarse_positions[k as usize].distance_squared(senders.coarse_positions[j as usize])
         };
-        let nearest =
-            (0..kept_coarse).min_by(|&a, &b| distance(kept[a].0).total_cmp(&distance(kept[b].0)));
+        let nearest = (0..kept_coarse).min_by(|&a, &b| distance(kept[a].0).total_cmp(&distance(kept[b].0)));
         if let Some(slot) = nearest {
             kept[slot].1 += row.sum[j as usize];
         }

@@ -5,7 +5,7 @@ use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::SenderField;
 use crate::params::BakeParams;
-use crate::points::{self, PointLevels};
+use crate::points::PointLevels;
 use crate::refine::{Refined, Refinement, refine};
 use crate::select::SenderTraits;
 use glam::Vec3;
@@ -64,12 +64,20 @@ pub fn transport(
     let finest = &levels[levels.len() - 1];
     let senders = &levels[..params.sender_levels.min(levels.len())];
     let finest_sender = &senders[senders.len() - 1];
-    let senders_at_points = finest_sender.evaluated_at(&finest.positions, &finest.normals);
+    let senders_at_points = finest_sender.covering(&finest.positions, &finest.normals);
     let areas = finest.areas();
     let pyramid = SenderPyramid::new(senders, &senders_at_points, &areas);
-    let albedo: Vec<Vec3> = points.levels[levels.len() - 1].points.iter().map(|p| p.albedo).collect();
+    let albedo: Vec<Vec3> = points.levels[levels.len() - 1]
+        .points
+        .iter()
+        .map(|p| p.albedo)
+        .collect();
     let traits = sender_traits(senders, &pyramid, &albedo);
-    let places: Vec<Candidate> = points.levels.iter().flat_map(|l| l.points.iter().copied()).collect();
+    let places: Vec<Candidate> = points
+        .levels
+        .iter()
+        .flat_map(|l| l.points.iter().copied())
+        .collect();
     let bounce_level = 1.min(senders.len() - 1);
     let bounce_receivers = (bounce_level + 1).min(levels.len() - 1);
     let refinement = Refinement {
@@ -90,20 +98,39 @@ pub fn transport(
         bounce_receivers,
         seed: params.seed,
     };
-    let Refined { links, bounce_rows, gathered, rays, lost } = refine(&refinement, quantised, step)?;
+    let Refined {
+        links,
+        bounce_rows,
+        gathered,
+        rays,
+        lost,
+    } = refine(&refinement, quantised, step)?;
     let receivers = &levels[bounce_receivers];
-    let functions = levels[bounce_level].evaluated_at(&receivers.positions, &receivers.normals);
+    let functions = levels[bounce_level].covering(&receivers.positions, &receivers.normals);
     let bounce = bounce_operator(&bounce_rows, &functions, &receivers.areas());
     let rays = rays + points.rays;
-    Ok(Transport { points, links, bounce, bounce_level, gathered, rays, lost })
+    Ok(Transport {
+        points,
+        links,
+        bounce,
+        bounce_level,
+        gathered,
+        rays,
+        lost,
+    })
 }
 
 fn sender_traits(senders: &[Level], pyramid: &SenderPyramid, albedo: &[Vec3]) -> SenderTraits {
-    let reflectance =
-        pyramid.pulled(albedo).into_iter().flatten().map(|a| a.max_element()).collect();
+    let reflectance = pyramid
+        .pulled(albedo)
+        .into_iter()
+        .flatten()
+        .map(|a| a.max_element())
+        .collect();
     let ranges = pyramid.ranges.clone();
-    let level_of: Vec<u8> =
-        (0..senders.len()).flat_map(|l| std::iter::repeat_n(l as u8, senders[l].len())).collect();
+    let level_of: Vec<u8> = (0..senders.len())
+        .flat_map(|l| std::iter::repeat_n(l as u8, senders[l].len()))
+        .collect();
     let neighbours = Rows::build(ranges.total(), ranges.total(), |j, row| {
         let level = level_of[j] as usize;
         if level == 0 {
@@ -118,5 +145,10 @@ fn sender_traits(senders: &[Level], pyramid: &SenderPyramid, albedo: &[Vec3]) ->
         });
     });
     let coarse_positions = senders[0].positions.clone();
-    SenderTraits { ranges, reflectance, neighbours, coarse_positions }
+    SenderTraits {
+        ranges,
+        reflectance,
+        neighbours,
+        coarse_positions,
+    }
 }

@@ -3,6 +3,7 @@
 use glam::Vec3;
 use relight_scene::bsdf;
 use relight_scene::light_set::{LightSample, LightSet};
+use relight_scene::rays::Ray;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_between, ray_between_hits, ray_from};
 use relight_scene::traced::TracedScene;
@@ -12,9 +13,9 @@ pub(crate) fn reflected(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> Vec3 {
     bsdf::eval(point, wo, wi) * point.shading_normal.dot(wi).max(0.0)
 }
 
-/// Whether anything stands between a surface point and what was drawn on a light.
-pub(crate) fn occluded(scene: &TracedScene, hit: &SurfaceHit, sample: &LightSample) -> bool {
-    let ray = match &sample.emitter {
+/// The shadow ray from a surface point to what was drawn on a light.
+pub(crate) fn shadow_ray(scene: &TracedScene, hit: &SurfaceHit, sample: &LightSample) -> Ray {
+    match &sample.emitter {
         Some(emitter) => {
             let vertices = scene.triangle_positions(emitter.primitive);
             let front = (vertices[1] - vertices[0])
@@ -26,8 +27,7 @@ pub(crate) fn occluded(scene: &TracedScene, hit: &SurfaceHit, sample: &LightSamp
         }
         None if sample.distance == f32::INFINITY => ray_from(hit, sample.direction),
         None => ray_between(hit, hit.position + sample.direction * sample.distance),
-    };
-    scene.occluded(&ray)
+    }
 }
 
 /// Radiance towards `wo` from one sample of `light`, unweighted, with the sample's density (0: no extent).
@@ -46,7 +46,8 @@ pub(crate) fn direct_sample(
     if reflected == Vec3::ZERO {
         return None;
     }
-    (!occluded(scene, hit, &sample)).then(|| (reflected * sample.radiance_over_pdf, sample))
+    (!scene.occluded(&shadow_ray(scene, hit, &sample)))
+        .then(|| (reflected * sample.radiance_over_pdf, sample))
 }
 
 /// Calls `visit(light, radiance, density)` for all light that leaves a surface, or an area light before it, or

@@ -1,10 +1,20 @@
 //! Asset and lights to images.
+//!
+//! The way of the light: direct [`lighting`] of points and pixels, [`transfer`] of what the points reflect to
+//! all others, [`reconstruct`]ion at the fragments of a [`shot`]; [`frame`] runs them in order. Beside it stand
+//! the references: [`path`] traces paths, [`brute`] casts a shadow ray per light.
 #![forbid(unsafe_code)]
 
 pub mod brute;
+pub mod convert;
 mod direct;
+pub mod frame;
 pub mod layers;
+pub mod lighting;
+pub mod load;
 pub mod path;
 pub mod reconstruct;
 pub mod sampler;
+pub mod shot;
 pub mod transfer;
+pub mod views;

@@ -17,7 +17,7 @@ use relight_transport::sparse::Rows;
 pub fn weights_at(finest: &Level, places: &[Option<(Vec3, Vec3)>]) -> Rows {
     Rows::build(places.len(), finest.len(), |i, row| {
         if let Some((x, n)) = places[i] {
-            finest.functions_at(x, n, row);
+            finest.functions_or_nearest_at(x, n, row);
         }
     })
 }

@@ -59,7 +59,7 @@ impl Transfer {
         let ranges = LevelRanges::new(levels.iter().map(Level::len));
         let fine_from_coarse = fine_from_coarse(&levels);
         let finest = &levels[levels.len() - 1];
-        let at = |level: &Level| level.evaluated_at(&finest.positions, &finest.normals);
+        let at = |level: &Level| level.covering(&finest.positions, &finest.normals);
         let senders_at_points = at(&levels[sender_levels - 1]);
         let senders = SenderPyramid::new(&levels[..sender_levels], &senders_at_points, &finest.areas());
         let points_from_bounce = at(&levels[bounce_level]);
@@ -87,8 +87,12 @@ impl Transfer {
         let mut radiosity: Vec<Vec3> = direct.iter().zip(&self.albedo).map(|(e, a)| *e * *a).collect();
         let pulled = self.senders.pulled(&radiosity);
         let further = self.bounces.map(|n| n.saturating_sub(1));
-        let (irradiance, solve) =
-            bounce::solve(&self.bounce, &pulled[self.bounce_level], &self.bounce_albedo, further);
+        let (irradiance, solve) = bounce::solve(
+            &self.bounce,
+            &pulled[self.bounce_level],
+            &self.bounce_albedo,
+            further,
+        );
         let at_points = self.points_from_bounce.apply(&irradiance);
         for (out, (e, a)) in radiosity.iter_mut().zip(at_points.iter().zip(&self.albedo)) {
             *out += *e * *a;
@@ -103,6 +107,15 @@ impl Transfer {
         let range = self.ranges.range(self.ranges.levels() - 1);
         values.drain(..range.start);
         let flatten_ms = start.elapsed().as_secs_f64() * 1e3;
-        (values, TransferStats { bounce_ms, transfer_ms, flatten_ms, links_used, solve })
+        (
+            values,
+            TransferStats {
+                bounce_ms,
+                transfer_ms,
+                flatten_ms,
+                links_used,
+                solve,
+            },
+        )
     }
 }

@@ -138,3 +138,80 @@ impl SenderLinks {
         (out, used)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stream;
+
+    fn random_links(receivers: u32, senders: u32, per_row: u32) -> Links {
+        let mut s = Stream::new(21, 0, 0);
+        let mut links = Links {
+            receivers,
+            senders,
+            row_offsets: vec![0],
+            ..Links::default()
+        };
+        for _ in 0..receivers {
+            let mut columns: Vec<u32> = (0..per_row)
+                .map(|_| (s.uniform() * senders as f32) as u32)
+                .collect();
+            columns.sort_unstable();
+            columns.dedup();
+            for column in columns {
+                links.columns.push(column);
+                links
+                    .vectors
+                    .push(Vec3::new(s.uniform(), s.uniform(), s.uniform()) - 0.5);
+            }
+            links.row_offsets.push(links.columns.len() as u32);
+        }
+        links
+    }
+
+    #[test]
+    fn sender_by_sender_gives_what_a_dense_product_gives() {
+        let links = random_links(9000, 300, 12);
+        let mut s = Stream::new(22, 0, 0);
+        let light: Vec<Vec3> = (0..300)
+            .map(|j| {
+                if j % 3 == 0 {
+                    Vec3::ZERO
+                } else {
+                    Vec3::new(s.uniform(), s.uniform(), 1e-3)
+                }
+            })
+            .collect();
+        let (fast, used) = SenderLinks::new(&links).apply(&light);
+        let lit = links.columns.iter().filter(|&&j| j % 3 != 0).count();
+        assert_eq!(used, lit, "dark senders are skipped, all others used");
+        for i in 0..9000 {
+            let mut dense = glam::DVec3::ZERO;
+            let n = Vec3::new(0.6, 0.0, 0.8);
+            for (j, v) in links.row(i) {
+                dense += light[j as usize].as_dvec3() * f64::from(v.dot(n));
+            }
+            // Twelve products of numbers below 1 in single precision.
+            assert!((fast[i].irradiance(n).as_dvec3() - dense).abs().max_element() < 1e-5);
+        }
+        assert_eq!(fast, links.apply(&light), "the same sums in the same order");
+    }
+
+    #[test]
+    fn intensities_of_forty_decades_scale_the_result_and_change_no_decision() {
+        let links = random_links(500, 50, 8);
+        let mut s = Stream::new(23, 0, 0);
+        let light: Vec<Vec3> = (0..50).map(|_| Vec3::splat(s.uniform().powi(8))).collect();
+        let sender_links = SenderLinks::new(&links);
+        let (unit, used) = sender_links.apply(&light);
+        for exponent in [-60, 60] {
+            let scale = 2f32.powi(exponent);
+            let scaled: Vec<Vec3> = light.iter().map(|c| *c * scale).collect();
+            let (out, used_scaled) = sender_links.apply(&scaled);
+            assert_eq!(used, used_scaled);
+            for (a, b) in unit.iter().zip(&out) {
+                assert_eq!(a.x * scale, b.x, "a power of two changes no digit");
+            }
+        }
+    }
+}

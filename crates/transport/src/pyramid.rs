@@ -166,7 +166,7 @@ impl SenderPyramid {
         let mut fine_from_coarse = Vec::new();
         let mut coarse_from_fine = Vec::new();
         for l in (1..senders.len()).rev() {
-            let rows = senders[l - 1].evaluated_at(&senders[l].positions, &senders[l].normals);
+            let rows = senders[l - 1].covering(&senders[l].positions, &senders[l].normals);
             let (pull, coarse_masses) = averages(&rows, &masses);
             masses = coarse_masses;
             fine_from_coarse.insert(0, rows);
@@ -200,5 +200,111 @@ impl SenderPyramid {
             out.extend(levels[l].iter().zip(coarse).map(|(f, c)| *f - c));
         }
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::poisson::Disks;
+    use crate::random::Stream;
+
+    fn levels(count: usize) -> Vec<Level> {
+        let mut s = Stream::new(4, 0, 0);
+        let candidates: Vec<Vec3> = (0..60_000)
+            .map(|_| Vec3::new(s.uniform(), 0.0, s.uniform()))
+            .collect();
+        let normals = vec![Vec3::Y; candidates.len()];
+        (0..count)
+            .map(|l| {
+                let radius = 0.2 / (1 << l) as f32;
+                let mut disks = Disks::new(radius);
+                disks.throw(&candidates, &normals, 0, |_| true);
+                Level::new(
+                    disks.positions,
+                    disks.normals,
+                    radius,
+                    radius * (1.5 + l as f32 * 0.3),
+                )
+            })
+            .collect()
+    }
+
+    #[test]
+    fn constants_pass_through_every_level_unchanged() {
+        let levels = levels(4);
+        let ranges = LevelRanges::new(levels.iter().map(Level::len));
+        let rows = fine_from_coarse(&levels);
+        let mut values = vec![VectorIrradiance::default(); ranges.total()];
+        for value in &mut values[ranges.range(0)] {
+            value.add(Vec3::new(0.0, 1.0, 0.0), Vec3A::new(1.0, 2.0, 3.0));
+        }
+        push(&mut values, &ranges, &rows);
+        for value in &values {
+            // Rounding of some twenty products per level.
+            assert!(
+                (value.irradiance(Vec3::Y) - Vec3::new(1.0, 2.0, 3.0))
+                    .abs()
+                    .max_element()
+                    < 1e-5
+            );
+        }
+    }
+
+    #[test]
+    fn differences_to_the_level_above_give_the_values_back() {
+        let levels = levels(3);
+        let ranges = LevelRanges::new(levels.iter().map(Level::len));
+        let rows = fine_from_coarse(&levels);
+        let mut s = Stream::new(9, 0, 0);
+        let wanted: Vec<f32> = (0..ranges.total()).map(|_| s.uniform()).collect();
+        let mut values = vec![VectorIrradiance::default(); ranges.total()];
+        for i in 0..ranges.total() {
+            let predicted: f32 = rows.row(i).iter().map(|&(k, w)| w * wanted[k as usize]).sum();
+            values[i].add(Vec3::Y, Vec3A::splat(wanted[i] - predicted));
+        }
+        push(&mut values, &ranges, &rows);
+        for (value, wanted) in values.iter().zip(&wanted) {
+            assert!((value.irradiance(Vec3::Y).x - wanted).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn pulling_conserves_power_and_constants() {
+        let levels = levels(4);
+        let finest = &levels[3];
+        let senders = &levels[..3];
+        let at_points = senders[2].covering(&finest.positions, &finest.normals);
+        let areas = finest.areas();
+        let pyramid = SenderPyramid::new(senders, &at_points, &areas);
+        let constant = pyramid.coefficients(&vec![Vec3::ONE; finest.len()]);
+        for (j, c) in constant.iter().enumerate() {
+            let wanted = if pyramid.ranges.range(0).contains(&j) {
+                1.0
+            } else {
+                0.0
+            };
+            assert!(
+                (c.x - wanted).abs() < 1e-5,
+                "a constant needs no finer coefficient: {j} {c}"
+            );
+        }
+        // Power of an uneven function on the finest sender level, weighted by the functions' own masses.
+        let mut s = Stream::new(10, 0, 0);
+        let uneven: Vec<Vec3> = (0..finest.len()).map(|_| Vec3::splat(s.uniform())).collect();
+        let mut masses = vec![0.0f64; senders[2].len()];
+        for p in 0..finest.len() {
+            for &(j, share) in at_points.row(p) {
+                masses[j as usize] += f64::from(share * areas[p]);
+            }
+        }
+        let pulled = pyramid.pulled(&uneven);
+        let sent: f64 = pulled[2]
+            .iter()
+            .zip(&masses)
+            .map(|(f, m)| f64::from(f.x) * m)
+            .sum();
+        let had: f64 = uneven.iter().zip(&areas).map(|(f, a)| f64::from(f.x * a)).sum();
+        assert!((sent / had - 1.0).abs() < 1e-5, "{sent} against {had}");
     }
 }

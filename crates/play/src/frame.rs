@@ -1,0 +1,270 @@
+//! One relit frame from an asset: direct light at points and pixels, transfer, reconstruction.
+//!
+//! Source: Lehtinen et al. 2008, section 4. How indirect light on surfaces that are not matt is shaded: the
+//! vector irradiance, dotted with the shading normal, times the surface's total hemispherical reflectance
+//! over π. A glossy surface so reflects the right amount of indirect light, spread like a matt one.
+
+use crate::lighting;
+use crate::reconstruct;
+use crate::shot::Shot;
+use crate::transfer::{Transfer, TransferStats};
+use glam::Vec3;
+use rayon::prelude::*;
+use relight_scene::bsdf;
+use relight_scene::light_set::LightSet;
+use relight_scene::rays::Ray;
+use relight_scene::surface::{SurfaceHit, Surfaces};
+use relight_scene::traced::TracedScene;
+use relight_transport::basis::Level;
+use relight_transport::pyramid::VectorIrradiance;
+use std::f32::consts::PI;
+use std::time::Instant;
+
+/// A scene with its transport, ready to be lit.
+pub struct Player {
+    /// Surfaces and materials.
+    pub scene: TracedScene,
+    /// Operators; `None` for an asset without points.
+    pub transfer: Option<Transfer>,
+    /// Where each finest point lies on the scene's surfaces.
+    pub points: Vec<Option<SurfaceHit>>,
+}
+
+/// How a frame is lit.
+#[derive(Clone, Copy, Debug)]
+pub struct LightingSettings {
+    /// Shadow rays per fragment for each light with extent.
+    pub pixel_samples: u32,
+    /// Shadow rays per finest point for each light with extent. Fewer than per pixel: a sender averages some
+    /// hundreds of points.
+    pub point_samples: u32,
+    /// Seed of the light samples.
+    pub seed: u64,
+    /// Keep each light's share apart.
+    pub per_light: bool,
+}
+
+/// Milliseconds that a frame's stages took.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FrameTimes {
+    /// Direct irradiance at the finest points.
+    pub direct_points: f64,
+    /// Pull-push and further bounces.
+    pub bounces: f64,
+    /// Product with T.
+    pub transfer: f64,
+    /// Flattening to the finest level.
+    pub flatten: f64,
+    /// Direct light at the pixels.
+    pub direct_pixels: f64,
+    /// Indirect light at the pixels.
+    pub reconstruct: f64,
+}
+
+/// Radiance per fragment of a shot.
+#[derive(Clone, Debug, Default)]
+pub struct Lit {
+    /// Light seen directly.
+    pub emission: Vec<Vec3>,
+    /// One reflection.
+    pub direct: Vec<Vec3>,
+    /// Two reflections and more; not clamped.
+    pub indirect: Vec<Vec3>,
+    /// Per light of the sequence its emission + direct + indirect, if asked for.
+    pub lights: Vec<(String, Vec<Vec3>)>,
+    /// How the last transfer went.
+    pub transfer: Option<TransferStats>,
+}
+
+impl Player {
+    /// Puts the finest points back on the scene's surfaces: the file stores them to a fraction of their
+    /// distance, shadow rays need them exact.
+    pub fn new(scene: TracedScene, transfer: Option<Transfer>) -> Player {
+        let points = transfer
+            .as_ref()
+            .map_or_else(Vec::new, |t| snapped(&scene, &t.finest));
+        Player {
+            scene,
+            transfer,
+            points,
+        }
+    }
+
+    /// Lights a shot.
+    pub fn light(&self, shot: &Shot, lights: &LightSet, settings: &LightingSettings) -> (Lit, FrameTimes) {
+        let mut times = FrameTimes::default();
+        let count = shot.len();
+        let views: Vec<Vec3> = shot.directions.iter().map(|d| -*d).collect();
+        let mut lit = Lit {
+            emission: vec![Vec3::ZERO; count],
+            direct: vec![Vec3::ZERO; count],
+            indirect: vec![Vec3::ZERO; count],
+            ..Lit::default()
+        };
+        let emission = |light: Option<usize>| emission_at(&self.scene, shot, lights, light);
+        let mut direct_at_points = vec![Vec3::ZERO; self.points.len()];
+        for light in 0..lights.len() {
+            let start = Instant::now();
+            let mut irradiance = vec![Vec3::ZERO; self.points.len()];
+            lighting::irradiance_at(
+                &self.scene,
+                lights,
+                light,
+                &self.points,
+                settings.point_samples,
+                settings.seed,
+                &mut irradiance,
+            );
+            times.direct_points += milliseconds(start);
+            let start = Instant::now();
+            let mut reflected = vec![Vec3::ZERO; count];
+            lighting::reflected_at(
+                &self.scene,
+                lights,
+                light,
+                &shot.hits,
+                &shot.points,
+                &views,
+                settings.pixel_samples,
+                settings.seed,
+                &mut reflected,
+            );
+            times.direct_pixels += milliseconds(start);
+            add(&mut direct_at_points, &irradiance);
+            add(&mut lit.direct, &reflected);
+            if settings.per_light {
+                let mut own = emission(Some(light));
+                add(&mut own, &reflected);
+                add(&mut own, &self.indirect(shot, &irradiance, &mut times).0);
+                lit.lights.push((lights.name(light).to_owned(), own));
+            }
+        }
+        lit.emission = emission(None);
+        (lit.indirect, lit.transfer) = self.indirect(shot, &direct_at_points, &mut times);
+        (lit, times)
+    }
+
+    fn indirect(
+        &self,
+        shot: &Shot,
+        direct: &[Vec3],
+        times: &mut FrameTimes,
+    ) -> (Vec<Vec3>, Option<TransferStats>) {
+        let Some(transfer) = &self.transfer else {
+            return (vec![Vec3::ZERO; shot.len()], None);
+        };
+        let (values, stats) = transfer.indirect_from_direct(direct);
+        times.bounces += stats.bounce_ms;
+        times.transfer += stats.transfer_ms;
+        times.flatten += stats.flatten_ms;
+        let start = Instant::now();
+        let radiance = indirect_at(shot, &values);
+        times.reconstruct += milliseconds(start);
+        (radiance, Some(stats))
+    }
+}
+
+fn milliseconds(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
+
+fn add(sum: &mut [Vec3], part: &[Vec3]) {
+    sum.iter_mut().zip(part).for_each(|(s, p)| *s += *p);
+}
+
+fn indirect_at(shot: &Shot, values: &[VectorIrradiance]) -> Vec<Vec3> {
+    let normals: Vec<Vec3> = shot
+        .points
+        .iter()
+        .map(|p| p.as_ref().map_or(Vec3::ZERO, |p| p.shading_normal))
+        .collect();
+    let irradiance = reconstruct::irradiance(&shot.weights, &normals, values);
+    irradiance
+        .into_par_iter()
+        .zip(&shot.points)
+        .with_min_len(4096)
+        .map(|(e, point)| {
+            point.as_ref().map_or(Vec3::ZERO, |point| {
+                let albedo = if point.lambert {
+                    point.diffuse
+                } else {
+                    bsdf::hemispherical_albedo(point)
+                };
+                e * albedo / PI
+            })
+        })
+        .collect()
+}
+
+/// Light that each fragment shows directly: emissive surfaces that a light lets shine, environments, and
+/// rectangles and spheres of the sequence. Of one light, or of all.
+fn emission_at(scene: &TracedScene, shot: &Shot, lights: &LightSet, only: Option<usize>) -> Vec<Vec3> {
+    (0..shot.len())
+        .into_par_iter()
+        .with_min_len(1024)
+        .map(|f| {
+            let mut sum = Vec3::ZERO;
+            let direction = shot.directions[f];
+            let distance = shot.hits[f].as_ref().map_or(f32::INFINITY, |hit| hit.t);
+            let wanted = |light: usize| only.is_none_or(|o| o == light);
+            lights.along(shot.eye, direction, distance, |seen| {
+                if wanted(seen.light) {
+                    sum += seen.radiance;
+                }
+            });
+            if let (Some(hit), Some(point)) = (&shot.hits[f], &shot.points[f])
+                && point.emission != Vec3::ZERO
+            {
+                let cosine = hit.geometric_normal.dot(direction).abs();
+                lights.emitted(hit.primitive, hit.barycentric, hit.t, cosine, |seen| {
+                    if wanted(seen.light) {
+                        sum += seen.radiance;
+                    }
+                });
+                if only.is_none() && scene.material(hit.primitive).unlit {
+                    sum += point.emission;
+                }
+            }
+            sum
+        })
+        .collect()
+}
+
+/// How far above and below its stored place a point's surface is looked for, in disk radii: the file's
+/// rounding is 1/256 of the radius.
+const SNAP: f32 = 0.125;
+
+/// Cosine between a point's stored normal and the surface found there, below which it is another surface.
+const SNAP_FACING: f32 = 0.7;
+
+fn snapped(surfaces: &dyn Surfaces, finest: &Level) -> Vec<Option<SurfaceHit>> {
+    let reach = finest.disk_radius * SNAP;
+    (0..finest.len())
+        .into_par_iter()
+        .with_min_len(256)
+        .map(|i| {
+            let (position, normal) = (finest.positions[i], finest.normals[i]);
+            let ray = Ray {
+                origin: position + normal * reach,
+                direction: -normal,
+                t_min: 0.0,
+                t_max: 2.0 * reach,
+            };
+            let found = surfaces
+                .closest_hit(&ray)
+                .filter(|hit| hit.normal.dot(normal) > SNAP_FACING);
+            // Points on rims and in folds may miss: they are lit where they are stored, from a rounding
+            // error's height.
+            found.or(Some(SurfaceHit {
+                t: 0.0,
+                position,
+                position_error: Vec3::splat(finest.disk_radius / 128.0),
+                geometric_normal: normal,
+                normal,
+                front: true,
+                primitive: u32::MAX,
+                barycentric: [0.0; 2],
+            }))
+        })
+        .collect()
+}

@@ -1,0 +1,223 @@
+//! What a camera sees, found once for as long as it stands still: the fragments of each pixel.
+//!
+//! A pixel is sampled by several primary rays. Rays that meet the same material, facing the same way, at
+//! neighbouring places make one fragment: it is lit once, at the place nearest its middle, with the mean of
+//! its rays' reflectances. Nearly all pixels have one fragment, so that antialiased silhouettes and filtered
+//! textures cost a frame little more than one sample per pixel.
+
+use crate::reconstruct;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use relight_scene::camera::Camera;
+use relight_scene::rays::Ray;
+use relight_scene::shading::ShadingPoint;
+use relight_scene::surface::{SurfaceHit, Surfaces};
+use relight_scene::traced::TracedScene;
+use relight_transport::basis::Level;
+use relight_transport::sampling::r2;
+use relight_transport::sparse::Rows;
+
+/// Fragments of all pixels, in order of pixels; a pixel's first fragment is where its row starts.
+#[derive(Debug, Default)]
+pub struct Shot {
+    /// Pixels across.
+    pub width: usize,
+    /// Pixels down.
+    pub height: usize,
+    /// Start of each pixel's fragments, and the end of the last.
+    pub offsets: Vec<u32>,
+    /// Share of the pixel that each fragment covers; a pixel's shares sum to 1.
+    pub coverage: Vec<f32>,
+    /// Where each fragment is lit; `None` for the background.
+    pub hits: Vec<Option<SurfaceHit>>,
+    /// How it reflects.
+    pub points: Vec<Option<ShadingPoint>>,
+    /// Unit direction from the camera.
+    pub directions: Vec<Vec3>,
+    /// Functions of the finest points at each fragment; empty if none were asked for.
+    pub weights: Rows,
+    /// Camera position.
+    pub eye: Vec3,
+}
+
+/// Cosine between the smooth normals of two rays above which they may share a fragment: 18°, about what a
+/// pixel of a column's round side spans.
+const SAME_FACING: f32 = 0.95;
+
+/// How far, in pixel footprints, the second ray's surface may lie off the first one's tangent plane.
+const SAME_PLANE: f32 = 2.0;
+
+struct Sample {
+    direction: Vec3,
+    seen: Option<(SurfaceHit, ShadingPoint)>,
+    group: usize,
+}
+
+/// Casts `samples` primary rays per pixel and groups them. Deterministic: the same sub-pixel pattern in every
+/// pixel.
+pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize, samples: u32) -> Shot {
+    let size = Vec2::new(width as f32, height as f32);
+    // With one sample, the pixel's centre.
+    let start = if samples == 1 {
+        Vec2::splat(0.5)
+    } else {
+        Vec2::splat(0.25)
+    };
+    let pattern: Vec<Vec2> = (0..samples.max(1)).map(|i| r2(i, start)).collect();
+    let footprint = 2.0 * camera.tan_half_vfov / size.y;
+    let rows: Vec<Shot> = (0..height)
+        .into_par_iter()
+        .map(|y| {
+            let mut row = Shot::default();
+            let mut pixel: Vec<Sample> = Vec::new();
+            for x in 0..width {
+                pixel.clear();
+                let corner = Vec2::new(x as f32, y as f32);
+                for &offset in &pattern {
+                    let direction = camera.direction(corner + offset, size);
+                    let ray = Ray {
+                        origin: camera.position,
+                        direction,
+                        t_min: 0.0,
+                        t_max: f32::INFINITY,
+                    };
+                    let seen = scene.closest_hit(&ray).map(|hit| {
+                        let point = scene.shading_point(&hit).facing(-direction);
+                        (hit, point)
+                    });
+                    pixel.push(Sample {
+                        direction,
+                        seen,
+                        group: 0,
+                    });
+                }
+                row.offsets.push(row.coverage.len() as u32);
+                group(&mut pixel, footprint);
+                append_fragments(&pixel, &mut row);
+            }
+            row
+        })
+        .collect();
+    let mut shot = Shot {
+        width,
+        height,
+        eye: camera.position,
+        ..Shot::default()
+    };
+    for row in rows {
+        let start = shot.coverage.len() as u32;
+        shot.offsets.extend(row.offsets.into_iter().map(|o| o + start));
+        shot.coverage.extend(row.coverage);
+        shot.hits.extend(row.hits);
+        shot.points.extend(row.points);
+        shot.directions.extend(row.directions);
+    }
+    shot.offsets.push(shot.coverage.len() as u32);
+    shot
+}
+
+fn group(pixel: &mut [Sample], footprint: f32) {
+    let mut groups = 0;
+    for i in 0..pixel.len() {
+        let mut found = None;
+        for j in 0..i {
+            if pixel[j].group >= found.unwrap_or(usize::MAX) {
+                continue;
+            }
+            let same = match (&pixel[i].seen, &pixel[j].seen) {
+                (None, None) => true,
+                (Some((a, p)), Some((b, q))) => {
+                    let off_plane = (a.position - b.position).dot(b.geometric_normal).abs();
+                    p.material == q.material
+                        && a.normal.dot(b.normal) > SAME_FACING
+                        && off_plane < SAME_PLANE * footprint * a.t.max(b.t)
+                        && (p.emission == Vec3::ZERO) == (q.emission == Vec3::ZERO)
+                }
+                _ => false,
+            };
+            if same {
+                found = Some(pixel[j].group);
+            }
+        }
+        pixel[i].group = found.unwrap_or_else(|| {
+            groups += 1;
+            groups - 1
+        });
+    }
+}
+
+fn append_fragments(pixel: &[Sample], row: &mut Shot) {
+    let groups = pixel.iter().map(|s| s.group).max().map_or(0, |g| g + 1);
+    for g in 0..groups {
+        let members: Vec<&Sample> = pixel.iter().filter(|s| s.group == g).collect();
+        let count = members.len() as f32;
+        row.coverage.push(count / pixel.len() as f32);
+        let middle = members.iter().map(|s| s.direction).sum::<Vec3>() / count;
+        let distance = |s: &&&Sample| (s.direction - middle).length_squared();
+        let Some(nearest) = members.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
+            continue;
+        };
+        row.directions.push(nearest.direction);
+        row.hits.push(nearest.seen.as_ref().map(|s| s.0));
+        row.points.push(nearest.seen.as_ref().map(|s| {
+            let mean = |value: fn(&ShadingPoint) -> Vec3| {
+                members
+                    .iter()
+                    .filter_map(|m| m.seen.as_ref())
+                    .map(|m| value(&m.1))
+                    .sum::<Vec3>()
+                    / count
+            };
+            ShadingPoint {
+                base_color: mean(|p| p.base_color),
+                diffuse: mean(|p| p.diffuse),
+                f0: mean(|p| p.f0),
+                emission: mean(|p| p.emission),
+                shading_normal: mean(|p| p.shading_normal)
+                    .try_normalize()
+                    .unwrap_or(s.1.shading_normal),
+                ..s.1
+            }
+        }));
+    }
+}
+
+impl Shot {
+    /// Finds the finest points' functions at every fragment, once per shot.
+    pub fn weigh(&mut self, finest: &Level) {
+        let places: Vec<Option<(Vec3, Vec3)>> = self
+            .hits
+            .iter()
+            .map(|hit| hit.as_ref().map(|h| (h.position, h.normal)))
+            .collect();
+        self.weights = reconstruct::weights_at(finest, &places);
+    }
+
+    /// Number of fragments.
+    pub fn len(&self) -> usize {
+        self.coverage.len()
+    }
+
+    /// Whether there are no fragments (an image of no pixels).
+    pub fn is_empty(&self) -> bool {
+        self.coverage.is_empty()
+    }
+
+    /// Fragments that lie on a surface which no function covers.
+    pub fn uncovered(&self) -> usize {
+        (0..self.len().min(self.weights.rows()))
+            .filter(|&f| self.hits[f].is_some() && self.weights.row(f).is_empty())
+            .count()
+    }
+
+    /// Pixels from fragments: coverage-weighted sums.
+    pub fn resolve(&self, fragments: &[Vec3]) -> Vec<Vec3> {
+        (0..self.width * self.height)
+            .map(|pixel| {
+                (self.offsets[pixel] as usize..self.offsets[pixel + 1] as usize)
+                    .map(|f| fragments[f] * self.coverage[f])
+                    .sum()
+            })
+            .collect()
+    }
+}
