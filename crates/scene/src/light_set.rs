@@ -282,7 +282,9 @@ impl<'a> LightRig<'a> {
                 };
                 let one_minus_cos = 2.0 * (SUN_HALF_ANGLE / 2.0).sin().powi(2);
                 let sun = f64::from(luminance(sun_radiance)) * 2.0 * PI * one_minus_cos;
-                let chance = sun / (sun + f64::from(luminance(sampler.flux())));
+                // By irradiance the sun would take nearly every sample, and a place in its shade would see noise:
+                // a disc this small needs no more than half of them.
+                let chance = (sun / (sun + f64::from(luminance(sampler.flux())))).min(0.5);
                 Shape::SunSky {
                     sky: Environment {
                         map: Arc::new(sky),
