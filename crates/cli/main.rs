@@ -7,6 +7,7 @@
 mod bake;
 mod compare;
 mod console;
+mod demo;
 mod failure;
 mod frames;
 mod inspect;
@@ -59,6 +60,7 @@ enum Command {
     Play(play::PlayArgs),
     Inspect(inspect::InspectArgs),
     Compare(compare::CompareArgs),
+    Demo(demo::DemoArgs),
 }
 
 fn main() -> ExitCode {
@@ -90,5 +92,6 @@ fn run(cli: &Cli, console: &Console) -> Result<Outcome, Failure> {
         Command::Play(args) => play::run(args, seed, console),
         Command::Inspect(args) => inspect::run(args, console),
         Command::Compare(args) => compare::run(args, console),
+        Command::Demo(args) => demo::run(args, seed, console),
     }
 }
