@@ -3,6 +3,7 @@
 use crate::bake::{log_path, merge};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
+use crate::images;
 use crate::output::{self, SCHEMA};
 use crate::words::{self, bytes, count};
 use clap::Args;
@@ -24,6 +25,9 @@ pub struct InspectArgs {
     /// Print one JSON object on stdout instead of a table: the fields of `bake --json`.
     #[arg(long)]
     pub json: bool,
+    /// Draw the points of every level, seen from the scene's first camera, into this folder as level_N.png.
+    #[arg(long, value_name = "DIR")]
+    pub images: Option<PathBuf>,
 }
 
 /// Runs the command.
@@ -37,6 +41,10 @@ pub fn run(args: &InspectArgs, console: &Console) -> Result<Outcome, Failure> {
         Err(complaint) => console.note(format!("note: {complaint}")),
     }
     json["command"] = "inspect".into();
+    if let Some(folder) = &args.images {
+        let files = images::draw(&args.asset, &asset, folder)?;
+        json["images"] = files.iter().map(|file| file.display().to_string()).collect();
+    }
     if args.json {
         output::print_json(&json)?;
     } else {
@@ -127,6 +135,7 @@ pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
         "potential_links": counted("potential_links"),
         "rays": counted("rays"),
         "receivers_gathered": counted("receivers_gathered"),
+        "rays_without_points": counted("rays_without_points"),
         "surface_m2": counted("surface_square_mm").map(|n| n as f64 * 1e-6),
         "surface_without_points_m2": counted("uncovered_square_mm").map(|n| n as f64 * 1e-6),
         "bytes": sections,

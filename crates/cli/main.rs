@@ -10,6 +10,7 @@ mod console;
 mod demo;
 mod failure;
 mod frames;
+mod images;
 mod inspect;
 mod output;
 mod play;

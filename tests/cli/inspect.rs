@@ -83,3 +83,19 @@ fn damage_anywhere_is_noticed() {
         assert!(text.contains("broken.relight"), "{text}");
     }
 }
+
+#[test]
+fn every_level_can_be_drawn() {
+    let folder = folder();
+    let images = folder.path().join("images");
+    relight()
+        .arg("inspect")
+        .arg(cornell())
+        .arg("--images")
+        .arg(&images)
+        .assert()
+        .success();
+    assert_eq!(crate::stage::names(&images), ["level_0.png", "level_1.png"]);
+    let bytes = |name: &str| std::fs::read(images.join(name)).unwrap();
+    assert!(bytes("level_0.png") != bytes("level_1.png"));
+}
