@@ -33,8 +33,8 @@ use std::time::Instant;
 #[derive(Args)]
 #[command(after_help = "\
 The JSON of --json: frames, an array of {frame, total, direct_points, bounces, transfer, flatten, direct_pixels,
-reconstruct, write} in milliseconds (brute and path: {frame, total, render, write}); once_per_shot, what is done
-once: load, expose, weigh (with a moving camera expose and weigh are in the frames).")]
+reconstruct, resolve, write} in milliseconds (brute and path: {frame, total, render, write}); once_per_shot, what
+is done once: load, expose, weigh (with a moving camera expose and weigh are in the frames).")]
 pub struct PlayArgs {
     /// Asset to play.
     #[arg(value_name = "ASSET.relight")]
@@ -190,6 +190,7 @@ pub fn play(
         shot: None,
         fixed: track.is_fixed(),
         once: Map::from_iter([("load".to_owned(), json!(load_ms))]),
+        apart_ms: 0.0,
     };
     let total = range.iter().count();
     console.begin("Lighting frames", Some(total as u64));
@@ -219,10 +220,11 @@ pub fn play(
             write_png(&file.with_extension("png"), &tone_mapped(&beauty, args.exposure))?;
         }
         frame_times.insert("write".into(), milliseconds(write).into());
-        frame_times.insert("total".into(), milliseconds(start).into());
+        let total_ms = milliseconds(start) - std::mem::take(&mut session.apart_ms);
+        frame_times.insert("total".into(), total_ms.into());
         frame_times.insert("frame".into(), frame.into());
         console.advance_to(done as u64 + 1);
-        console.detail(format!("{}: {:.1} ms", file.display(), milliseconds(start)));
+        console.detail(format!("{}: {total_ms:.1} ms", file.display()));
         times.push(Value::Object(frame_times));
     }
     console.close();
@@ -387,6 +389,8 @@ struct Session<'a> {
     shot: Option<Shot>,
     fixed: bool,
     once: Map<String, Value>,
+    /// Milliseconds of the frame at hand that count as done once per shot.
+    apart_ms: f64,
 }
 
 type Rendered = (Layers, Map<String, Value>);
@@ -460,9 +464,15 @@ impl Session<'_> {
             if let Some(transfer) = &player.transfer {
                 shot.weigh(&transfer.finest);
             }
-            let keep = if self.fixed { &mut self.once } else { &mut times };
+            let weighed = milliseconds(start);
+            let keep = if self.fixed {
+                self.apart_ms = exposed + weighed;
+                &mut self.once
+            } else {
+                &mut times
+            };
             keep.insert("expose".into(), exposed.into());
-            keep.insert("weigh".into(), milliseconds(start).into());
+            keep.insert("weigh".into(), weighed.into());
             let uncovered = shot.uncovered();
             if uncovered > 0 {
                 console.detail(format!(
@@ -500,7 +510,8 @@ impl Session<'_> {
             ("transfer", transfer),
             ("flatten", flatten),
             ("direct_pixels", direct_pixels),
-            ("reconstruct", reconstruct + resolve),
+            ("reconstruct", reconstruct),
+            ("resolve", resolve),
         ] {
             times.insert(name.into(), value.into());
         }

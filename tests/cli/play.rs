@@ -57,7 +57,20 @@ fn frames_are_named_by_number_and_written_with_their_layers() {
     ] {
         assert!(frames.iter().all(|f| f[key].as_f64().unwrap() >= 0.0), "{key}");
     }
-    assert!(said["once_per_shot"]["load"].as_f64().unwrap() > 0.0);
+    // What is done once per shot is apart from the frames, the parts of a frame are within its total.
+    for key in ["load", "expose", "weigh"] {
+        assert!(said["once_per_shot"][key].as_f64().unwrap() > 0.0, "{key}");
+    }
+    for frame in frames {
+        let parts = frame
+            .as_object()
+            .unwrap()
+            .iter()
+            .filter(|p| *p.0 != "frame" && *p.0 != "total");
+        let sum: f64 = parts.map(|p| p.1.as_f64().unwrap()).sum();
+        let total = frame["total"].as_f64().unwrap();
+        assert!(sum <= total, "{sum} of {total}");
+    }
     let files = names(&folder.path().join("new"));
     assert_eq!(
         files,

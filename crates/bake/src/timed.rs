@@ -2,7 +2,8 @@
 //!
 //! Method: one call in 64 of every thread is timed, less what the timer itself costs (calibrated at the start),
 //! and the mean is scaled up to all rays. Timing every ray would take longer than many rays do; the sample is
-//! thousands of rays even in a small bake, so its mean is good to a few per cent.
+//! thousands of rays even in a small bake, so its mean is good to a few per cent. Calls during which the system
+//! gave the core to another process are left out, or one of them would count 64 times.
 
 use glam::Vec3;
 use relight_scene::rays::Ray;
@@ -13,6 +14,9 @@ use std::time::Instant;
 
 /// One call in so many is timed.
 const EVERY: u32 = 64;
+/// A call that takes longer was interrupted: rays take about a microsecond, through a million triangles and
+/// their textures some ten; a process that has lost its core waits for a millisecond and more.
+const INTERRUPTED_NANOS: u64 = 200_000;
 /// Timer readings of the calibration.
 const CALIBRATION: usize = 4096;
 
@@ -68,9 +72,11 @@ impl<'a> TimedSurfaces<'a> {
         let start = Instant::now();
         let result = call();
         let nanos = start.elapsed().as_nanos() as u64;
-        self.nanos
-            .fetch_add(nanos.saturating_sub(self.timer_nanos), Ordering::Relaxed);
-        self.sampled.fetch_add(1, Ordering::Relaxed);
+        if nanos < INTERRUPTED_NANOS {
+            self.nanos
+                .fetch_add(nanos.saturating_sub(self.timer_nanos), Ordering::Relaxed);
+            self.sampled.fetch_add(1, Ordering::Relaxed);
+        }
         result
     }
 }
