@@ -1,2 +1,98 @@
-//! relight
-fn main() {}
+//! The command line of relight: bake light transport once, relight as often as you like.
+//!
+//! One file per command; each parses its options, calls the libraries, reports, and leaves. Human words go to
+//! stderr, data to stdout.
+#![forbid(unsafe_code)]
+
+mod bake;
+mod compare;
+mod console;
+mod demo;
+mod failure;
+mod frames;
+mod images;
+mod inspect;
+mod output;
+mod play;
+mod signals;
+mod words;
+
+use clap::{Args, Parser, Subcommand};
+use console::Console;
+use failure::{Failure, Outcome};
+use std::process::ExitCode;
+
+/// Precomputes how light travels through a static scene, keeps the result in one compact file, and relights
+/// the scene for any sequence of lights, many times faster than rendering it again.
+#[derive(Parser)]
+#[command(name = "relight", version, propagate_version = true, after_help = EXIT_CODES)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    global: Global,
+}
+
+const EXIT_CODES: &str = "\
+Words for people go to stderr, data to stdout; --json prints exactly one JSON object there.
+Exit codes: 0 done; 1 failed (bad input, input or output); 2 wrong usage; 3 a comparison fell short;
+130 and 143 stopped by Ctrl-C or SIGTERM, with everything left whole.";
+
+/// Options that every command knows.
+#[derive(Args)]
+struct Global {
+    /// No progress and no notes on stderr; errors and --json stay.
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
+    /// More about what is being done.
+    #[arg(short, long, global = true)]
+    verbose: bool,
+    /// Worker threads; all cores by default. Results do not depend on it.
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Seed of all random numbers: same inputs and seed, same bytes.
+    #[arg(long, global = true, value_name = "S", default_value_t = 0)]
+    seed: u64,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Bake(bake::BakeArgs),
+    Play(play::PlayArgs),
+    Inspect(inspect::InspectArgs),
+    Compare(compare::CompareArgs),
+    Demo(demo::DemoArgs),
+}
+
+fn main() -> ExitCode {
+    // clap leaves with code 2 for wrong usage, 0 for help and version.
+    let cli = Cli::parse();
+    let console = Console::new(cli.global.quiet, cli.global.verbose);
+    let result = run(&cli, &console);
+    console.close();
+    match result {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::FellShort) => ExitCode::from(3),
+        Err(failure) => {
+            failure.print();
+            failure.exit_code()
+        }
+    }
+}
+
+fn run(cli: &Cli, console: &Console) -> Result<Outcome, Failure> {
+    signals::install()?;
+    if let Some(threads) = cli.global.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.into())
+            .build_global()?;
+    }
+    let seed = cli.global.seed;
+    match &cli.command {
+        Command::Bake(args) => bake::run(args, seed, console),
+        Command::Play(args) => play::run(args, seed, console),
+        Command::Inspect(args) => inspect::run(args, console),
+        Command::Compare(args) => compare::run(args, console),
+        Command::Demo(args) => demo::run(args, seed, console),
+    }
+}

@@ -1,6 +1,7 @@
 //! Why a bake may fail.
 
 use glam::Vec3;
+use relight_scene::traced::TracedSceneError;
 
 /// What went wrong in a bake.
 #[derive(Debug, thiserror::Error)]
@@ -15,8 +16,11 @@ pub enum BakeError {
         /// Where importance particles started.
         viewpoints: Vec<Vec3>,
     },
+    /// The scene contradicts itself or has a damaged texture.
+    #[error(transparent)]
+    Scene(#[from] TracedSceneError),
     /// A parameter is out of range.
-    #[error("{name} = {found}: {expected}")]
+    #[error("{name} is {found}, but must be {expected}")]
     Parameter {
         /// Name of the command-line option.
         name: &'static str,

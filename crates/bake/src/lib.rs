@@ -1,15 +1,24 @@
 //! Scene to asset: where light meets points, which links it takes, and what is left out.
 //!
 //! The way of the light: [`candidates`] → [`points`] → [`gather`] → [`select`] within [`refine`] →
-//! [`bounces`].
+//! [`bounces`] → [`convert`] less what is [`left_out`]. [`bake()`] runs them all.
 #![forbid(unsafe_code)]
 
+pub mod bake;
 pub mod bounces;
 pub mod candidates;
+pub mod convert;
+pub mod coverage;
 pub mod error;
 pub mod gather;
+pub mod left_out;
 pub mod params;
 pub mod points;
 pub mod refine;
 pub mod select;
+pub mod settings;
+pub mod timed;
 pub mod transport;
+pub mod viewpoint;
+
+pub use bake::{BakeStats, Baked, Progress, bake};

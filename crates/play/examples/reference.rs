@@ -5,10 +5,11 @@
 //! Every reference is rendered twice with half of the samples and different seeds. The table has, for `full`
 //! and `indirect`, relMSE against the reference; the reference's own noise (from its NAME.json); ours (a
 //! quarter of the relMSE between the halves); and the rest, which is what the two renderers disagree about.
+//! Rectangles and spheres get black bodies here, since the references were rendered with such.
 //! OUT_DIR gets NAME.png: reference left, ours right; full above, indirect below; NAME.error.png, the relative
 //! error of both; and NAME.exr.
 
-use glam::Vec3;
+use glam::{Affine3A, Vec3, Vec4};
 use relight_play::layers::{RenderSize, Watch};
 use relight_play::path::{self, PathSettings};
 use relight_scene::gltf::{ImportOptions, import};
@@ -16,9 +17,11 @@ use relight_scene::image::{
     ExrHeader, FloatImage, Layers, Limits, contact_sheet, display_encoded, error_map, metrics, read_exr,
     tone_mapped, write_exr, write_png,
 };
+use relight_scene::light::LightKind;
 use relight_scene::light_set::{LightSet, SceneEmitters};
-use relight_scene::material::AlphaMode;
-use relight_scene::sequence::read_sequence;
+use relight_scene::material::Material;
+use relight_scene::scene::{Instance, Mesh, Scene};
+use relight_scene::sequence::{Sequence, read_sequence};
 use relight_scene::traced::{Shading, TracedScene};
 use serde_json::Value;
 use std::error::Error;
@@ -75,16 +78,10 @@ fn compare(name: &str, references: &Path, scenes: &Path, out: &Path, spp: u32) -
         height: height.parse()?,
     };
     let mut scene = import(&scenes.join(text("scene")?), &ImportOptions::default())?;
-    if std::env::var_os("MASK_AS_COVERAGE").is_some() {
-        for material in &mut scene.materials {
-            if matches!(material.alpha_mode, AlphaMode::Mask { .. }) {
-                material.alpha_mode = AlphaMode::Blend;
-            }
-        }
-    }
+    let sequence = read_sequence(&references.join(text("sequence")?))?;
+    add_bodies(&mut scene, &sequence);
     let camera = scene.cameras.first().ok_or("no camera")?.at(0.0);
     let traced = TracedScene::new(Arc::new(scene), Shading::Lambert)?;
-    let sequence = read_sequence(&references.join(text("sequence")?))?;
     let emitters = SceneEmitters::new(&traced);
     let lights = LightSet::new(&emitters, &sequence.lights, 0.0)?;
 
@@ -165,5 +162,67 @@ fn exposed(image: &FloatImage, reference: &FloatImage) -> FloatImage {
         width: image.width,
         height: image.height,
         pixels,
+    }
+}
+
+/// Gives rectangles and spheres of the sequence a black body, a hair behind the emitting surface: in the
+/// references' renderer they are things that block light, in relight they are light alone.
+fn add_bodies(scene: &mut Scene, sequence: &Sequence) {
+    let material = scene.materials.len() as u32;
+    scene.materials.push(Material {
+        base_color: Vec4::W,
+        metallic: 0.0,
+        ..Material::default()
+    });
+    for light in &sequence.lights {
+        let mut mesh = Mesh {
+            material,
+            ..Mesh::default()
+        };
+        match &light.kind {
+            LightKind::Rect {
+                center,
+                edge_u,
+                edge_v,
+                ..
+            } => {
+                let (u, v) = (edge_u.at(0.0), edge_v.at(0.0));
+                let behind = center.at(0.0) - u.cross(v).normalize() * (1e-4 * u.length());
+                let corner = |a: f32, b: f32| behind + u * a + v * b;
+                mesh.positions = vec![
+                    corner(-0.5, -0.5),
+                    corner(0.5, -0.5),
+                    corner(0.5, 0.5),
+                    corner(-0.5, 0.5),
+                ];
+                mesh.triangles = vec![[0, 1, 2], [0, 2, 3]];
+            }
+            LightKind::Sphere { center, radius, .. } => {
+                let (rows, columns) = (32u32, 64u32);
+                for i in 0..=rows {
+                    for k in 0..columns {
+                        let (theta, phi) = (
+                            std::f32::consts::PI * i as f32 / rows as f32,
+                            std::f32::consts::TAU * k as f32 / columns as f32,
+                        );
+                        let d = Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
+                        mesh.positions.push(center.at(0.0) + d * (radius.at(0.0) * 0.999));
+                    }
+                }
+                for i in 0..rows {
+                    for k in 0..columns {
+                        let [a, b] = [k, (k + 1) % columns].map(|k| i * columns + k);
+                        mesh.triangles
+                            .extend([[a, b, a + columns], [b, b + columns, a + columns]]);
+                    }
+                }
+            }
+            _ => continue,
+        }
+        scene.instances.push(Instance {
+            mesh: scene.meshes.len() as u32,
+            world_from_mesh: Affine3A::IDENTITY,
+        });
+        scene.meshes.push(mesh);
     }
 }

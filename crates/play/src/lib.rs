@@ -6,12 +6,15 @@
 #![forbid(unsafe_code)]
 
 pub mod brute;
+pub mod convert;
 mod direct;
 pub mod frame;
 pub mod layers;
 pub mod lighting;
+pub mod load;
 pub mod path;
 pub mod reconstruct;
 pub mod sampler;
 pub mod shot;
 pub mod transfer;
+pub mod views;

@@ -166,11 +166,11 @@ impl Tracer<'_> {
 
             let ray = ray_from(&hit, sample.wi);
             let next = self.scene.closest_hit(&ray);
-            let from = hit.position;
+            // From the ray's own origin, not the hit's: distances to lights and surfaces must compare.
             light_met(
                 self.scene,
                 self.lights,
-                from,
+                ray.origin,
                 sample.wi,
                 next.as_ref(),
                 |light, radiance, pdf| {

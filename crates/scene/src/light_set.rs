@@ -90,6 +90,10 @@ pub struct LightHit {
     pub pdf: f32,
 }
 
+/// A light that lies in a surface is in front of it: this much of the ray's length counts as lying in it, as
+/// much as [`crate::rays::shadow_ray_to_point`] stops short of a light.
+const TOUCHING: f64 = 1.0 / (1u32 << 17) as f64;
+
 /// Lights over time together with what can be prepared once for all frames.
 pub struct LightRig<'a> {
     tracks: &'a [LightTrack],
@@ -278,7 +282,9 @@ impl<'a> LightRig<'a> {
                 };
                 let one_minus_cos = 2.0 * (SUN_HALF_ANGLE / 2.0).sin().powi(2);
                 let sun = f64::from(luminance(sun_radiance)) * 2.0 * PI * one_minus_cos;
-                let chance = sun / (sun + f64::from(luminance(sampler.flux())));
+                // By irradiance the sun would take nearly every sample, and a place in its shade would see noise:
+                // a disc this small needs no more than half of them.
+                let chance = (sun / (sun + f64::from(luminance(sampler.flux())))).min(0.5);
                 Shape::SunSky {
                     sky: Environment {
                         map: Arc::new(sky),
@@ -536,14 +542,15 @@ impl<'a> LightSet<'a> {
     }
 
     /// Calls `visit` for every rectangle and sphere that a ray (unit `direction`, world space) meets before
-    /// `t_max`, and, where `t_max` is infinite, for every environment.
+    /// `t_max` or within rounding of it, and, where `t_max` is infinite, for every environment.
     pub fn along(&self, origin: Vec3, direction: Vec3, t_max: f32, mut visit: impl FnMut(LightHit)) {
         let (from, d) = (origin.as_dvec3(), direction.as_dvec3());
+        let reach = f64::from(t_max) * (1.0 + TOUCHING);
         for (light, Light { shape, .. }) in self.lights.iter().enumerate() {
             match shape {
                 Shape::Rect { rect, radiance } => {
                     if let Some(t) = rect.hit(from, d)
-                        && t < f64::from(t_max)
+                        && t < reach
                     {
                         let pdf = rect.pdf(from, from + t * d) as f32;
                         visit(LightHit {
@@ -555,7 +562,7 @@ impl<'a> LightSet<'a> {
                 }
                 Shape::Sphere { sphere, radiance } => {
                     if let Some(t) = sphere.hit(from, d)
-                        && t < f64::from(t_max)
+                        && t < reach
                     {
                         visit(LightHit {
                             light,

@@ -2,7 +2,8 @@
 //!
 //! World-space triangles are numbered instance by instance, in the order of [`Scene::instances`] and of each
 //! mesh's triangles. Their vertices are those of the ray caster, everything else stays with the mesh: beyond the
-//! ray caster and the scene itself a triangle costs 4 bytes.
+//! ray caster and the scene itself a triangle costs 4 bytes. With the ray caster, the million
+//! triangles of metal_rough_spheres.glb took 132 bytes each (resident memory after minus before).
 //!
 //! A negative determinant of an instance's transform swaps vertices 1 and 2 of every triangle, so that a
 //! triangle's front is always where its vertices run counter-clockwise in world space.

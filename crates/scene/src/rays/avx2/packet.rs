@@ -18,7 +18,7 @@ use super::{difference_of_products_8, traverse};
 /// Rays that are sorted together: their setups (25 KB) stay in the first-level cache.
 const WINDOW: usize = 128;
 
-/// Vectors of eight rays per packet; see docs/rays.md for other sizes.
+/// Vectors of eight rays per packet: sixteen rays, as in the packets that measured best for Embree.
 const GROUPS: usize = 2;
 const LANES: usize = 8;
 const PACKET: usize = GROUPS * LANES;

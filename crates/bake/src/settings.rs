@@ -1,0 +1,101 @@
+//! Checks of a bake's parameters, and their names and values for provenance.
+
+use crate::error::BakeError;
+use crate::params::BakeParams;
+
+/// Most receiver levels: radii halve from level to level, and 2¹² is already finer than any pixel.
+const MOST_LEVELS: usize = 12;
+
+/// Checks that every parameter is in its range.
+///
+/// # Errors
+/// [`BakeError::Parameter`] with the option's name.
+pub fn validate(params: &BakeParams) -> Result<(), BakeError> {
+    let check = |holds: bool, name, found: String, expected| {
+        if holds {
+            Ok(())
+        } else {
+            Err(BakeError::Parameter {
+                name,
+                found,
+                expected,
+            })
+        }
+    };
+    let positive = |x: f32| x.is_finite() && x > 0.0;
+    let BakeParams {
+        levels,
+        sender_levels,
+        coarse_radius,
+        epsilon,
+        rays,
+        ref viewpoints,
+        ..
+    } = *params;
+    check(
+        (1..=MOST_LEVELS).contains(&levels),
+        "--levels",
+        levels.to_string(),
+        "a number from 1 to 12",
+    )?;
+    check(
+        (1..=levels).contains(&sender_levels),
+        "--sender-levels",
+        sender_levels.to_string(),
+        "a number from 1 to that of --levels",
+    )?;
+    let radius = coarse_radius.unwrap_or(1.0);
+    check(
+        positive(radius),
+        "--coarse-radius",
+        radius.to_string(),
+        "a length above 0, in metres",
+    )?;
+    check(
+        positive(epsilon),
+        "--epsilon",
+        epsilon.to_string(),
+        "a number above 0",
+    )?;
+    check(rays >= 2, "rays per receiver", rays.to_string(), "at least 2")?;
+    check(params.bounces != Some(0), "--bounces", "0".into(), "at least 1")?;
+    match viewpoints.iter().find(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(v) => check(false, "--viewpoint", v.to_string(), "finite coordinates"),
+    }
+}
+
+/// Names and values in the order of the command line's help.
+pub fn settings(params: &BakeParams) -> Vec<(String, String)> {
+    let automatic = |value: Option<String>| value.unwrap_or_else(|| "automatic".into());
+    let viewpoints: Vec<String> = params
+        .viewpoints
+        .iter()
+        .map(|v| format!("{},{},{}", v.x, v.y, v.z))
+        .collect();
+    [
+        ("levels", params.levels.to_string()),
+        ("sender_levels", params.sender_levels.to_string()),
+        (
+            "coarse_radius",
+            automatic(params.coarse_radius.map(|r| r.to_string())),
+        ),
+        ("epsilon", params.epsilon.to_string()),
+        ("rays", params.rays.to_string()),
+        (
+            "bounces",
+            params.bounces.map_or("converged".into(), |n| n.to_string()),
+        ),
+        (
+            "viewpoints",
+            if viewpoints.is_empty() {
+                "automatic".into()
+            } else {
+                viewpoints.join(" ")
+            },
+        ),
+    ]
+    .into_iter()
+    .map(|(name, value)| (name.to_owned(), value))
+    .collect()
+}

@@ -1,0 +1,278 @@
+//! `relight bake`: scene in, asset out.
+
+use crate::console::{BakeProgress, Console};
+use crate::failure::{Failure, Outcome};
+use crate::inspect;
+use crate::output::{self, SCHEMA};
+use crate::signals;
+use crate::words;
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+use glam::Vec3;
+use relight_bake::error::BakeError;
+use relight_bake::params::{BakeParams, Preset};
+use relight_bake::{BakeStats, bake};
+use relight_format as format;
+use relight_scene::gltf::{ImportOptions, LightUnits, import};
+use relight_scene::image::write_atomically;
+use relight_scene::scene::Scene;
+use relight_scene::sequence::{Sequence, read_sequence};
+use relight_scene::traced::Shading;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Turn a glTF scene into an asset that can be relit.
+///
+/// Spreads a hierarchy of points over the surfaces that light can carry to the viewer, finds how strongly they
+/// light each other, and writes geometry, materials, points and links into one file. Times and memory go into
+/// ASSET.relight.log.json beside it.
+#[derive(Args)]
+#[command(after_help = "\
+The JSON of --json: points (per level, coarsest first), links, potential_links, rays, seconds (per stage, total,
+ray_tracing: thread-seconds in rays / threads), bytes (per section raw and stored, total), peak_memory_bytes,
+left_out (what, why, saved_bytes).")]
+pub struct BakeArgs {
+    /// Scene to bake: .glb or .gltf.
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// Asset to write; an existing one is replaced when the new one is complete.
+    #[arg(short, long, value_name = "ASSET.relight")]
+    pub output: PathBuf,
+    /// Quality: draft (seconds, to try lights and cameras), standard, or fine (half the standard error, several
+    /// times the bake). The options below win over it.
+    #[arg(long, value_enum, default_value_t = PresetName::Standard)]
+    pub preset: PresetName,
+    /// Keep only what this lighting sequence can use. Without it the asset keeps what any light could use.
+    #[arg(long, value_name = "SEQ.json")]
+    pub lights: Option<PathBuf>,
+    /// Receiver levels, 1 to 12: each halves the distance of the points of the one before [standard: 6].
+    #[arg(long, value_name = "N")]
+    pub levels: Option<usize>,
+    /// Sender levels: so many of the coarsest levels send light [standard: 3].
+    #[arg(long, value_name = "N")]
+    pub sender_levels: Option<usize>,
+    /// Distance of the points of the coarsest level, metres [default: from the scene].
+    #[arg(long, value_name = "R")]
+    pub coarse_radius: Option<f32>,
+    /// Links below this strength (reflectance times link) are left out [standard: 0.025].
+    #[arg(long, value_name = "E")]
+    pub epsilon: Option<f32>,
+    /// Bounces of indirect light [default: to convergence].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub bounces: Option<u32>,
+    /// A place from which the scene is looked at: surfaces that light cannot carry to it get no points. May be
+    /// given several times [default: the scene's cameras, or a place in open space].
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
+    pub viewpoint: Vec<Vec3>,
+    /// Treat every material as Lambert with its base colour, for comparison with other renderers: metallic,
+    /// roughness and normal maps are ignored, emission and alpha are kept.
+    #[arg(long)]
+    pub lambert: bool,
+    /// How the exporter wrote light intensities: spec (candela and lux, as KHR_lights_punctual has them),
+    /// unitless (W/sr), or raw (watts).
+    #[arg(long, value_enum, default_value_t = Units::Spec)]
+    pub light_units: Units,
+    /// Print one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Names of presets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PresetName {
+    /// Seconds instead of tens of seconds.
+    Draft,
+    /// The default.
+    Standard,
+    /// Half the standard error or less.
+    Fine,
+}
+
+/// Names of [`LightUnits`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Units {
+    /// Candela and lux.
+    Spec,
+    /// W/sr and W/m².
+    Unitless,
+    /// Watts and W/m².
+    Raw,
+}
+
+fn parse_point(text: &str) -> Result<Vec3, String> {
+    let numbers: Option<Vec<f32>> = text
+        .split(',')
+        .map(|part| part.trim().parse().ok().filter(|x: &f32| x.is_finite()))
+        .collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) => Ok(Vec3::new(x, y, z)),
+        _ => Err("expected three numbers with commas between them, such as 1.5,2,-3".into()),
+    }
+}
+
+/// The parameters that the options make.
+pub fn params(args: &BakeArgs, seed: u64) -> Result<BakeParams, Failure> {
+    let mut params = BakeParams::preset(match args.preset {
+        PresetName::Draft => Preset::Draft,
+        PresetName::Standard => Preset::Standard,
+        PresetName::Fine => Preset::Fine,
+    });
+    params.levels = args.levels.unwrap_or(params.levels);
+    params.sender_levels = args
+        .sender_levels
+        .unwrap_or(params.sender_levels.min(params.levels));
+    params.coarse_radius = args.coarse_radius;
+    params.epsilon = args.epsilon.unwrap_or(params.epsilon);
+    params.bounces = args.bounces;
+    params.viewpoints = args.viewpoint.clone();
+    params.seed = seed;
+    relight_bake::settings::validate(&params).map_err(|error| Failure::Usage(error.to_string()))?;
+    Ok(params)
+}
+
+/// Runs the command.
+pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Failure> {
+    let params = params(args, seed)?;
+    output::prepare_output(&args.output)?;
+    let start = Instant::now();
+    console.begin("Reading the scene", None);
+    let lights = args.lights.as_deref().map(read_sequence).transpose()?;
+    let (scene, source_hash) = read_scene(&args.scene, args.light_units)?;
+    signals::go_on()?;
+    let import_seconds = start.elapsed().as_secs_f64();
+    let shading = if args.lambert {
+        Shading::Lambert
+    } else {
+        Shading::Full
+    };
+    let job = Job {
+        params: &params,
+        shading,
+        lights: lights.as_ref(),
+        source_hash,
+    };
+    let result = run_job(&job, scene, &args.output, import_seconds, console)?;
+    console.close();
+    console.note(format!("{}\n\n{}", result.text, result.saved));
+    if args.json {
+        output::print_json(&result.json)?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// Reads a scene and the hash of its file.
+///
+/// # Errors
+/// The file cannot be read or is no scene that can be baked.
+pub fn read_scene(path: &Path, units: Units) -> Result<(Arc<Scene>, u64), Failure> {
+    let options = ImportOptions {
+        light_units: match units {
+            Units::Spec => LightUnits::Spec,
+            Units::Unitless => LightUnits::Unitless,
+            Units::Raw => LightUnits::Raw,
+        },
+    };
+    let scene = import(path, &options)?;
+    let bytes = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    Ok((Arc::new(scene), format::content_hash(&bytes)))
+}
+
+/// A bake, settled.
+pub struct Job<'a> {
+    /// Parameters.
+    pub params: &'a BakeParams,
+    /// How materials are evaluated.
+    pub shading: Shading,
+    /// The only sequence that will be played, if given.
+    pub lights: Option<&'a Sequence>,
+    /// Identifies the scene.
+    pub source_hash: u64,
+}
+
+/// What a bake tells.
+pub struct JobResult {
+    /// The fixed summary.
+    pub text: String,
+    /// One line on what was written.
+    pub saved: String,
+    /// The JSON of the command.
+    pub json: Value,
+}
+
+/// Bakes, writes the asset and its log.
+pub fn run_job(
+    job: &Job,
+    scene: Arc<Scene>,
+    target: &Path,
+    import_seconds: f64,
+    console: &Console,
+) -> Result<JobResult, Failure> {
+    let start = Instant::now();
+    let baked = bake(
+        scene,
+        job.shading,
+        job.params,
+        job.lights,
+        job.source_hash,
+        &BakeProgress(console),
+    )
+    .map_err(|error| match error {
+        BakeError::Stopped => signals::failure(),
+        other => other.into(),
+    })?;
+    signals::go_on()?;
+    console.begin("Writing the asset", None);
+    let encode = Instant::now();
+    format::write_file(target, &baked.asset)?;
+    let mut stats = baked.stats;
+    stats.seconds.push(("encode", encode.elapsed().as_secs_f64()));
+    if let Some(load) = stats.seconds.first_mut() {
+        load.1 += import_seconds;
+    }
+    let total = import_seconds + start.elapsed().as_secs_f64();
+    let log = log_json(&stats, total);
+    let mut json = inspect::asset_json(target, &baked.asset)?;
+    merge(&mut json, &log);
+    json["command"] = "bake".into();
+    let log_path = log_path(target);
+    write_atomically(&log_path, format!("{log:#}\n").as_bytes())?;
+    console.close();
+    let text = inspect::describe(&json);
+    let size = json["bytes"]["total"].as_u64().unwrap_or(0);
+    let saved = format!("Wrote {} ({}).", target.display(), words::bytes(size));
+    Ok(JobResult { text, saved, json })
+}
+
+/// Name of the log beside an asset.
+pub fn log_path(asset: &Path) -> PathBuf {
+    let mut name = asset.as_os_str().to_owned();
+    name.push(".log.json");
+    name.into()
+}
+
+/// What varies from run to run.
+fn log_json(stats: &BakeStats, total: f64) -> Value {
+    let mut seconds = serde_json::Map::new();
+    for &(stage, value) in &stats.seconds {
+        seconds.insert(stage.into(), value.into());
+    }
+    seconds.insert("total".into(), total.into());
+    seconds.insert("ray_tracing".into(), stats.ray_tracing_seconds.into());
+    json!({
+        "schema": SCHEMA,
+        "seconds": seconds,
+        "peak_memory_bytes": output::peak_memory_bytes(),
+        "threads": stats.threads,
+    })
+}
+
+/// Adds the fields of `more` to `object`.
+pub fn merge(object: &mut Value, more: &Value) {
+    if let (Some(object), Some(more)) = (object.as_object_mut(), more.as_object()) {
+        for (key, value) in more {
+            object.insert(key.clone(), value.clone());
+        }
+    }
+}

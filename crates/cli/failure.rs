@@ -1,0 +1,61 @@
+//! How a command ends.
+
+use std::process::ExitCode;
+
+/// A command that ran to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// All is well: exit code 0.
+    Done,
+    /// A comparison fell short of what was asked: exit code 3. The command has said so.
+    FellShort,
+}
+
+/// A command that could not run to its end.
+#[derive(Debug)]
+pub enum Failure {
+    /// Bad input, or the system refused: exit code 1.
+    Failed(anyhow::Error),
+    /// The command line asks for something that makes no sense: exit code 2.
+    Usage(String),
+    /// A signal asked to stop: exit code 128 + its number.
+    Stopped(i32),
+}
+
+impl<E: Into<anyhow::Error>> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Failure::Failed(error.into())
+    }
+}
+
+impl Failure {
+    /// One paragraph on stderr.
+    pub fn print(&self) {
+        match self {
+            Failure::Failed(error) => {
+                // Library errors carry their causes in their own words: only what was added in front is shown
+                // beside the last of them.
+                let mut text = String::new();
+                for cause in error.chain() {
+                    let cause = cause.to_string();
+                    if !text.contains(&cause) {
+                        text += if text.is_empty() { "" } else { ": " };
+                        text += &cause;
+                    }
+                }
+                eprintln!("relight: error: {text}");
+            }
+            Failure::Usage(message) => eprintln!("relight: error: {message}\nFor more, try --help."),
+            Failure::Stopped(_) => eprintln!("relight: stopped; nothing half-finished was left behind"),
+        }
+    }
+
+    /// The process's exit code.
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Failure::Failed(_) => ExitCode::from(1),
+            Failure::Usage(_) => ExitCode::from(2),
+            Failure::Stopped(signal) => ExitCode::from(128 + *signal as u8),
+        }
+    }
+}

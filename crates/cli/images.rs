@@ -1,0 +1,101 @@
+//! `relight inspect --images`: pictures of the levels.
+//!
+//! As figure 3 of Lehtinen et al. 2008: every surface place in the colour of the level's point that weighs most
+//! there, the points themselves as dark dots; black is where no function of the level reaches.
+
+use crate::failure::Failure;
+use anyhow::{Context, anyhow};
+use glam::Vec3;
+use rayon::prelude::*;
+use relight_format::Asset;
+use relight_play::load::load;
+use relight_play::shot::expose;
+use relight_scene::image::{FloatImage, preview::display_encoded, write_png};
+use relight_transport::basis::Level;
+use relight_transport::random::mix;
+use std::path::{Path, PathBuf};
+
+/// Height of the pictures, and primary rays per pixel.
+const HEIGHT: usize = 540;
+const RAYS: u32 = 4;
+/// Radius of a point's dot in disk radii: dots of neighbours stay well apart.
+const DOT: f32 = 0.12;
+/// Brightness of surfaces that are seen edge-on, so that shapes show.
+const EDGE: f32 = 0.35;
+
+/// Draws every level as `level_N.png` from the scene's first camera; returns the files.
+pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let loaded = load(path, false)?;
+    let camera = loaded.scene.cameras.first().ok_or_else(|| {
+        anyhow!(
+            "{}: the scene has no camera to draw the levels from",
+            path.display()
+        )
+    })?;
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    let aspect = camera
+        .aspect
+        .filter(|a| a.is_finite() && *a > 0.0)
+        .unwrap_or(16.0 / 9.0);
+    let width = ((HEIGHT as f32 * aspect).round() as usize).clamp(1, 16 * HEIGHT);
+    let shot = expose(&loaded.player.scene, &camera.at(0.0), width, HEIGHT, RAYS);
+    let mut files = Vec::new();
+    for (number, level) in asset.points.iter().enumerate() {
+        let vectors = |values: &[[f32; 3]]| values.iter().copied().map(Vec3::from).collect::<Vec<_>>();
+        let basis = Level::new(
+            vectors(&level.positions),
+            vectors(&level.normals),
+            level.disk_radius,
+            level.support_radius,
+        );
+        let colors: Vec<Vec3> = (0..shot.len())
+            .into_par_iter()
+            .map(|f| {
+                let Some(hit) = &shot.hits[f] else {
+                    return Vec3::ONE;
+                };
+                let facing = EDGE + (1.0 - EDGE) * hit.normal.dot(shot.directions[f]).abs();
+                strongest(&basis, hit.position, hit.normal).map_or(Vec3::ZERO, |point| {
+                    let distance = basis.positions[point as usize].distance(hit.position);
+                    let dot = if distance < DOT * basis.disk_radius {
+                        0.15
+                    } else {
+                        1.0
+                    };
+                    color(point) * facing * dot
+                })
+            })
+            .collect();
+        let pixels = shot.resolve(&colors).iter().map(Vec3::to_array).collect();
+        let file = folder.join(format!("level_{number}.png"));
+        write_png(
+            &file,
+            &display_encoded(&FloatImage {
+                width,
+                height: HEIGHT,
+                pixels,
+            }),
+        )?;
+        files.push(file);
+    }
+    Ok(files)
+}
+
+fn strongest(level: &Level, position: Vec3, normal: Vec3) -> Option<u32> {
+    let mut best = None;
+    let mut most = 0.0;
+    level.weights_at(position, normal, |point, weight| {
+        if weight > most {
+            (most, best) = (weight, Some(point));
+        }
+    });
+    best
+}
+
+/// A colour of its own for every point, none of them dark.
+fn color(point: u32) -> Vec3 {
+    let bits = mix(u64::from(point) + 1);
+    let part = |shift: u32| 0.15 + 0.85 * f32::from((bits >> shift) as u8) / 255.0;
+    Vec3::new(part(0), part(8), part(16))
+}

@@ -1,0 +1,70 @@
+//! Where results go: JSON on stdout, files beside their targets.
+
+use anyhow::{Context, Result};
+use serde_json::Value;
+use std::io::Write;
+use std::path::Path;
+
+/// Version of the JSON that commands print: raised when a field changes its meaning or goes.
+pub const SCHEMA: u32 = 1;
+
+/// Prints one JSON object on stdout. A reader that has gone away is no failure of ours.
+///
+/// # Errors
+/// stdout cannot be written, as on a full disk.
+pub fn print_json(value: &Value) -> Result<()> {
+    print_text(&format!("{value:#}\n"))
+}
+
+/// Prints text on stdout, as [`print_json`].
+///
+/// # Errors
+/// As [`print_json`].
+pub fn print_text(text: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(error).context("cannot write to standard output")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Makes the folder of an output and checks that files can be made in it, so that nobody waits for a result
+/// that cannot be kept.
+///
+/// # Errors
+/// The folder cannot be made or written; `path` is a folder.
+pub fn prepare_output(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        anyhow::bail!("{}: is a folder; give the name of a file", path.display());
+    }
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    std::fs::create_dir_all(folder).with_context(|| {
+        format!(
+            "{}: cannot make its folder; check the path and its permissions",
+            path.display()
+        )
+    })?;
+    tempfile::Builder::new()
+        .prefix(".relight-")
+        .tempfile_in(folder)
+        .with_context(|| {
+            format!(
+                "{}: cannot write into its folder; check permissions and free space",
+                path.display()
+            )
+        })?;
+    Ok(())
+}
+
+/// Most memory that this process has used so far, bytes; `None` where the system does not say.
+pub fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024)
+}

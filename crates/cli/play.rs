@@ -1,0 +1,554 @@
+//! `relight play`: asset and lights in, frames out.
+
+use crate::console::Console;
+use crate::failure::{Failure, Outcome};
+use crate::frames::{self, FrameRange, Pattern};
+use crate::output::{self, SCHEMA};
+use crate::signals;
+use crate::words;
+use clap::{Args, ValueEnum};
+use glam::Vec3;
+use relight_play::brute::{self, BruteSettings};
+use relight_play::frame::{FrameTimes, LightingSettings, Lit};
+use relight_play::layers::{RenderSize, Watch};
+use relight_play::load::{Loaded, check_kept, load};
+use relight_play::path::{self, PathSettings};
+use relight_play::shot::{Shot, expose};
+use relight_play::views;
+use relight_scene::camera::{Camera, CameraTrack};
+use relight_scene::image::preview::tone_mapped;
+use relight_scene::image::{BEAUTY, ExrHeader, Layers, write_exr, write_png};
+use relight_scene::light_set::{LightRig, LightSet, SceneEmitters};
+use relight_scene::scene::Scene;
+use relight_scene::sequence::{Sequence, SequenceCamera, read_sequence};
+use serde_json::{Map, Value, json};
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Relight an asset for a sequence of lights and write OpenEXR frames.
+///
+/// beauty = emission (light seen directly) + direct (one reflection) + indirect (two and more). Each frame is
+/// written as soon as it is done, complete or not at all.
+#[derive(Args)]
+#[command(after_help = "\
+The JSON of --json: frames, an array of {frame, total, direct_points, bounces, transfer, flatten, direct_pixels,
+reconstruct, resolve, write} in milliseconds (brute and path: {frame, total, render, write}); once_per_shot, what
+is done once: load, expose, weigh (with a moving camera expose and weigh are in the frames).")]
+pub struct PlayArgs {
+    /// Asset to play.
+    #[arg(value_name = "ASSET.relight")]
+    pub asset: PathBuf,
+    /// Lighting sequence; without it the scene's own lights play.
+    #[arg(long, value_name = "SEQ.json")]
+    pub lights: Option<PathBuf>,
+    /// Frames to write: #### or %04d stands for the frame number.
+    #[arg(short, long, value_name = "out/frame_####.exr", value_parser = frames::parse_pattern)]
+    pub output: Pattern,
+    /// How to make light: transfer (the asset's operators), brute (every light with its own shadow rays; direct
+    /// light only), path (a path tracer, the reference), or auto (transfer if the asset has points, else path).
+    #[arg(long, value_enum, default_value_t = Integrator::Auto)]
+    pub integrator: Integrator,
+    /// Size of the image in pixels; keeps the camera's vertical field of view [default: 360 high, of the camera's
+    /// aspect ratio].
+    #[arg(long, value_name = "WxH", value_parser = frames::parse_size)]
+    pub size: Option<(usize, usize)>,
+    /// Camera of the scene by name [default: the sequence's, else the scene's first].
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+    /// Frames to play, from 0, both ends included, every Nth [default: all of the sequence].
+    #[arg(long, value_name = "A-BxN", value_parser = frames::parse_range)]
+    pub frames: Option<FrameRange>,
+    /// Layers to write, with commas between them; lights stands for one layer per light, light.NAME.
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [LayerName::Beauty, LayerName::Direct, LayerName::Indirect])]
+    pub layers: Vec<LayerName>,
+    /// Write a PNG preview of the beauty beside each frame (Khronos PBR Neutral).
+    #[arg(long)]
+    pub png: bool,
+    /// Exposure of the previews: 2^EV times the image.
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_hyphen_values = true)]
+    pub exposure: f32,
+    /// Write 32-bit floats instead of half precision.
+    #[arg(long)]
+    pub float: bool,
+    /// Samples per pixel [default: transfer 4, brute 16, path 64].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    pub spp: Option<u32>,
+    /// Most reflections of a path (path only) [default: no limit].
+    #[arg(long, value_name = "N")]
+    pub max_bounces: Option<u32>,
+    /// Print one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Ways to make light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Integrator {
+    /// Transfer if the asset has points, else path.
+    Auto,
+    /// The asset's operators.
+    Transfer,
+    /// Every light with its own shadow rays.
+    Brute,
+    /// The path tracer.
+    Path,
+}
+
+/// Layers that can be asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LayerName {
+    /// Emission + direct + indirect.
+    Beauty,
+    /// Light seen directly.
+    Emission,
+    /// One reflection.
+    Direct,
+    /// Two reflections and more.
+    Indirect,
+    /// Total reflectance of what is seen.
+    Albedo,
+    /// Shading normal, world space.
+    Normal,
+    /// Distance from the camera, metres.
+    Depth,
+    /// One layer per light.
+    Lights,
+}
+
+impl LayerName {
+    fn name(self) -> &'static str {
+        match self {
+            LayerName::Beauty => BEAUTY,
+            LayerName::Emission => "emission",
+            LayerName::Direct => "direct",
+            LayerName::Indirect => "indirect",
+            LayerName::Albedo => "albedo",
+            LayerName::Normal => "normal",
+            LayerName::Depth => "depth",
+            LayerName::Lights => "light.",
+        }
+    }
+}
+
+/// Shadow rays for each light with extent: at a pixel's fragments and at the points. A sender averages some
+/// hundreds of points, a pixel nothing.
+const PIXEL_LIGHT_SAMPLES: u32 = 8;
+const POINT_LIGHT_SAMPLES: u32 = 4;
+/// Primary rays per pixel of the transfer integrator: silhouettes and textures look antialiased from four on.
+const TRANSFER_SPP: u32 = 4;
+/// Height of an image where nobody says another.
+const DEFAULT_HEIGHT: usize = 360;
+/// Aspect ratio where neither user nor camera says another.
+const DEFAULT_ASPECT: f32 = 16.0 / 9.0;
+
+/// Runs the command.
+pub fn run(args: &PlayArgs, seed: u64, console: &Console) -> Result<Outcome, Failure> {
+    let json = play(args, seed, console, |_, _| {})?;
+    if args.json {
+        output::print_json(&json)?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// Plays; `seen(frame, layers)` gets every frame before it is written. Returns the JSON of the command.
+pub fn play(
+    args: &PlayArgs,
+    seed: u64,
+    console: &Console,
+    mut seen: impl FnMut(u32, &Layers),
+) -> Result<Value, Failure> {
+    if !args.exposure.is_finite() {
+        return Err(Failure::Usage("--exposure must be a finite number".into()));
+    }
+    let start = Instant::now();
+    console.begin("Reading the asset", None);
+    let given = args.lights.as_deref().map(read_sequence).transpose()?;
+    let with_transfer = matches!(args.integrator, Integrator::Auto | Integrator::Transfer);
+    let loaded = load(&args.asset, with_transfer)?;
+    signals::go_on()?;
+    check_kept(&loaded, given.as_ref())?;
+    let sequence = given.as_ref().unwrap_or(&loaded.scene.sequence);
+    let integrator = integrator(args, &loaded)?;
+    let track = camera(args, &loaded.scene, sequence)?;
+    let (width, height) = args.size.unwrap_or_else(|| default_size(&track));
+    let range = frame_range(args, sequence)?;
+    let emitters = SceneEmitters::new(&loaded.player.scene);
+    let rig = LightRig::new(&emitters, &sequence.lights)?;
+    for frame in range.iter().take(1) {
+        output::prepare_output(&args.output.file(frame))?;
+    }
+    let load_ms = milliseconds(start);
+
+    let mut session = Session {
+        args,
+        loaded: &loaded,
+        integrator,
+        seed,
+        width,
+        height,
+        shot: None,
+        fixed: track.is_fixed(),
+        once: Map::from_iter([("load".to_owned(), json!(load_ms))]),
+        apart_ms: 0.0,
+    };
+    let total = range.iter().count();
+    console.begin("Lighting frames", Some(total as u64));
+    let mut times = Vec::new();
+    let mut warnings = BTreeSet::new();
+    for (done, frame) in range.iter().enumerate() {
+        signals::go_on()?;
+        let start = Instant::now();
+        let (all, mut frame_times) =
+            session.render(&rig.at(frame.into()), &track.at(frame.into()), console)?;
+        signals::go_on()?;
+        seen(frame, &all);
+        let write = Instant::now();
+        let header = ExrHeader {
+            asset_hash: Some(format!("{:016x}", loaded.hash)),
+            seed: Some(seed),
+            frames_per_second: Some(sequence.fps),
+            frame: Some(frame),
+            ..ExrHeader::new()
+        };
+        let file = args.output.file(frame);
+        for warning in write_exr(&file, &chosen(&all, &args.layers), &header, args.float)? {
+            warnings.insert(warning.to_string());
+        }
+        if args.png {
+            let beauty = all.rgb(BEAUTY).unwrap_or_default();
+            write_png(&file.with_extension("png"), &tone_mapped(&beauty, args.exposure))?;
+        }
+        frame_times.insert("write".into(), milliseconds(write).into());
+        let total_ms = milliseconds(start) - std::mem::take(&mut session.apart_ms);
+        frame_times.insert("total".into(), total_ms.into());
+        frame_times.insert("frame".into(), frame.into());
+        console.advance_to(done as u64 + 1);
+        console.detail(format!("{}: {total_ms:.1} ms", file.display()));
+        times.push(Value::Object(frame_times));
+    }
+    console.close();
+    for warning in warnings {
+        console.note(format!("warning: {warning}"));
+    }
+    console.note(summary(&times, integrator, args, range));
+    Ok(json!({
+        "schema": SCHEMA,
+        "command": "play",
+        "asset": args.asset.display().to_string(),
+        "asset_hash": format!("{:016x}", loaded.hash),
+        "integrator": integrator.to_possible_value().map(|v| v.get_name().to_owned()),
+        "width": width,
+        "height": height,
+        "threads": rayon::current_num_threads(),
+        "fixed_camera": session.fixed,
+        "once_per_shot": session.once,
+        "frames": times,
+    }))
+}
+
+fn milliseconds(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
+
+fn summary(times: &[Value], integrator: Integrator, args: &PlayArgs, range: FrameRange) -> String {
+    let mut totals: Vec<f64> = times.iter().filter_map(|t| t["total"].as_f64()).collect();
+    totals.sort_by(f64::total_cmp);
+    let median = totals.get(totals.len() / 2).copied().unwrap_or(0.0);
+    let name = integrator
+        .to_possible_value()
+        .map_or_else(String::new, |v| v.get_name().to_owned());
+    let last = args
+        .output
+        .file(range.first + (range.last - range.first) / range.step * range.step);
+    format!(
+        "Wrote {} with {name}, {median:.1} ms each (median), up to {}.",
+        words::plural(times.len(), "frame"),
+        last.display()
+    )
+}
+
+fn integrator(args: &PlayArgs, loaded: &Loaded) -> Result<Integrator, Failure> {
+    let has_points = loaded.player.transfer.is_some();
+    let integrator = match args.integrator {
+        Integrator::Auto if has_points => Integrator::Transfer,
+        Integrator::Auto => Integrator::Path,
+        Integrator::Transfer if !has_points => {
+            return Err(anyhow::anyhow!(
+                "{}: holds no points, so there is nothing to transfer; use --integrator path",
+                args.asset.display()
+            )
+            .into());
+        }
+        other => other,
+    };
+    if args.max_bounces.is_some() && integrator != Integrator::Path {
+        return Err(Failure::Usage(
+            "--max-bounces belongs to --integrator path; what an asset holds is chosen by bake --bounces"
+                .into(),
+        ));
+    }
+    Ok(integrator)
+}
+
+fn camera(args: &PlayArgs, scene: &Scene, sequence: &Sequence) -> Result<CameraTrack, Failure> {
+    let named = |name: &str, whence: &str| {
+        scene
+            .cameras
+            .iter()
+            .find(|track| track.name == name)
+            .cloned()
+            .ok_or_else(|| {
+                let known: Vec<String> = scene.cameras.iter().map(|c| format!("{:?}", c.name)).collect();
+                let known = if known.is_empty() {
+                    "it has none".into()
+                } else {
+                    format!("it has {}", known.join(", "))
+                };
+                anyhow::anyhow!(
+                    "{}: no camera is named {name:?}, as {whence} asks; {known}",
+                    args.asset.display()
+                )
+            })
+    };
+    if let Some(name) = &args.camera {
+        return Ok(named(name, "--camera")?);
+    }
+    match &sequence.camera {
+        Some(SequenceCamera::Node(name)) => return Ok(named(name, "the lighting sequence")?),
+        Some(SequenceCamera::Own(track)) => return Ok(track.clone()),
+        None => {}
+    }
+    scene.cameras.first().cloned().ok_or_else(|| {
+        Failure::Failed(anyhow::anyhow!(
+            "{}: the scene has no camera; give the lighting sequence one: \
+             \"camera\": {{\"position\": [x,y,z], \"look_at\": [x,y,z], \"up\": [0,1,0], \"vfov_deg\": 50}}",
+            args.asset.display()
+        ))
+    })
+}
+
+fn default_size(track: &CameraTrack) -> (usize, usize) {
+    let aspect = track
+        .aspect
+        .filter(|a| a.is_finite() && *a > 0.0)
+        .unwrap_or(DEFAULT_ASPECT);
+    let width = (DEFAULT_HEIGHT as f32 * aspect).round().clamp(1.0, 16384.0);
+    (width as usize, DEFAULT_HEIGHT)
+}
+
+fn frame_range(args: &PlayArgs, sequence: &Sequence) -> Result<FrameRange, Failure> {
+    let end = sequence.frames.max(1) - 1;
+    let range = args.frames.unwrap_or(FrameRange {
+        first: 0,
+        last: end,
+        step: 1,
+    });
+    if range.last > end {
+        return Err(Failure::Usage(format!(
+            "--frames goes up to {}, but the sequence has {} (0 to {end})",
+            range.last,
+            words::plural(sequence.frames as usize, "frame")
+        )));
+    }
+    if range.iter().nth(1).is_some() && !args.output.has_number() {
+        return Err(Failure::Usage(
+            "several frames would be written to one file: put #### into the name of --output, or choose one with \
+             --frames"
+                .into(),
+        ));
+    }
+    Ok(range)
+}
+
+/// The asked-for layers, in the order of the request.
+fn chosen(all: &Layers, wanted: &[LayerName]) -> Layers {
+    let mut out = Layers::new(all.width, all.height);
+    for want in wanted {
+        for layer in &all.layers {
+            let fits = match want {
+                LayerName::Lights => layer.name.starts_with(want.name()),
+                _ => layer.name == want.name(),
+            };
+            if fits && out.layer(&layer.name).is_none() {
+                out.layers.push(layer.clone());
+            }
+        }
+    }
+    out
+}
+
+/// What lasts from frame to frame.
+struct Session<'a> {
+    args: &'a PlayArgs,
+    loaded: &'a Loaded,
+    integrator: Integrator,
+    seed: u64,
+    width: usize,
+    height: usize,
+    shot: Option<Shot>,
+    fixed: bool,
+    once: Map<String, Value>,
+    /// Milliseconds of the frame at hand that count as done once per shot.
+    apart_ms: f64,
+}
+
+type Rendered = (Layers, Map<String, Value>);
+
+impl Session<'_> {
+    fn render(&mut self, lights: &LightSet, camera: &Camera, console: &Console) -> Result<Rendered, Failure> {
+        match self.integrator {
+            Integrator::Transfer | Integrator::Auto => self.transfer(lights, camera, console),
+            Integrator::Brute | Integrator::Path => self.reference(lights, camera),
+        }
+    }
+
+    fn wants(&self, layer: LayerName) -> bool {
+        self.args.layers.contains(&layer)
+    }
+
+    fn reference(&self, lights: &LightSet, camera: &Camera) -> Result<Rendered, Failure> {
+        let start = Instant::now();
+        let size = RenderSize {
+            width: self.width,
+            height: self.height,
+        };
+        let watch = Watch {
+            cancel: signals::stop_flag(),
+            progress: &|_, _| {},
+        };
+        let scene = &self.loaded.player.scene;
+        let light_layers = self.wants(LayerName::Lights);
+        let seed = self.seed;
+        let layers = if self.integrator == Integrator::Brute {
+            let defaults = BruteSettings::default();
+            let spp = self.args.spp.unwrap_or(defaults.spp);
+            let settings = BruteSettings {
+                spp,
+                seed,
+                light_layers,
+                ..defaults
+            };
+            brute::render(scene, lights, camera, size, &settings, &watch)
+        } else {
+            let spp = self.args.spp.unwrap_or(PathSettings::default().spp);
+            let settings = PathSettings {
+                spp,
+                max_bounces: self.args.max_bounces,
+                seed,
+                light_layers,
+            };
+            path::render(scene, lights, camera, size, &settings, &watch)
+        };
+        let layers = layers.map_err(|_| signals::failure())?;
+        Ok((
+            layers,
+            Map::from_iter([("render".to_owned(), milliseconds(start).into())]),
+        ))
+    }
+
+    fn transfer(
+        &mut self,
+        lights: &LightSet,
+        camera: &Camera,
+        console: &Console,
+    ) -> Result<Rendered, Failure> {
+        let player = &self.loaded.player;
+        let mut times = Map::new();
+        if self.shot.is_none() || !self.fixed {
+            let start = Instant::now();
+            let spp = self.args.spp.unwrap_or(TRANSFER_SPP);
+            let mut shot = expose(&player.scene, camera, self.width, self.height, spp);
+            let exposed = milliseconds(start);
+            let start = Instant::now();
+            if let Some(transfer) = &player.transfer {
+                shot.weigh(&transfer.finest);
+            }
+            let weighed = milliseconds(start);
+            let keep = if self.fixed {
+                self.apart_ms = exposed + weighed;
+                &mut self.once
+            } else {
+                &mut times
+            };
+            keep.insert("expose".into(), exposed.into());
+            keep.insert("weigh".into(), weighed.into());
+            let uncovered = shot.uncovered();
+            if uncovered > 0 {
+                console.detail(format!(
+                    "{} of {} fragments have no point near them and get no indirect light",
+                    words::count(uncovered as u64),
+                    words::count(shot.len() as u64)
+                ));
+            }
+            self.shot = Some(shot);
+        }
+        let Some(shot) = &self.shot else {
+            unreachable!("made above")
+        };
+        let settings = LightingSettings {
+            pixel_samples: PIXEL_LIGHT_SAMPLES,
+            point_samples: POINT_LIGHT_SAMPLES,
+            seed: self.seed,
+            per_light: self.wants(LayerName::Lights),
+        };
+        let (lit, frame) = player.light(shot, lights, &settings);
+        let start = Instant::now();
+        let layers = self.resolved(shot, &lit);
+        let resolve = milliseconds(start);
+        let FrameTimes {
+            direct_points,
+            bounces,
+            transfer,
+            flatten,
+            direct_pixels,
+            reconstruct,
+        } = frame;
+        for (name, value) in [
+            ("direct_points", direct_points),
+            ("bounces", bounces),
+            ("transfer", transfer),
+            ("flatten", flatten),
+            ("direct_pixels", direct_pixels),
+            ("reconstruct", reconstruct),
+            ("resolve", resolve),
+        ] {
+            times.insert(name.into(), value.into());
+        }
+        Ok((layers, times))
+    }
+
+    /// Pixels from fragments. Indirect light is clamped at zero here, where all of it is summed; light layers
+    /// are not, so that they add up.
+    fn resolved(&self, shot: &Shot, lit: &Lit) -> Layers {
+        let mut layers = Layers::new(shot.width, shot.height);
+        let mut push = |name: &str, pixels: &[Vec3]| {
+            let pixels: Vec<[f32; 3]> = pixels.iter().map(Vec3::to_array).collect();
+            layers.push_rgb(name, &pixels);
+        };
+        let emission = shot.resolve(&lit.emission);
+        let direct = shot.resolve(&lit.direct);
+        let mut indirect = shot.resolve(&lit.indirect);
+        indirect.iter_mut().for_each(|v| *v = v.max(Vec3::ZERO));
+        let beauty: Vec<Vec3> = (0..indirect.len())
+            .map(|i| emission[i] + direct[i] + indirect[i])
+            .collect();
+        push(BEAUTY, &beauty);
+        push("emission", &emission);
+        push("direct", &direct);
+        push("indirect", &indirect);
+        for (name, fragments) in &lit.lights {
+            push(&format!("light.{name}"), &shot.resolve(fragments));
+        }
+        if self.wants(LayerName::Albedo) {
+            push("albedo", &views::albedo(shot));
+        }
+        if self.wants(LayerName::Normal) {
+            push("normal", &views::normals(shot));
+        }
+        if self.wants(LayerName::Depth) {
+            layers.push_scalar("depth", &views::depth(shot));
+        }
+        layers
+    }
+}

@@ -1,0 +1,92 @@
+//! From the asset's arrays back to the scene's types: the counterpart of `relight_bake::convert`.
+
+use glam::{Affine2, Affine3A, Mat2, Mat3A, Vec2, Vec3, Vec3A, Vec4};
+use relight_format as format;
+use relight_scene::material::{AlphaMode, Material, Texture, TextureUse, Wrap};
+use relight_scene::scene::{Instance, Mesh};
+
+/// Meshes, in the asset's order. Takes the arrays over where their layout allows.
+pub fn meshes(meshes: Vec<format::Mesh>) -> Vec<Mesh> {
+    meshes.into_iter().map(mesh).collect()
+}
+
+fn mesh(mesh: format::Mesh) -> Mesh {
+    let vectors = |values: Vec<[f32; 3]>| values.into_iter().map(Vec3::from).collect();
+    let four = |values: Vec<[f32; 4]>| values.into_iter().map(Vec4::from).collect();
+    Mesh {
+        positions: vectors(mesh.positions),
+        normals: mesh.normals.map(vectors).unwrap_or_default(),
+        tangents: mesh.tangents.map(four).unwrap_or_default(),
+        uvs: mesh
+            .uvs
+            .into_iter()
+            .map(|set| set.into_iter().map(Vec2::from).collect())
+            .collect(),
+        colors: mesh.colors.map(four).unwrap_or_default(),
+        triangles: mesh.triangles,
+        material: mesh.material,
+    }
+}
+
+/// A placed mesh.
+pub fn instance(instance: &format::Instance) -> Instance {
+    let m = &instance.world_from_mesh;
+    let column = |i: usize| Vec3A::new(m[i], m[4 + i], m[8 + i]);
+    Instance {
+        mesh: instance.mesh,
+        world_from_mesh: Affine3A {
+            matrix3: Mat3A::from_cols(column(0), column(1), column(2)),
+            translation: column(3),
+        },
+    }
+}
+
+/// A material.
+pub fn material(material: format::Material) -> Material {
+    Material {
+        base_color: material.base_color.into(),
+        base_color_texture: material.base_color_texture.map(texture_use),
+        metallic: material.metallic,
+        roughness: material.roughness,
+        metallic_roughness_texture: material.metallic_roughness_texture.map(texture_use),
+        normal_texture: material.normal_texture.map(texture_use),
+        normal_scale: material.normal_scale,
+        emission: material.emissive.into(),
+        emission_texture: material.emissive_texture.map(texture_use),
+        alpha_mode: match material.alpha_mode {
+            format::AlphaMode::Opaque => AlphaMode::Opaque,
+            format::AlphaMode::Mask(cutoff) => AlphaMode::Mask { cutoff },
+            format::AlphaMode::Blend => AlphaMode::Blend,
+        },
+        double_sided: material.double_sided,
+        unlit: material.unlit,
+        name: material.name,
+    }
+}
+
+fn texture_use(usage: format::TextureRef) -> TextureUse {
+    let [a, b, tx, c, d, ty] = usage.transform;
+    TextureUse {
+        texture: usage.texture,
+        uv_set: usage.uv_set.into(),
+        texture_from_mesh: Affine2 {
+            matrix2: Mat2::from_cols(Vec2::new(a, c), Vec2::new(b, d)),
+            translation: Vec2::new(tx, ty),
+        },
+    }
+}
+
+/// A texture; the asset keeps no names, so it is called by its number.
+pub fn texture((index, texture): (usize, format::Texture)) -> Texture {
+    let wrap = |wrap| match wrap {
+        format::Wrap::Repeat => Wrap::Repeat,
+        format::Wrap::MirroredRepeat => Wrap::Mirror,
+        format::Wrap::ClampToEdge => Wrap::Clamp,
+    };
+    Texture {
+        name: format!("texture {index}"),
+        encoded: texture.bytes,
+        wrap: [wrap(texture.wrap_u), wrap(texture.wrap_v)],
+        nearest: texture.filter == format::Filter::Nearest,
+    }
+}

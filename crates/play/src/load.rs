@@ -1,0 +1,298 @@
+//! An asset, ready to be lit.
+
+use crate::convert;
+use crate::frame::Player;
+use crate::transfer::Transfer;
+use glam::Vec3;
+use relight_format::{self as format, Asset, FormatError, Limits, Provenance};
+use relight_scene::light::LightKind;
+use relight_scene::scene::Scene;
+use relight_scene::sequence::{Sequence, SequenceError, stage_from_json};
+use relight_scene::traced::{Shading, TracedScene, TracedSceneError};
+use relight_transport::basis::Level;
+use relight_transport::links::Links;
+use relight_transport::sparse::Rows;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Why an asset cannot be played.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// The file cannot be read, is damaged, or needs a newer relight.
+    #[error("{}: {source}", file.display())]
+    Format {
+        /// The asset.
+        file: PathBuf,
+        /// What is wrong.
+        source: FormatError,
+    },
+    /// Cameras and lights in it cannot be read.
+    #[error("{}: {source}; bake it again", file.display())]
+    Stage {
+        /// The asset.
+        file: PathBuf,
+        /// What is wrong.
+        source: SequenceError,
+    },
+    /// The scene in it contradicts itself or has a damaged texture.
+    #[error("{}: {source}; bake it again", file.display())]
+    Scene {
+        /// The asset.
+        file: PathBuf,
+        /// What is wrong.
+        source: TracedSceneError,
+    },
+    /// Parts that belong together do not fit.
+    #[error("{}: {message}; bake it again", file.display())]
+    Mismatch {
+        /// The asset.
+        file: PathBuf,
+        /// What does not fit.
+        message: String,
+    },
+}
+
+/// Why an asset cannot play a sequence: the bake left out what it needs.
+#[derive(Debug, thiserror::Error)]
+pub enum LeftOutError {
+    /// The scene's own lights were left out.
+    #[error(
+        "the scene's own lights were left out of this asset, because it was baked with --lights: give a sequence \
+         with --lights, or bake without --lights to keep them"
+    )]
+    OwnLights,
+    /// The scene has no lights.
+    #[error("the scene in this asset has no lights of its own: give a sequence with --lights")]
+    NoLights,
+    /// Emission of materials was left out.
+    #[error(
+        "light {0:?} lets materials shine, but their emission was left out of this asset, because it was baked \
+         with --lights for a sequence without an `emissive` light: bake without --lights, or with this sequence"
+    )]
+    Emission(String),
+}
+
+/// An asset as a player sees it.
+pub struct Loaded {
+    /// Surfaces and operators.
+    pub player: Player,
+    /// The scene: cameras, own lights.
+    pub scene: Arc<Scene>,
+    /// Where the asset came from.
+    pub provenance: Provenance,
+    /// Identifies the file's content: the header's hash, which covers the table's checksum, which covers
+    /// those of all sections.
+    pub hash: u64,
+}
+
+/// Reads an asset and prepares it. With `with_transfer` false the operators are left alone, as the reference
+/// integrators need none.
+///
+/// # Errors
+/// [`LoadError`].
+pub fn load(path: &Path, with_transfer: bool) -> Result<Loaded, LoadError> {
+    let file = || path.to_path_buf();
+    let in_format = |source| LoadError::Format { file: file(), source };
+    let asset = format::read_file(path, &Limits::default()).map_err(in_format)?;
+    let hash = asset_hash(path).map_err(in_format)?;
+    let Asset {
+        provenance,
+        geometry,
+        materials,
+        textures,
+        stage,
+        points,
+        transfer,
+        bounce,
+        ..
+    } = asset;
+    let (cameras, sequence) = match stage.json.as_str() {
+        "" => Ok((
+            Vec::new(),
+            Sequence {
+                frames: 1,
+                fps: 24.0,
+                camera: None,
+                lights: Vec::new(),
+            },
+        )),
+        json => stage_from_json(json),
+    }
+    .map_err(|source| LoadError::Stage { file: file(), source })?;
+    let scene = Arc::new(Scene {
+        meshes: convert::meshes(geometry.meshes),
+        instances: geometry.instances.iter().map(convert::instance).collect(),
+        materials: materials.into_iter().map(convert::material).collect(),
+        textures: textures.into_iter().enumerate().map(convert::texture).collect(),
+        cameras,
+        sequence,
+        notes: Vec::new(),
+    });
+    let shading = if provenance.lambert {
+        Shading::Lambert
+    } else {
+        Shading::Full
+    };
+    let traced = TracedScene::new(scene.clone(), shading)
+        .map_err(|source| LoadError::Scene { file: file(), source })?;
+    let transfer = if with_transfer && !points.is_empty() {
+        let mismatch = |message| LoadError::Mismatch {
+            file: file(),
+            message,
+        };
+        Some(operators(&provenance, points, transfer, bounce).map_err(mismatch)?)
+    } else {
+        None
+    };
+    Ok(Loaded {
+        player: Player::new(traced, transfer),
+        scene,
+        provenance,
+        hash,
+    })
+}
+
+/// Hash that identifies the content of an asset's file, from its header alone.
+///
+/// # Errors
+/// [`FormatError::Io`].
+pub fn asset_hash(path: &Path) -> Result<u64, FormatError> {
+    let mut header = Vec::new();
+    std::fs::File::open(path)
+        .and_then(|file| file.take(format::layout::HEADER_BYTES).read_to_end(&mut header))
+        .map_err(|source| FormatError::Io {
+            action: "read",
+            path: path.to_path_buf(),
+            source,
+        })?;
+    Ok(format::content_hash(&header))
+}
+
+/// Value of a setting in provenance.
+pub fn setting<'a>(provenance: &'a Provenance, name: &str) -> Option<&'a str> {
+    provenance
+        .settings
+        .iter()
+        .find(|pair| pair.0 == name)
+        .map(|pair| pair.1.as_str())
+}
+
+fn number(provenance: &Provenance, name: &str) -> Result<usize, String> {
+    let found = setting(provenance, name).ok_or_else(|| format!("provenance has no setting {name}"))?;
+    found
+        .parse()
+        .map_err(|_| format!("setting {name} in provenance is {found:?}, not a number"))
+}
+
+fn operators(
+    provenance: &Provenance,
+    points: Vec<format::Level>,
+    transfer: Option<format::Links>,
+    bounce: Option<format::BounceLinks>,
+) -> Result<Transfer, String> {
+    let sender_levels = number(provenance, "sender_levels")?;
+    let bounce_level = number(provenance, "bounce_level")?;
+    let bounces = match setting(provenance, "bounces") {
+        None | Some("converged") => None,
+        Some(_) => Some(number(provenance, "bounces")? as u32),
+    };
+    if !(1..=points.len()).contains(&sender_levels) || bounce_level >= sender_levels {
+        return Err(format!(
+            "{sender_levels} sender levels and bounces on level {bounce_level} do not fit {} levels of points",
+            points.len()
+        ));
+    }
+    let count = |levels: &[format::Level]| levels.iter().map(|l| l.positions.len()).sum::<usize>();
+    let (receivers, senders) = (count(&points), count(&points[..sender_levels]));
+    let links = match transfer {
+        Some(links) => Links {
+            receivers: links.receivers,
+            senders: links.senders,
+            row_offsets: links.row_offsets,
+            columns: links.columns,
+            vectors: links.vectors.into_iter().map(Vec3::from).collect(),
+        },
+        None => Links {
+            receivers: receivers as u32,
+            senders: senders as u32,
+            row_offsets: vec![0; receivers + 1],
+            ..Links::default()
+        },
+    };
+    if (links.receivers as usize, links.senders as usize) != (receivers, senders) {
+        return Err(format!(
+            "T has {} receivers and {} senders where the points make {receivers} and {senders}",
+            links.receivers, links.senders
+        ));
+    }
+    let size = points[bounce_level].positions.len();
+    let bounce = match bounce {
+        Some(bounce) => Rows {
+            columns: bounce.rows,
+            offsets: bounce.row_offsets,
+            entries: bounce.columns.into_iter().zip(bounce.weights).collect(),
+        },
+        None => Rows {
+            columns: size as u32,
+            offsets: vec![0; size + 1],
+            entries: Vec::new(),
+        },
+    };
+    if bounce.rows() != size {
+        return Err(format!(
+            "the bounce operator has {} rows for {size} points of its level",
+            bounce.rows()
+        ));
+    }
+    let albedo = points
+        .last()
+        .map_or_else(Vec::new, |finest| vectors(&finest.albedo));
+    let levels = points
+        .iter()
+        .map(|l| {
+            Level::new(
+                vectors(&l.positions),
+                vectors(&l.normals),
+                l.disk_radius,
+                l.support_radius,
+            )
+        })
+        .collect();
+    Ok(Transfer::new(
+        levels,
+        sender_levels,
+        albedo,
+        &links,
+        bounce,
+        bounce_level,
+        bounces,
+    ))
+}
+
+fn vectors(values: &[[f32; 3]]) -> Vec<Vec3> {
+    values.iter().copied().map(Vec3::from).collect()
+}
+
+/// Checks that an asset has kept what a sequence needs; `None`: the scene's own lights.
+///
+/// # Errors
+/// [`LeftOutError`], naming the option that keeps it.
+pub fn check_kept(loaded: &Loaded, sequence: Option<&Sequence>) -> Result<(), LeftOutError> {
+    let left_out = |name| setting(&loaded.provenance, name) == Some("left out");
+    let Some(sequence) = sequence else {
+        return match () {
+            () if left_out("own_lights") => Err(LeftOutError::OwnLights),
+            () if loaded.scene.sequence.lights.is_empty() => Err(LeftOutError::NoLights),
+            () => Ok(()),
+        };
+    };
+    let emissive = sequence
+        .lights
+        .iter()
+        .find(|light| matches!(light.kind, LightKind::Emissive { .. }));
+    match emissive {
+        Some(light) if left_out("emission") => Err(LeftOutError::Emission(light.name.clone())),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,224 @@
+//! `relight bake`.
+
+use crate::stage::{SQUARE, TINY, cornell, data, folder, gltf, json, names, relight, sequence};
+use serde_json::Value;
+
+fn bake_json(scene: &std::path::Path, asset: &std::path::Path, more: &[&str]) -> Value {
+    let output = relight()
+        .arg("bake")
+        .arg(scene)
+        .arg("-o")
+        .arg(asset)
+        .args(more)
+        .arg("--json")
+        .assert()
+        .success()
+        .get_output()
+        .clone();
+    json(&output.stdout)
+}
+
+#[test]
+fn the_json_of_a_bake_holds_what_scripts_rely_on() {
+    let folder = folder();
+    let asset = folder.path().join("new/folder/a.relight");
+    let said = bake_json(&data("cornell.glb"), &asset, &TINY);
+    assert!(said["points"].as_array().unwrap().iter().all(Value::is_u64));
+    for key in ["links", "potential_links", "rays", "peak_memory_bytes"] {
+        assert!(said[key].is_u64(), "{key}: {}", said[key]);
+    }
+    let seconds = said["seconds"].as_object().unwrap();
+    for key in ["load", "points", "refine", "encode", "total", "ray_tracing"] {
+        assert!(seconds[key].as_f64().unwrap() >= 0.0, "{key}");
+    }
+    let stages: f64 = seconds
+        .iter()
+        .filter(|s| *s.0 != "total" && *s.0 != "ray_tracing")
+        .map(|s| s.1.as_f64().unwrap())
+        .sum();
+    let total = seconds["total"].as_f64().unwrap();
+    assert!(stages <= total && stages > 0.5 * total, "{stages} of {total}");
+    assert!(seconds["ray_tracing"].as_f64().unwrap() < total);
+    assert!(said["bytes"]["total"].is_u64() && said["bytes"]["points"]["stored"].is_u64());
+    assert_eq!(
+        names(asset.parent().unwrap()),
+        ["a.relight", "a.relight.log.json"]
+    );
+}
+
+#[test]
+fn an_asset_depends_on_scene_settings_and_seed_not_on_threads() {
+    let folder = folder();
+    let bytes = |name: &str, more: &[&str]| {
+        let asset = folder.path().join(name);
+        let options = [&TINY[..], more].concat();
+        relight()
+            .arg("bake")
+            .arg(data("cornell.glb"))
+            .arg("-o")
+            .arg(&asset)
+            .args(options)
+            .assert()
+            .success();
+        std::fs::read(asset).unwrap()
+    };
+    let one = bytes("one", &["--threads", "1"]);
+    assert!(
+        one == bytes("two", &["--threads", "2"]),
+        "one and two threads differ"
+    );
+    assert!(
+        one == bytes("three", &["--threads", "3"]),
+        "one and three threads differ"
+    );
+    assert!(one != bytes("seed", &["--seed", "1"]), "the seed changes nothing");
+    assert!(
+        one == std::fs::read(cornell()).unwrap(),
+        "the path of the output changes the asset"
+    );
+}
+
+#[test]
+fn given_lights_decide_what_is_left_out() {
+    let folder = folder();
+    let asset = folder.path().join("a.relight");
+    let lights = sequence(
+        folder.path(),
+        "l.json",
+        r#"{"relight_sequence": 1, "lights": [{"name": "p", "type": "point", "position": [0.3, 0.3, 0.1],
+            "intensity": [1, 1, 1]}]}"#,
+    );
+    let more = [&TINY[..], &["--lights", lights.to_str().unwrap()]].concat();
+    let said = bake_json(&data("cornell.glb"), &asset, &more);
+    let left_out: Vec<String> = said["left_out"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|l| l["what"].as_str().unwrap().to_owned())
+        .collect();
+    assert!(left_out.iter().any(|what| what.contains("light")), "{left_out:?}");
+    assert!(
+        left_out.iter().any(|what| what.contains("emission")),
+        "{left_out:?}"
+    );
+
+    // What was left out is asked for: an error that names the way out.
+    let frame = folder.path().join("f.exr");
+    let text = crate::stage::complaint(relight().arg("play").arg(&asset).arg("-o").arg(&frame), 1);
+    assert!(text.contains("--lights"), "{text}");
+    let emissive = sequence(
+        folder.path(),
+        "e.json",
+        r#"{"relight_sequence": 1, "lights": [{"name": "glow", "type": "emissive"}]}"#,
+    );
+    let text = crate::stage::complaint(
+        relight()
+            .arg("play")
+            .arg(&asset)
+            .arg("--lights")
+            .arg(emissive)
+            .arg("-o")
+            .arg(&frame),
+        1,
+    );
+    assert!(
+        text.contains("glow") && text.contains("bake without --lights"),
+        "{text}"
+    );
+}
+
+/// One flat square: nothing it reflects meets a surface again.
+#[test]
+fn a_scene_without_a_second_bounce_is_valid() {
+    let folder = folder();
+    let asset = folder.path().join("a.relight");
+    let said = bake_json(
+        &gltf(folder.path(), &SQUARE),
+        &asset,
+        &["--levels", "1", "--sender-levels", "1", "--coarse-radius", "0.2"],
+    );
+    assert_eq!(said["links"], 0);
+    assert!(said["bytes"].get("links_transfer").is_none());
+    assert!(
+        said["notes"].to_string().contains("no indirect light"),
+        "{}",
+        said["notes"]
+    );
+    let lights = sequence(
+        folder.path(),
+        "l.json",
+        r#"{"relight_sequence": 1, "lights": [{"name": "p", "type": "point", "position": [0, 0, 1], "intensity": [1, 1, 1]}]}"#,
+    );
+    let frame = folder.path().join("f.exr");
+    relight()
+        .arg("play")
+        .arg(&asset)
+        .arg("--lights")
+        .arg(lights)
+        .arg("-o")
+        .arg(&frame)
+        .args(["--size", "16x16"])
+        .assert()
+        .success();
+    let layers = relight_scene::image::read_exr(&frame, &Default::default()).unwrap();
+    assert!(layers.rgb("direct").unwrap().pixels.iter().any(|p| p[0] > 0.0));
+    assert!(
+        layers
+            .rgb("indirect")
+            .unwrap()
+            .pixels
+            .iter()
+            .all(|p| *p == [0.0; 3])
+    );
+}
+
+#[test]
+fn a_failed_bake_leaves_the_old_asset_alone() {
+    let folder = folder();
+    let asset = folder.path().join("a.relight");
+    std::fs::write(&asset, b"precious").unwrap();
+    relight()
+        .args(["bake", "no-such-scene.glb", "-o"])
+        .arg(&asset)
+        .assert()
+        .code(1);
+    assert_eq!(std::fs::read(&asset).unwrap(), b"precious");
+    assert_eq!(names(folder.path()), ["a.relight"]);
+}
+
+/// A file system of 64 KiB in a name space of its own; skipped, loudly, where the system allows none.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_an_error_that_leaves_nothing_behind() {
+    let folder = folder();
+    let script = format!(
+        "mount -t tmpfs -o size=64k none {dir:?} || exit 99; \
+         {program:?} bake {scene:?} -o {dir:?}/a.relight --levels 3 --sender-levels 2 --coarse-radius 0.1; \
+         code=$?; ls -A {dir:?}; exit $code",
+        dir = folder.path(),
+        program = env!("CARGO_BIN_EXE_relight"),
+        scene = data("cornell.glb"),
+    );
+    let output = std::process::Command::new("unshare")
+        .args(["-rm", "sh", "-c", &script])
+        .output();
+    let Some(output) = output
+        .ok()
+        .filter(|o| !matches!(o.status.code(), Some(99) | None))
+    else {
+        eprintln!("SKIPPED: this system lets the test mount no small file system");
+        return;
+    };
+    let text = String::from_utf8(output.stderr).unwrap();
+    if text.contains("unshare") {
+        eprintln!("SKIPPED: this system lets the test have no name space of its own ({text})");
+        return;
+    }
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert!(text.contains("a.relight"), "{text}");
+    assert_eq!(
+        String::from_utf8(output.stdout).unwrap(),
+        "",
+        "files were left behind"
+    );
+}

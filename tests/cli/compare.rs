@@ -1,0 +1,93 @@
+//! `relight compare`.
+
+use crate::stage::{complaint, folder, json, relight};
+use relight_scene::image::{ExrHeader, Layers, write_exr};
+use std::path::{Path, PathBuf};
+
+/// Writes an image of 8 × 8 equal pixels.
+fn flat(folder: &Path, name: &str, layer: &str, value: f32) -> PathBuf {
+    let mut layers = Layers::new(8, 8);
+    layers.push_rgb(layer, &[[value; 3]; 64]);
+    let path = folder.join(name);
+    write_exr(&path, &layers, &ExrHeader::new(), true).unwrap();
+    path
+}
+
+#[test]
+fn equal_images_are_equal() {
+    let folder = folder();
+    let a = flat(folder.path(), "a.exr", "beauty", 0.5);
+    let output = relight()
+        .arg("compare")
+        .args([&a, &a])
+        .args(["--json", "--max-relmse", "0"])
+        .assert()
+        .success()
+        .get_output()
+        .clone();
+    let said = json(&output.stdout);
+    assert_eq!(said["layers"]["beauty"]["relmse"], 0.0);
+    assert_eq!(said["layers"]["beauty"]["psnr_db"], serde_json::Value::Null);
+    assert_eq!(said["passed"], true);
+}
+
+/// 1.1 against 1: a squared difference of 0.01 relative to 1 + 0.01 · 1, and a bias of 10 %.
+#[test]
+fn errors_are_what_their_formulas_say_and_bounds_are_kept() {
+    let folder = folder();
+    let a = flat(folder.path(), "a.exr", "beauty", 1.1);
+    let b = flat(folder.path(), "b.exr", "beauty", 1.0);
+    let run = |more: &[&str]| relight().arg("compare").args([&a, &b]).args(more).assert();
+    let said = json(&run(&["--json"]).success().get_output().stdout.clone());
+    let relmse = said["layers"]["beauty"]["relmse"].as_f64().unwrap();
+    // 1.1 in f32 is off by 2e-8.
+    assert!((relmse - 0.01 / 1.01).abs() < 1e-6, "{relmse}");
+    assert!((said["layers"]["beauty"]["bias"].as_f64().unwrap() - 0.1).abs() < 1e-6);
+    run(&["--max-relmse", "0.0100"]).success();
+    let said = json(
+        &run(&["--max-relmse", "0.0098", "--json"])
+            .code(3)
+            .get_output()
+            .stdout
+            .clone(),
+    );
+    assert_eq!(said["passed"], false);
+    run(&["--max-relmse", "-1"]).code(2);
+}
+
+#[test]
+fn layers_are_compared_by_name_or_with_the_only_one() {
+    let folder = folder();
+    let a = flat(folder.path(), "a.exr", "indirect", 1.0);
+    let b = flat(folder.path(), "b.exr", "beauty", 1.0);
+    let text = complaint(relight().arg("compare").args([&a, &b]), 1);
+    assert!(
+        text.contains("indirect") && text.contains("beauty") && text.contains("--layer"),
+        "{text}"
+    );
+    relight()
+        .arg("compare")
+        .args([&a, &b])
+        .args(["--layer", "indirect", "--max-relmse", "0"])
+        .assert()
+        .success();
+    let text = complaint(
+        relight()
+            .arg("compare")
+            .args([&a, &b])
+            .args(["--layer", "direct"]),
+        1,
+    );
+    assert!(text.contains("direct"), "{text}");
+}
+
+#[test]
+fn sizes_must_agree() {
+    let folder = folder();
+    let a = flat(folder.path(), "a.exr", "beauty", 1.0);
+    let mut layers = Layers::new(4, 4);
+    layers.push_rgb("beauty", &[[1.0; 3]; 16]);
+    let b = folder.path().join("b.exr");
+    write_exr(&b, &layers, &ExrHeader::new(), true).unwrap();
+    complaint(relight().arg("compare").args([&a, &b]), 1);
+}

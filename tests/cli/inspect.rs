@@ -1,0 +1,101 @@
+//! `relight inspect`.
+
+use crate::stage::{complaint, cornell, folder, json, relight};
+
+#[test]
+fn what_inspect_says_agrees_with_what_bake_said() {
+    let output = relight()
+        .arg("inspect")
+        .arg(cornell())
+        .arg("--json")
+        .assert()
+        .success()
+        .get_output()
+        .clone();
+    let said = json(&output.stdout);
+    let points = said["points"].as_array().unwrap();
+    assert_eq!(points.len(), 2);
+    // Radii halve, so counts grow about fourfold on surfaces.
+    let [coarse, fine] = [0, 1].map(|i| points[i].as_u64().unwrap());
+    assert!(fine > 2 * coarse && fine < 8 * coarse, "{coarse}, {fine}");
+    let receivers = coarse + fine;
+    assert_eq!(said["potential_links"], receivers * coarse);
+    let links = said["links"].as_u64().unwrap();
+    assert!(links > 0 && links <= receivers * coarse);
+    let bytes = said["bytes"].as_object().unwrap();
+    assert_eq!(bytes["total"], std::fs::metadata(cornell()).unwrap().len());
+    let stored: u64 = bytes.values().filter_map(|s| s["stored"].as_u64()).sum();
+    assert!(stored < bytes["total"].as_u64().unwrap());
+    assert!(bytes["links_transfer"]["raw"].as_u64().unwrap() > 0);
+    assert!(
+        said["seconds"]["total"].as_f64().unwrap() > 0.0,
+        "the log lies beside the asset"
+    );
+    assert!(said["left_out"].is_array());
+    assert!(said["rays"].as_u64().unwrap() > 0);
+}
+
+#[test]
+fn without_its_log_an_asset_has_no_times() {
+    let folder = folder();
+    let alone = folder.path().join("alone.relight");
+    std::fs::copy(cornell(), &alone).unwrap();
+    let output = relight()
+        .arg("inspect")
+        .arg(&alone)
+        .arg("--json")
+        .assert()
+        .success()
+        .get_output()
+        .clone();
+    let said = json(&output.stdout);
+    assert!(said.get("seconds").is_none());
+    let output = relight()
+        .arg("inspect")
+        .arg(&alone)
+        .assert()
+        .success()
+        .get_output()
+        .clone();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        text.contains("links_transfer") && !text.contains("seconds"),
+        "{text}"
+    );
+}
+
+#[test]
+fn damage_anywhere_is_noticed() {
+    let whole = std::fs::read(cornell()).unwrap();
+    let folder = folder();
+    let broken = folder.path().join("broken.relight");
+    // Strict prefixes, and single flipped bits spread over the file.
+    let ends = [0, 1, 55, 56, whole.len() / 2, whole.len() - 1];
+    let mut cases: Vec<Vec<u8>> = ends.iter().map(|&end| whole[..end].to_vec()).collect();
+    for i in 0..16 {
+        let mut flipped = whole.clone();
+        flipped[i * (whole.len() - 1) / 15] ^= 1 << (i % 8);
+        cases.push(flipped);
+    }
+    for case in cases {
+        std::fs::write(&broken, &case).unwrap();
+        let text = complaint(relight().arg("inspect").arg(&broken).arg("--json"), 1);
+        assert!(text.contains("broken.relight"), "{text}");
+    }
+}
+
+#[test]
+fn every_level_can_be_drawn() {
+    let folder = folder();
+    let images = folder.path().join("images");
+    relight()
+        .arg("inspect")
+        .arg(cornell())
+        .arg("--images")
+        .arg(&images)
+        .assert()
+        .success();
+    assert_eq!(crate::stage::names(&images), ["level_0.png", "level_1.png"]);
+    let bytes = |name: &str| std::fs::read(images.join(name)).unwrap();
+    assert!(bytes("level_0.png") != bytes("level_1.png"));
+}

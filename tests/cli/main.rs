@@ -1,0 +1,13 @@
+//! The command line as a user runs it.
+//!
+//! Scenes are small and settings coarse, so that all of this takes seconds; how right the light is, other tests
+//! measure.
+
+mod bad_input;
+mod bake;
+mod compare;
+mod general;
+mod inspect;
+mod play;
+mod signals;
+mod stage;

@@ -1,0 +1,272 @@
+//! `relight play`.
+
+use crate::stage::{complaint, cornell, data, folder, json, names, relight, sequence};
+use assert_cmd::Command;
+use relight_scene::image::{FloatImage, Layers, read_exr};
+use std::path::Path;
+
+const SIZE: [&str; 2] = ["--size", "32x32"];
+
+fn play(output: &Path) -> Command {
+    let mut command = relight();
+    command
+        .arg("play")
+        .arg(cornell())
+        .arg("-o")
+        .arg(output)
+        .args(SIZE);
+    command
+}
+
+fn layers(path: &Path) -> Layers {
+    read_exr(path, &Default::default()).unwrap()
+}
+
+fn moving() -> std::path::PathBuf {
+    data("cornell_moving.lights.json")
+}
+
+#[test]
+fn frames_are_named_by_number_and_written_with_their_layers() {
+    let folder = folder();
+    let output = play(&folder.path().join("new/f_####.exr"))
+        .arg("--lights")
+        .arg(moving())
+        .args(["--frames", "2-8x3", "--png", "--json"])
+        .assert()
+        .success()
+        .get_output()
+        .clone();
+    let said = json(&output.stdout);
+    let frames = said["frames"].as_array().unwrap();
+    assert_eq!(
+        frames
+            .iter()
+            .map(|f| f["frame"].as_u64().unwrap())
+            .collect::<Vec<_>>(),
+        [2, 5, 8]
+    );
+    for key in [
+        "total",
+        "direct_points",
+        "transfer",
+        "flatten",
+        "direct_pixels",
+        "reconstruct",
+        "write",
+    ] {
+        assert!(frames.iter().all(|f| f[key].as_f64().unwrap() >= 0.0), "{key}");
+    }
+    // What is done once per shot is apart from the frames, the parts of a frame are within its total.
+    for key in ["load", "expose", "weigh"] {
+        assert!(said["once_per_shot"][key].as_f64().unwrap() > 0.0, "{key}");
+    }
+    for frame in frames {
+        let parts = frame
+            .as_object()
+            .unwrap()
+            .iter()
+            .filter(|p| *p.0 != "frame" && *p.0 != "total");
+        let sum: f64 = parts.map(|p| p.1.as_f64().unwrap()).sum();
+        let total = frame["total"].as_f64().unwrap();
+        assert!(sum <= total, "{sum} of {total}");
+    }
+    let files = names(&folder.path().join("new"));
+    assert_eq!(
+        files,
+        [
+            "f_0002.exr",
+            "f_0002.png",
+            "f_0005.exr",
+            "f_0005.png",
+            "f_0008.exr",
+            "f_0008.png"
+        ]
+    );
+    let read = layers(&folder.path().join("new/f_0005.exr"));
+    let mut found: Vec<&str> = read.layers.iter().map(|l| l.name.as_str()).collect();
+    found.sort_unstable();
+    assert_eq!(found, ["beauty", "direct", "indirect"]);
+    assert_eq!((read.width, read.height), (32, 32));
+}
+
+#[test]
+fn several_frames_need_a_place_for_their_number() {
+    let folder = folder();
+    let text = complaint(
+        play(&folder.path().join("f.exr")).arg("--lights").arg(moving()),
+        2,
+    );
+    assert!(text.contains("####"), "{text}");
+    let text = complaint(
+        play(&folder.path().join("f.exr"))
+            .arg("--lights")
+            .arg(moving())
+            .args(["--frames", "24"]),
+        2,
+    );
+    assert!(text.contains("24 frames"), "{text}");
+    play(&folder.path().join("f.exr"))
+        .arg("--lights")
+        .arg(moving())
+        .args(["--frames", "23"])
+        .assert()
+        .success();
+}
+
+/// Emission, direct and indirect light add up to the beauty exactly: it is stored as their sum.
+#[test]
+fn layers_add_up_and_every_integrator_writes_the_same_ones() {
+    let folder = folder();
+    for integrator in ["transfer", "brute", "path"] {
+        let frame = folder.path().join(format!("{integrator}.exr"));
+        play(&frame)
+            .args(["--integrator", integrator, "--spp", "4", "--float"])
+            .args([
+                "--layers",
+                "beauty,emission,direct,indirect,albedo,normal,depth,lights",
+            ])
+            .assert()
+            .success();
+        let read = layers(&frame);
+        let rgb = |name: &str| {
+            read.rgb(name)
+                .unwrap_or_else(|| panic!("{integrator} writes no {name}"))
+        };
+        let [beauty, emission, direct, indirect] = ["beauty", "emission", "direct", "indirect"].map(rgb);
+        for i in 0..beauty.pixels.len() {
+            for k in 0..3 {
+                let sum = emission.pixels[i][k] + direct.pixels[i][k] + indirect.pixels[i][k];
+                assert!(
+                    (sum - beauty.pixels[i][k]).abs() <= 1e-6 * sum.abs().max(1e-6),
+                    "{integrator}, pixel {i}"
+                );
+            }
+        }
+        assert_eq!(
+            indirect.pixels.iter().all(|p| *p == [0.0; 3]),
+            integrator == "brute"
+        );
+        // The box's own light is its emissive patch.
+        let light = read.layers.iter().find(|l| l.name.starts_with("light.")).unwrap();
+        assert!(light.data.iter().any(|v| *v > 0.0));
+        assert!(
+            rgb("albedo")
+                .pixels
+                .iter()
+                .flatten()
+                .all(|v| (0.0..=1.0).contains(v))
+        );
+        assert_eq!(read.layer("depth").unwrap().channels, 1);
+    }
+}
+
+fn one_light(folder: &Path, name: &str, lights: &[([f32; 3], f32)]) -> FloatImage {
+    let lights: Vec<String> = lights
+        .iter()
+        .enumerate()
+        .map(|(i, (position, watts))| {
+            format!(
+                r#"{{"name": "l{i}", "type": "point", "position": {position:?}, "intensity": [{watts}, {watts}, {watts}]}}"#
+            )
+        })
+        .collect();
+    let text = format!(r#"{{"relight_sequence": 1, "lights": [{}]}}"#, lights.join(","));
+    let lights = sequence(folder, "l.json", &text);
+    let frame = folder.join(format!("{name}.exr"));
+    play(&frame)
+        .arg("--lights")
+        .arg(lights)
+        .arg("--float")
+        .assert()
+        .success();
+    layers(&frame).rgb("beauty").unwrap()
+}
+
+/// Light adds up: a + 2b lit together is the sum of both alone. Tolerance: the bounce series is cut where its
+/// residual is below 0.01 (1 − ρ), 0.2 % of the brightest irradiance at the box's reflectance of 0.76, each of
+/// three times; point lights have no noise.
+#[test]
+fn light_is_linear() {
+    let folder = folder();
+    let (a, b) = (([0.2, 0.4, 0.1], 1.0), ([0.4, 0.2, 0.3], 1.0));
+    let left = one_light(folder.path(), "a", &[a]);
+    let right = one_light(folder.path(), "b", &[b]);
+    let both = one_light(folder.path(), "both", &[a, (b.0, 2.0)]);
+    let brightest = both.pixels.iter().flatten().fold(0.0f32, |m, v| m.max(*v));
+    for i in 0..both.pixels.len() {
+        for k in 0..3 {
+            let sum = left.pixels[i][k] + 2.0 * right.pixels[i][k];
+            let tolerance = 1e-3 * sum + 2e-3 * brightest.min(10.0 * sum);
+            assert!(
+                (both.pixels[i][k] - sum).abs() <= tolerance,
+                "pixel {i}: {} and {sum}",
+                both.pixels[i][k]
+            );
+        }
+    }
+    assert!(brightest > 0.0);
+}
+
+#[test]
+fn a_frame_depends_on_asset_lights_and_seed_not_on_threads() {
+    let folder = folder();
+    let bytes = |name: &str, more: &[&str]| {
+        let frame = folder.path().join(name);
+        play(&frame).args(more).assert().success();
+        std::fs::read(frame).unwrap()
+    };
+    for integrator in ["transfer", "brute", "path"] {
+        let run = |name: &str, more: &[&str]| {
+            bytes(
+                name,
+                &[&["--integrator", integrator, "--spp", "2"], more].concat(),
+            )
+        };
+        let one = run("one.exr", &["--threads", "1"]);
+        assert!(
+            one == run("two.exr", &["--threads", "2"]),
+            "{integrator}: one and two threads differ"
+        );
+        // The box's light has an extent, so its samples depend on the seed; the header holds it in any case.
+        assert!(
+            one != run("seed.exr", &["--seed", "1"]),
+            "{integrator}: the seed changes nothing"
+        );
+    }
+}
+
+#[test]
+fn limits_of_paths_belong_to_the_path_tracer() {
+    let folder = folder();
+    let text = complaint(play(&folder.path().join("f.exr")).args(["--max-bounces", "2"]), 2);
+    assert!(text.contains("bake --bounces"), "{text}");
+    let frame = folder.path().join("one.exr");
+    play(&frame)
+        .args(["--integrator", "path", "--spp", "1", "--max-bounces", "1"])
+        .assert()
+        .success();
+    assert!(
+        layers(&frame)
+            .rgb("indirect")
+            .unwrap()
+            .pixels
+            .iter()
+            .all(|p| *p == [0.0; 3])
+    );
+}
+
+#[test]
+fn without_a_size_the_image_is_360_high_and_keeps_the_camera_s_shape() {
+    let folder = folder();
+    let frame = folder.path().join("f.exr");
+    relight()
+        .arg("play")
+        .arg(cornell())
+        .arg("-o")
+        .arg(&frame)
+        .args(["--integrator", "brute", "--spp", "1"])
+        .assert()
+        .success();
+    assert_eq!(layers(&frame).height, 360);
+}

@@ -1,0 +1,134 @@
+//! What the tests share: the program, scenes, and a small asset that is baked once.
+
+use assert_cmd::Command;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use tempfile::TempDir;
+
+/// The program, quiet where nobody listens.
+pub fn relight() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_relight"))
+}
+
+/// A file of `data/`.
+pub fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("data").join(name)
+}
+
+/// Options that make a bake of the Cornell box (0.55 m) take a fraction of a second.
+pub const TINY: [&str; 6] = ["--levels", "2", "--sender-levels", "1", "--coarse-radius", "0.1"];
+
+/// A folder that the test owns.
+pub fn folder() -> TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+/// The Cornell box, baked once for all tests.
+pub fn cornell() -> &'static Path {
+    static ASSET: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
+    &ASSET
+        .get_or_init(|| {
+            let folder = folder();
+            let asset = folder.path().join("cornell.relight");
+            relight()
+                .arg("bake")
+                .arg(data("cornell.glb"))
+                .arg("-o")
+                .arg(&asset)
+                .args(TINY)
+                .assert()
+                .success();
+            (folder, asset)
+        })
+        .1
+}
+
+/// The one JSON object on stdout.
+pub fn json(stdout: &[u8]) -> Value {
+    let value: Value = serde_json::from_slice(stdout).expect("stdout is exactly one JSON value");
+    assert!(value.is_object());
+    assert_eq!(value["schema"], 1);
+    value
+}
+
+/// Runs a command that must fail with `code`, and returns what it said: one paragraph that begins with the
+/// program's name.
+pub fn complaint(command: &mut Command, code: i32) -> String {
+    let output = command.assert().code(code).get_output().clone();
+    let text = String::from_utf8(output.stderr).unwrap();
+    let message = text
+        .split("relight: error: ")
+        .nth(1)
+        .unwrap_or_else(|| panic!("no error in {text:?}"))
+        .trim();
+    assert!(!message.contains("\n\n"), "more than one paragraph: {message}");
+    assert!(!message.contains("panicked"), "{message}");
+    assert!(output.stdout.is_empty());
+    message.to_owned()
+}
+
+/// Names in a folder, sorted.
+pub fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+/// Writes a glTF of unindexed triangles with a camera at (0, 0, 3) that looks along −Z; returns its path.
+pub fn gltf(folder: &Path, vertices: &[[f32; 3]]) -> PathBuf {
+    let bytes: Vec<u8> = vertices
+        .as_flattened()
+        .iter()
+        .flat_map(|v| v.to_le_bytes())
+        .collect();
+    std::fs::write(folder.join("scene.bin"), &bytes).unwrap();
+    let finite = |pick: fn(f32, f32) -> f32, start: f32| -> Vec<f32> {
+        (0..3)
+            .map(|axis| {
+                vertices
+                    .iter()
+                    .map(|v| v[axis])
+                    .filter(|v| v.is_finite())
+                    .fold(start, pick)
+            })
+            .collect()
+    };
+    let document = serde_json::json!({
+        "asset": { "version": "2.0" },
+        "scene": 0,
+        "scenes": [{ "nodes": [0, 1] }],
+        "nodes": [{ "mesh": 0 }, { "name": "Front", "camera": 0, "translation": [0, 0, 3] }],
+        "cameras": [{ "type": "perspective", "perspective": { "yfov": 0.8, "znear": 0.1 } }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+        "buffers": [{ "uri": "scene.bin", "byteLength": bytes.len() }],
+        "bufferViews": [{ "buffer": 0, "byteLength": bytes.len() }],
+        "accessors": [{
+            "bufferView": 0, "componentType": 5126, "type": "VEC3", "count": vertices.len(),
+            "min": finite(f32::min, f32::MAX), "max": finite(f32::max, f32::MIN),
+        }],
+    });
+    let path = folder.join("scene.gltf");
+    std::fs::write(&path, document.to_string()).unwrap();
+    path
+}
+
+/// A square of 2 m around the origin that faces +Z.
+pub const SQUARE: [[f32; 3]; 6] = [
+    [-1.0, -1.0, 0.0],
+    [1.0, -1.0, 0.0],
+    [1.0, 1.0, 0.0],
+    [-1.0, -1.0, 0.0],
+    [1.0, 1.0, 0.0],
+    [-1.0, 1.0, 0.0],
+];
+
+/// Writes a lighting sequence; returns its path.
+pub fn sequence(folder: &Path, name: &str, text: &str) -> PathBuf {
+    let path = folder.join(name);
+    std::fs::write(&path, text).unwrap();
+    path
+}

@@ -1,0 +1,93 @@
+//! Which crate may use which: `cli` → `bake`, `play` → `scene`, `transport`, `format`; the last three use none
+//! of ours, and `play` never uses `bake`, nor the glTF importer.
+
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::process::Command;
+
+/// What each crate of the product may use of ours. Whoever adds a line here changes the architecture.
+const ALLOWED: [(&str, &[&str]); 6] = [
+    (
+        "relight",
+        &[
+            "relight-bake",
+            "relight-play",
+            "relight-scene",
+            "relight-transport",
+            "relight-format",
+        ],
+    ),
+    (
+        "relight-bake",
+        &["relight-scene", "relight-transport", "relight-format"],
+    ),
+    (
+        "relight-play",
+        &["relight-scene", "relight-transport", "relight-format"],
+    ),
+    ("relight-scene", &[]),
+    ("relight-transport", &[]),
+    ("relight-format", &[]),
+];
+
+fn metadata() -> Value {
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--no-deps", "--format-version", "1", "--offline"])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn dependencies(package: &Value) -> impl Iterator<Item = &Value> {
+    // Development dependencies reach no user.
+    package["dependencies"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|d| d["kind"] != "dev")
+}
+
+#[test]
+fn no_crate_uses_one_that_it_must_not_know() {
+    let metadata = metadata();
+    let mut seen = BTreeMap::new();
+    for package in metadata["packages"].as_array().unwrap() {
+        let ours: BTreeSet<&str> = dependencies(package)
+            .map(|d| d["name"].as_str().unwrap())
+            .filter(|name| *name == "relight" || name.starts_with("relight-"))
+            .collect();
+        seen.insert(package["name"].as_str().unwrap(), ours);
+    }
+    for (name, allowed) in ALLOWED {
+        let ours = seen
+            .get(name)
+            .unwrap_or_else(|| panic!("crate {name} is gone: mend this table"));
+        let forbidden: Vec<_> = ours.iter().filter(|d| !allowed.contains(d)).collect();
+        assert!(forbidden.is_empty(), "{name} must not depend on {forbidden:?}");
+    }
+}
+
+#[test]
+fn the_player_builds_without_an_importer() {
+    let metadata = metadata();
+    let packages = metadata["packages"].as_array().unwrap();
+    let package = |name: &str| packages.iter().find(|p| p["name"] == name).unwrap();
+    let scene = package("relight-scene");
+    assert_eq!(
+        scene["features"]["default"],
+        Value::Null,
+        "features of relight-scene must be off by default"
+    );
+    let used = dependencies(package("relight-play"))
+        .find(|d| d["name"] == "relight-scene")
+        .unwrap();
+    assert_eq!(used["features"], serde_json::json!([]));
+    let gltf = dependencies(scene).find(|d| d["name"] == "gltf").unwrap();
+    assert_eq!(gltf["optional"], true);
+}
