@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use relight_transport::sparse::Rows;
 
 /// Share of a row's sum that may be dropped as small entries; the rest is scaled up so that the sum stays.
-const DROPPED_SHARE: f32 = 0.02;
+const DROPPED_SHARE: f32 = 0.05;
 
 /// Averages the point rows of irradiance responses (`responses[p]`: (cluster, response)) over the clusters of
 /// the bounce level: `cluster_of_receiver[p]` says where point p belongs. Rows and columns of the result:

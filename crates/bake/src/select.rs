@@ -32,7 +32,7 @@ pub struct Thresholds {
 }
 
 /// Standard errors below which a link is noise.
-const STANDARD_ERRORS: f32 = 2.0;
+const STANDARD_ERRORS: f32 = 1.0;
 
 /// The links of a row to keep, by ascending sender. `row` holds equation 17: gathered minus reconstructed
 /// from the parents' stored links. `quantised` is what the file makes of a vector.

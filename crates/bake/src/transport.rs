@@ -81,7 +81,7 @@ pub fn transport(
         .iter()
         .flat_map(|l| l.points.iter().copied())
         .collect();
-    let bounce_level = std::env::var("BL").map_or(2, |v| v.parse().unwrap()).min(tree.levels() - 1);
+    let bounce_level = 1.min(tree.levels() - 1);
     let bounce_receivers = (bounce_level + 2).min(levels.len() - 1);
     let refinement = Refinement {
         surfaces,
@@ -181,5 +181,6 @@ fn sender_tree(surfaces: &dyn Surfaces, points: &PointLevels, params: &BakeParam
     let leaf_of_point = nearest_seeds(&finest, &seeds[sending - 1], spacing(sending - 1));
     let parents = (1..sending).map(|l| nearest_seeds(&seeds[l], &seeds[l - 1], spacing(l - 1))).collect();
     let counts: Vec<usize> = seeds.iter().map(Vec::len).collect();
-    SenderTree::new(&counts, leaf_of_point, parents)
+    let openness: Vec<f32> = finest.iter().map(Signed::openness).collect();
+    SenderTree::new(&counts, leaf_of_point, parents, &openness)
 }

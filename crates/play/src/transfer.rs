@@ -85,25 +85,6 @@ impl Transfer {
         }
     }
 
-    /// Diagnostic.
-    pub fn diagnose(&self) {
-        let sums: Vec<f32> = (0..self.bounce.rows()).map(|i| self.bounce.row(i).iter().map(|e| e.1).sum()).collect();
-        println!("  K row sums mean {} min {}", sums.iter().sum::<f32>() / sums.len() as f32, sums.iter().copied().fold(9.0, f32::min));
-        let c = self.senders.coefficients(&self.senders.pulled(&vec![Vec3::ONE; self.albedo.len()]));
-        let (mut v, _) = self.links.apply(&c);
-        let mean = |v: &[VectorIrradiance], l: usize| -> f32 {
-            let _ = l;
-            v.iter().map(|v| v.irradiance(Vec3::X).x.powi(2) + v.irradiance(Vec3::Y).x.powi(2) + v.irradiance(Vec3::Z).x.powi(2)).map(f32::sqrt).sum::<f32>() / v.len() as f32
-        };
-        println!("  level 0 |V| {}", mean(&v[self.ranges.range(0)], 0));
-        push(&mut v, &self.normals, &self.ranges, &self.fine_from_coarse);
-        for l in 0..self.ranges.levels() { println!("  level {l} |V| {}", mean(&v[self.ranges.range(l)], l)); }
-        let r = self.ranges.range(self.ranges.levels() - 1);
-        let e: Vec<f32> = v[r].iter().zip(&self.finest.normals).map(|(v, n)| v.irradiance(*n).x).collect();
-        println!("  finest n.V mean {} min {} max {}", e.iter().sum::<f32>() / e.len() as f32, e.iter().copied().fold(9.0, f32::min), e.iter().copied().fold(-9.0, f32::max));
-        println!("  albedo mean {}", self.albedo.iter().sum::<Vec3>() / self.albedo.len() as f32);
-    }
-
     /// Indirect vector irradiance at the finest points from direct irradiance there.
     pub fn indirect_from_direct(&self, direct: &[Vec3]) -> (Vec<VectorIrradiance>, TransferStats) {
         let start = Instant::now();

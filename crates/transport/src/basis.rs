@@ -108,7 +108,9 @@ impl Level {
                 best = (squared, entry.index);
             }
         });
-        if best.1 == u32::MAX {
+        let support_squared = self.support_radius * self.support_radius;
+        if best.0 > support_squared {
+            best = (f32::INFINITY, u32::MAX);
             self.grid.near(x, |entry| {
                 let squared = entry.position.distance_squared(x);
                 if (squared, entry.index) < best {
@@ -116,7 +118,7 @@ impl Level {
                 }
             });
         }
-        (best.0 <= self.support_radius * self.support_radius).then_some(best.1)
+        (best.0 <= support_squared).then_some(best.1)
     }
 
     /// As [`Level::functions_at`], but where no function covers the place, the nearest point within the support
