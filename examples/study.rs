@@ -137,9 +137,9 @@ fn main() {
         lit.transfer
     );
     if get("probe").is_some() {
-        use relight_transport::sampling::{DirectionSet, Frame};
-        use relight_scene::surface::ray_from;
         use relight_scene::rays::Ray;
+        use relight_scene::surface::ray_from;
+        use relight_transport::sampling::{DirectionSet, Frame};
         let transfer = player.transfer.as_ref().unwrap();
         let mut e = vec![Vec3::ZERO; player.points.len()];
         relight_play::lighting::irradiance_at(&player.scene, &lights, 0, &player.points, 1, 0, &mut e);
@@ -147,7 +147,8 @@ fn main() {
         let (values, _) = transfer.indirect_from_direct(&e);
         let pulled = transfer.senders.pulled(&b);
         let set = DirectionSet::uniform(512, &mut relight_transport::random::Stream::new(5, 5, 5));
-        let mut sums = [0.0f64; 5]; let mut more = [0.0f64; 2];
+        let mut sums = [0.0f64; 5];
+        let mut more = [0.0f64; 2];
         for f in (0..shot.len()).step_by(shot.len() / 400) {
             let Some(hit) = &shot.hits[f] else { continue };
             let frame = Frame::around(hit.geometric_normal);
@@ -156,41 +157,82 @@ fn main() {
                 let dir = frame.world_from_local(*d);
                 let w = d.z * 2.0 / 512.0 / set.full;
                 let ray: Ray = ray_from(hit, dir);
-                let Some(h) = player.scene.closest_hit(&ray) else { continue };
+                let Some(h) = player.scene.closest_hit(&ray) else {
+                    continue;
+                };
                 let mut exact = vec![Vec3::ZERO; 1];
-                relight_play::lighting::irradiance_at(&player.scene, &lights, 0, &[Some(h)], 1, 0, &mut exact);
+                relight_play::lighting::irradiance_at(
+                    &player.scene,
+                    &lights,
+                    0,
+                    &[Some(h)],
+                    1,
+                    0,
+                    &mut exact,
+                );
                 let rho = player.scene.albedo(&h);
                 est[0] += f64::from((exact[0] * rho).x * w);
                 if let Some(p) = transfer.finest.nearest(h.position, h.normal) {
                     est[1] += f64::from((e[p as usize] * rho).x * w);
                     est[2] += f64::from(b[p as usize].x * w);
-                    est[3] += f64::from(pulled[transfer.senders.levels() - 1][transfer.senders.leaf_of_point[p as usize] as usize].x * w);
+                    est[3] += f64::from(
+                        pulled[transfer.senders.levels() - 1]
+                            [transfer.senders.leaf_of_point[p as usize] as usize]
+                            .x
+                            * w,
+                    );
                 }
             }
             let mut v = relight_transport::pyramid::VectorIrradiance::default();
-            for &(j, w) in shot.weights.row(f) { v.add_carried(&values[j as usize], transfer.finest.normals[j as usize], hit.normal, w); }
+            for &(j, w) in shot.weights.row(f) {
+                v.add_carried(
+                    &values[j as usize],
+                    transfer.finest.normals[j as usize],
+                    hit.normal,
+                    w,
+                );
+            }
             est[4] = f64::from(v.irradiance(hit.normal).x);
             // The same gather at the points that the fragment reads.
-            let near: Vec<(u32, f32)> = transfer.finest.nearest(hit.position, hit.normal).map(|p| (p, 1.0)).into_iter().collect();
+            let near: Vec<(u32, f32)> = transfer
+                .finest
+                .nearest(hit.position, hit.normal)
+                .map(|p| (p, 1.0))
+                .into_iter()
+                .collect();
             let (mut at, mut vp) = (0.0f64, 0.0f64);
             for &(j, w) in near.iter() {
-                let Some(hp) = &player.points[j as usize] else { continue };
+                let Some(hp) = &player.points[j as usize] else {
+                    continue;
+                };
                 vp += f64::from(values[j as usize].irradiance(hp.normal).x * w);
                 let fp = Frame::around(hp.geometric_normal);
                 let mut sum = 0.0f64;
                 for d in set.directions.iter() {
                     let dir = fp.world_from_local(*d);
-                    let Some(h) = player.scene.closest_hit(&ray_from(hp, dir)) else { continue };
+                    let Some(h) = player.scene.closest_hit(&ray_from(hp, dir)) else {
+                        continue;
+                    };
                     if let Some(p) = transfer.finest.nearest(h.position, h.normal) {
-                        sum += f64::from(pulled[2][transfer.senders.leaf_of_point[p as usize] as usize].x * d.z * 2.0 / 512.0 / set.full);
+                        sum += f64::from(
+                            pulled[2][transfer.senders.leaf_of_point[p as usize] as usize].x * d.z * 2.0
+                                / 512.0
+                                / set.full,
+                        );
                     }
                 }
                 at += sum * f64::from(w);
             }
-            more[0] += at; more[1] += vp;
-            for i in 0..5 { sums[i] += est[i]; }
+            more[0] += at;
+            more[1] += vp;
+            for i in 0..5 {
+                sums[i] += est[i];
+            }
         }
-        println!("  probe exact {} nearest-E {} nearest-b {} cluster {} operator {} gather-at-points {more:?}", sums[0], sums[1], sums[2], sums[3], sums[4]);
+        println!(
+            "  probe exact {} nearest-E {} nearest-b {} cluster {} operator {} gather-at-points {more:?}",
+            sums[0], sums[1], sums[2], sums[3], sums[4]
+        );
     }
     let indirect = shot.resolve(&lit.indirect);
     compare(shared, name, "indirect", &meta, &indirect, size[0], size[1]);
@@ -209,17 +251,42 @@ fn main() {
     if let Some(depth) = get("path") {
         use relight_play::{layers, path};
         let cancel = std::sync::atomic::AtomicBool::new(false);
-        let watch = layers::Watch { cancel: &cancel, progress: &|_, _| {} };
-        let settings = path::PathSettings { spp: 32, max_bounces: depth.parse().ok(), seed: 0, light_layers: false };
-        let size = layers::RenderSize { width: size[0], height: size[1] };
-        let truth = path::render(&player.scene, &lights, &camera, size, &settings, &watch).unwrap_or_else(|_| panic!());
+        let watch = layers::Watch {
+            cancel: &cancel,
+            progress: &|_, _| {},
+        };
+        let settings = path::PathSettings {
+            spp: 32,
+            max_bounces: depth.parse().ok(),
+            seed: 0,
+            light_layers: false,
+        };
+        let size = layers::RenderSize {
+            width: size[0],
+            height: size[1],
+        };
+        let truth = path::render(&player.scene, &lights, &camera, size, &settings, &watch)
+            .unwrap_or_else(|_| panic!());
         let truth = truth.rgb("indirect").unwrap();
         let mean: f64 = truth.pixels.iter().map(|p| f64::from(p[0] + p[1] + p[2])).sum();
         let mine: f64 = indirect.iter().map(|p| f64::from(p.x + p.y + p.z)).sum();
-        println!("  against path of {depth} reflections: mean {:+.2} %", (mine / mean - 1.0) * 100.0);
-        let reference = relight_scene::image::FloatImage { width: size.width, height: size.height, pixels: indirect.iter().map(|p| p.to_array()).collect() };
-        let _ = relight_scene::image::write_png(&std::env::temp_dir().join("study_path.png"), &relight_scene::image::tone_mapped(&truth, 0.0));
-        let _ = relight_scene::image::write_png(&std::env::temp_dir().join("study_mine.png"), &relight_scene::image::tone_mapped(&reference, 0.0));
+        println!(
+            "  against path of {depth} reflections: mean {:+.2} %",
+            (mine / mean - 1.0) * 100.0
+        );
+        let reference = relight_scene::image::FloatImage {
+            width: size.width,
+            height: size.height,
+            pixels: indirect.iter().map(|p| p.to_array()).collect(),
+        };
+        let _ = relight_scene::image::write_png(
+            &std::env::temp_dir().join("study_path.png"),
+            &relight_scene::image::tone_mapped(&truth, 0.0),
+        );
+        let _ = relight_scene::image::write_png(
+            &std::env::temp_dir().join("study_mine.png"),
+            &relight_scene::image::tone_mapped(&reference, 0.0),
+        );
     }
 }
 

@@ -98,6 +98,28 @@ pub fn gather(
         };
         let Some(point) = field.points.nearest(hit.position, hit.normal) else {
             lost += 1;
+            continue;
+        };
+        let vector = Vec3A::from(direction * weight);
+        let half = if i % 2 == 0 { 1.0 } else { -1.0 };
+        let leaf = field.tree.leaf_of_point[point as usize];
+        row.add(finest + leaf, vector, vector * half);
+    }
+    coarsen(field, row);
+    lost
+}
+
+/// Responses of the coarser sender levels: the sums of their children's.
+fn coarsen(field: &SenderField, row: &mut RowScratch) {
+    for level in (1..field.tree.levels()).rev() {
+        let range = field.tree.ranges.range(level);
+        let coarse = field.tree.ranges.range(level - 1).start as u32;
+        for i in 0..row.touched.len() {
+            let sender = row.touched[i] as usize;
+            if range.contains(&sender) {
+                let parent = coarse + field.tree.parents[level - 1][sender - range.start];
+                row.add(parent, row.sum[sender], row.difference[sender]);
+            }
         }
     }
 }

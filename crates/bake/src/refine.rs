@@ -135,7 +135,8 @@ pub fn refine(
                         lost.fetch_add(u64::from(missed), Ordering::Relaxed);
                         if level == r.bounce_receivers {
                             let normal = r.places[i].geometric_normal;
-                            receiver.bounce = scalar_row(gathered, &r.field.tree.ranges, r.bounce_level, normal);
+                            receiver.bounce =
+                                scalar_row(gathered, &r.field.tree.ranges, r.bounce_level, normal);
                         }
                     }
                     if active {

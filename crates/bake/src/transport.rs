@@ -70,10 +70,19 @@ pub fn transport(
     let parents = fine_from_coarse(&levels);
     let finest = &levels[levels.len() - 1];
     let tree = sender_tree(surfaces, &points, params);
-    let albedo: Vec<Vec3> = points.levels[levels.len() - 1].points.iter().map(|p| p.albedo).collect();
+    let albedo: Vec<Vec3> = points.levels[levels.len() - 1]
+        .points
+        .iter()
+        .map(|p| p.albedo)
+        .collect();
     let traits = SenderTraits {
         ranges: tree.ranges.clone(),
-        reflectance: tree.pulled(&albedo).into_iter().flatten().map(|a| a.max_element()).collect(),
+        reflectance: tree
+            .pulled(&albedo)
+            .into_iter()
+            .flatten()
+            .map(|a| a.max_element())
+            .collect(),
         coarse_positions: levels[0].positions.clone(),
     };
     let places: Vec<Candidate> = points
@@ -88,7 +97,10 @@ pub fn transport(
         places: &places,
         ranges: &ranges,
         fine_from_coarse: &parents,
-        field: SenderField { points: finest, tree: &tree },
+        field: SenderField {
+            points: finest,
+            tree: &tree,
+        },
         senders: &traits,
         rays: params.rays,
         epsilon: params.epsilon,
@@ -107,11 +119,17 @@ pub fn transport(
     let cluster_of_point = tree.cluster_of_point(bounce_level);
     let cluster_of_receiver: Vec<u32> = (0..receivers.len())
         .map(|i| {
-            let point = finest.nearest(receivers.positions[i], receivers.normals[i]).unwrap_or(0);
+            let point = finest
+                .nearest(receivers.positions[i], receivers.normals[i])
+                .unwrap_or(0);
             cluster_of_point[point as usize]
         })
         .collect();
-    let bounce = bounce_operator(&bounce_rows, &cluster_of_receiver, tree.ranges.range(bounce_level).len());
+    let bounce = bounce_operator(
+        &bounce_rows,
+        &cluster_of_receiver,
+        tree.ranges.range(bounce_level).len(),
+    );
     let rays = rays + points.rays;
     Ok(Transport {
         points,
@@ -137,8 +155,15 @@ fn pilots(surfaces: &dyn Surfaces, points: &PointLevels, seed: u64) -> Vec<Vec3>
             let place = &places[((s.uniform() * places.len() as f32) as usize).min(places.len() - 1)];
             let direction = Frame::around(place.geometric_normal)
                 .world_from_local(cosine_hemisphere(Vec2::new(s.uniform(), s.uniform())));
-            let ray = Ray { origin: place.origin, direction, t_min: 0.0, t_max: f32::INFINITY };
-            let reach = surfaces.closest_hit(&ray).map_or(points.levels[0].disk_radius, |hit| hit.t);
+            let ray = Ray {
+                origin: place.origin,
+                direction,
+                t_min: 0.0,
+                t_max: f32::INFINITY,
+            };
+            let reach = surfaces
+                .closest_hit(&ray)
+                .map_or(points.levels[0].disk_radius, |hit| hit.t);
             place.origin + direction * (reach * s.uniform())
         })
         .collect()
@@ -165,7 +190,11 @@ fn signed(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) -> Vec
                         signature |= 1 << bit;
                     }
                 }
-                Signed { position: place.position, normal: place.normal, signature }
+                Signed {
+                    position: place.position,
+                    normal: place.normal,
+                    signature,
+                }
             },
         )
         .collect()
@@ -175,12 +204,19 @@ fn sender_tree(surfaces: &dyn Surfaces, points: &PointLevels, params: &BakeParam
     let pilots = pilots(surfaces, points, params.seed);
     let sending = params.sender_levels.min(points.levels.len());
     let finest = signed(surfaces, &points.levels[points.levels.len() - 1].points, &pilots);
-    let seeds: Vec<Vec<Signed>> =
-        points.levels[..sending].iter().map(|level| signed(surfaces, &level.points, &pilots)).collect();
+    let seeds: Vec<Vec<Signed>> = points.levels[..sending]
+        .iter()
+        .map(|level| signed(surfaces, &level.points, &pilots))
+        .collect();
     let spacing = |level: usize| points.levels[level].disk_radius;
     let leaf_of_point = nearest_seeds(&finest, &seeds[sending - 1], spacing(sending - 1));
-    let parents = (1..sending).map(|l| nearest_seeds(&seeds[l], &seeds[l - 1], spacing(l - 1))).collect();
+    let parents = (1..sending)
+        .map(|l| nearest_seeds(&seeds[l], &seeds[l - 1], spacing(l - 1)))
+        .collect();
     let counts: Vec<usize> = seeds.iter().map(Vec::len).collect();
-    let openness: Vec<f32> = finest.iter().map(Signed::openness).collect();
-    SenderTree::new(&counts, leaf_of_point, parents, &openness)
+    let seen = finest
+        .iter()
+        .map(|place| place.signature.count_ones() as u8)
+        .collect();
+    SenderTree::new(&counts, leaf_of_point, parents, seen)
 }

@@ -194,7 +194,10 @@ impl Shot {
             .collect();
         self.weights = reconstruct::weights_at(finest, &places);
         let normals: Vec<(Vec3, Vec3)> = (self.points.iter())
-            .map(|p| p.as_ref().map_or((Vec3::Z, Vec3::Z), |p| (p.normal, p.shading_normal)))
+            .map(|p| {
+                p.as_ref()
+                    .map_or((Vec3::Z, Vec3::Z), |p| (p.normal, p.shading_normal))
+            })
             .collect();
         self.components = reconstruct::components(&self.weights, finest, &normals);
     }

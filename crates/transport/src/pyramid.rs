@@ -179,7 +179,7 @@ pub fn push(
             .enumerate()
             .for_each(|(local, value)| {
                 let normal = normals[range.start + local];
-            for &(k, w) in fine_from_coarse.row(range.start + local) {
+                for &(k, w) in fine_from_coarse.row(range.start + local) {
                     value.add_carried(&coarser[k as usize], normals[k as usize], normal, w);
                 }
             });

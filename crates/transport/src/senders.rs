@@ -28,6 +28,8 @@ pub struct SenderTree {
     pub parents: Vec<Vec<u32>>,
     /// For each sender its weight as a share of its parent's; 1 on the coarsest level.
     pub shares: Vec<f32>,
+    /// For each finest point from how many of the [`PILOTS`] it is seen.
+    pub seen: Vec<u8>,
     /// For each finest point its weight in its cluster's mean; the weights of a cluster sum to 1.
     weights: Vec<f32>,
     /// Finest points sorted by leaf.
@@ -57,23 +59,27 @@ fn sorted_by(keys: &[u32], count: usize) -> (Vec<u32>, Vec<u32>) {
 
 impl SenderTree {
     /// A tree from assignments. `counts`: clusters per sender level; `leaf_of_point` and `parents` as the
-    /// fields; `openness`: positive weight of each finest point in its cluster's mean. Points stand for equal
+    /// fields; `seen`: from how many
+    /// pilots each finest point is seen. Points stand for equal
     /// areas: a maximal Poisson-disk set is even.
     pub fn new(
         counts: &[usize],
         leaf_of_point: Vec<u32>,
         parents: Vec<Vec<u32>>,
-        openness: &[f32],
+        seen: Vec<u8>,
     ) -> SenderTree {
+        let openness: Vec<f32> = seen.iter().map(|&s| openness(s)).collect();
         let ranges = LevelRanges::new(counts.iter().copied());
         let (points, leaf_starts) = sorted_by(&leaf_of_point, counts[counts.len() - 1]);
-        let mut areas: Vec<Vec<f32>> =
-            vec![vec![0.0; counts[counts.len() - 1]]];
-        for (&leaf, open) in leaf_of_point.iter().zip(openness) {
+        let mut areas: Vec<Vec<f32>> = vec![vec![0.0; counts[counts.len() - 1]]];
+        for (&leaf, open) in leaf_of_point.iter().zip(&openness) {
             areas[0][leaf as usize] += open;
         }
-        let weights =
-            leaf_of_point.iter().zip(openness).map(|(&leaf, open)| open / areas[0][leaf as usize]).collect();
+        let weights = leaf_of_point
+            .iter()
+            .zip(&openness)
+            .map(|(&leaf, open)| open / areas[0][leaf as usize])
+            .collect();
         for l in (0..parents.len()).rev() {
             let mut coarse = vec![0.0f32; counts[l]];
             for (child, &parent) in parents[l].iter().enumerate() {
@@ -88,8 +94,20 @@ impl SenderTree {
                 if whole > 0.0 { area / whole } else { 0.0 }
             }));
         }
-        let children = (0..parents.len()).map(|l| sorted_by(&parents[l], counts[l])).collect();
-        SenderTree { ranges, leaf_of_point, parents, shares, weights, points, leaf_starts, children }
+        let children = (0..parents.len())
+            .map(|l| sorted_by(&parents[l], counts[l]))
+            .collect();
+        SenderTree {
+            ranges,
+            leaf_of_point,
+            parents,
+            shares,
+            seen,
+            weights,
+            points,
+            leaf_starts,
+            children,
+        }
     }
 
     /// Number of sender levels.
@@ -120,7 +138,9 @@ impl SenderTree {
             .with_min_len(256)
             .map(|leaf| {
                 let own = &self.points[self.leaf_starts[leaf] as usize..self.leaf_starts[leaf + 1] as usize];
-                own.iter().map(|&p| at_points[p as usize] * self.weights[p as usize]).sum()
+                own.iter()
+                    .map(|&p| at_points[p as usize] * self.weights[p as usize])
+                    .sum()
             })
             .collect();
         let mut levels = vec![leaves];
@@ -141,7 +161,12 @@ impl SenderTree {
         let mut out = pulled[0].clone();
         for l in 1..pulled.len() {
             let parents = &self.parents[l - 1];
-            out.extend(pulled[l].iter().zip(parents).map(|(f, &parent)| *f - pulled[l - 1][parent as usize]));
+            out.extend(
+                pulled[l]
+                    .iter()
+                    .zip(parents)
+                    .map(|(f, &parent)| *f - pulled[l - 1][parent as usize]),
+            );
         }
         out
     }
@@ -158,17 +183,14 @@ pub struct Signed {
     pub signature: u64,
 }
 
-impl Signed {
-    /// Weight of the place in its cluster's mean: the square of the number of pilots that see it.
-    ///
-    /// What is seen from many places is what other places see of the cluster, and what lights reach. A mean by
-    /// area alone counts in what lies hidden beside it and is too dark for nearly all who look: with the
-    /// square, clusters of one fine-sender's size give Sponza's first bounce to 0.3 %, by area to 2.5 %
-    /// (docs/transfer.md). Constants are kept by any weights.
-    pub fn openness(&self) -> f32 {
-        let seen = (self.signature.count_ones() + 1) as f32;
-        seen * seen
-    }
+/// Weight of a finest point in its cluster's mean: the square of the number of pilots that see it.
+///
+/// What is seen from many places is what other places see of the cluster, and what lights reach. A mean by area
+/// alone counts in what lies hidden beside it and is too dark for nearly all who look: with the square, clusters
+/// give Sponza's first bounce to 0.3 %, by area to 2.5 % (docs/transfer.md). Constants are kept by any weights.
+fn openness(seen: u8) -> f32 {
+    let seen = f32::from(seen) + 1.0;
+    seen * seen
 }
 
 /// How many seed distances a complete disagreement of signatures counts for.
