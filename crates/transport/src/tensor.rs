@@ -127,7 +127,10 @@ mod tests {
     }
 
     fn projected(x: Vec3) -> Coefficients {
-        project(MAX_DEGREE, quadrature().into_iter().map(|(d, w)| (d, radiance(x, d), w)))
+        project(
+            MAX_DEGREE,
+            quadrature().into_iter().map(|(d, w)| (d, radiance(x, d), w)),
+        )
     }
 
     fn difference(a: &Coefficients, b: &Coefficients) -> f32 {
@@ -144,7 +147,10 @@ mod tests {
         // Some fifty roundings of numbers up to 7, as below.
         let rounding = 2e-5;
         for c in &coefficients[ranges.range(0).end..] {
-            assert!(difference(c, &[0.0; COUNT]) < rounding, "a constant needs no finer level");
+            assert!(
+                difference(c, &[0.0; COUNT]) < rounding,
+                "a constant needs no finer level"
+            );
         }
         push(&mut coefficients, &ranges, &rows);
         let mut s = Stream::new(52, 0, 0);
@@ -160,8 +166,10 @@ mod tests {
     #[test]
     fn values_at_points_come_back_from_their_differences() {
         let (levels, ranges, rows) = sphere();
-        let wanted: Vec<Coefficients> =
-            levels.iter().flat_map(|l| l.positions.iter().map(|x| projected(*x))).collect();
+        let wanted: Vec<Coefficients> = levels
+            .iter()
+            .flat_map(|l| l.positions.iter().map(|x| projected(*x)))
+            .collect();
         let mut values = differences(&wanted, &rows);
         push(&mut values, &ranges, &rows);
         for (value, wanted) in values.iter().zip(&wanted) {
