@@ -62,6 +62,10 @@ pub struct BakeArgs {
     /// Bounces of indirect light [default: to convergence].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub bounces: Option<u32>,
+    /// Solve the bounces now instead of at play time: frames get faster, and reflectances can no longer be
+    /// edited.
+    #[arg(long)]
+    pub solution: bool,
     /// A place from which the scene is looked at: surfaces that light cannot carry to it get no points. May be
     /// given several times [default: the scene's cameras, or a place in open space].
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
@@ -126,6 +130,7 @@ pub fn params(args: &BakeArgs, seed: u64) -> Result<BakeParams, Failure> {
     params.coarse_radius = args.coarse_radius;
     params.epsilon = args.epsilon.unwrap_or(params.epsilon);
     params.bounces = args.bounces;
+    params.solution = args.solution;
     params.viewpoints = args.viewpoint.clone();
     params.seed = seed;
     relight_bake::settings::validate(&params).map_err(|error| Failure::Usage(error.to_string()))?;

@@ -89,7 +89,6 @@ pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
     sections.insert("total".into(), summary.file_bytes.into());
     let provenance = &asset.provenance;
     let counted = |name: &str| provenance.counts.iter().find(|c| c.0 == name).map(|c| c.1);
-    let links = |links: &Option<format::Links>| links.as_ref().map_or(0, |l| l.columns.len());
     let points: Vec<usize> = asset.points.iter().map(|level| level.positions.len()).collect();
     let settings: serde_json::Map<String, Value> = provenance
         .settings
@@ -106,7 +105,14 @@ pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
         .iter()
         .map(|i| asset.geometry.meshes[i.mesh as usize].triangles.len())
         .sum();
-    let all_links = links(&asset.transfer) + links(&asset.solution);
+    let transfer = asset.transfer.as_ref().map_or(0, |l| l.columns.len());
+    let bounce = asset.bounce.as_ref().map_or(0, |b| b.matrix.columns.len());
+    let solution: usize = asset
+        .solution
+        .iter()
+        .flat_map(|s| &s.channels)
+        .map(|c| c.columns.len())
+        .sum();
     Ok(json!({
         "schema": SCHEMA,
         "asset": path.display().to_string(),
@@ -124,11 +130,11 @@ pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
         "textures": asset.textures.len(),
         "points": points,
         "disk_radius": asset.points.iter().map(|l| l.disk_radius).collect::<Vec<_>>(),
-        "links": all_links,
+        "links": transfer + bounce + solution,
         "links_by_operator": {
-            "transfer": links(&asset.transfer),
-            "solution": links(&asset.solution),
-            "bounce": asset.bounce.as_ref().map_or(0, |b| b.columns.len()),
+            "transfer": transfer,
+            "solution": solution,
+            "bounce": bounce,
         },
         "links_per_level": links_per_level(asset),
         "longest_row": longest_row(asset),
@@ -144,10 +150,6 @@ pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
     }))
 }
 
-fn stored_links(asset: &Asset) -> Option<&format::Links> {
-    asset.solution.as_ref().or(asset.transfer.as_ref())
-}
-
 fn links_per_level(asset: &Asset) -> Vec<u32> {
     let mut first = 0;
     asset
@@ -156,13 +158,16 @@ fn links_per_level(asset: &Asset) -> Vec<u32> {
         .map(|level| {
             let rows = first..first + level.positions.len();
             first = rows.end;
-            stored_links(asset).map_or(0, |l| l.row_offsets[rows.end] - l.row_offsets[rows.start])
+            asset
+                .transfer
+                .as_ref()
+                .map_or(0, |l| l.row_offsets[rows.end] - l.row_offsets[rows.start])
         })
         .collect()
 }
 
 fn longest_row(asset: &Asset) -> u32 {
-    let rows = stored_links(asset).map_or(&[][..], |l| &l.row_offsets);
+    let rows = asset.transfer.as_ref().map_or(&[][..], |l| &l.row_offsets);
     rows.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0)
 }
 
@@ -260,7 +265,7 @@ pub fn describe(json: &Value) -> String {
         "\n{}",
         table(&["level", "points", "distance m", "links", "links/point"], rows)
     ));
-    line(format!("\n{}", bytes_table(json, links, all_points)));
+    line(format!("\n{}", bytes_table(json, all_points)));
     if let Some(seconds) = json["seconds"].as_object() {
         let stages: Vec<String> = seconds
             .iter()
@@ -296,7 +301,7 @@ pub fn describe(json: &Value) -> String {
     out.trim_end().to_owned()
 }
 
-fn bytes_table(json: &Value, links: u64, points: u64) -> String {
+fn bytes_table(json: &Value, points: u64) -> String {
     let empty = serde_json::Map::new();
     let sections = json["bytes"].as_object().unwrap_or(&empty);
     let mut rows = Vec::new();
@@ -304,9 +309,10 @@ fn bytes_table(json: &Value, links: u64, points: u64) -> String {
         let (Some(raw), Some(stored)) = (section["raw"].as_u64(), section["stored"].as_u64()) else {
             continue;
         };
-        let each = match name.as_str() {
-            "links_transfer" | "links_solution" => format!("{} a link", words::per(stored, links)),
-            "points" => format!("{} a point", words::per(stored, points)),
+        let links = json["links_by_operator"][name.trim_start_matches("links_")].as_u64();
+        let each = match (name.as_str(), links) {
+            (_, Some(links)) if links > 0 => format!("{} a link", words::per(stored, links)),
+            ("points" | "senders", _) => format!("{} a point", words::per(stored, points)),
             _ => String::new(),
         };
         rows.push(vec![name.clone(), count(raw), count(stored), each]);

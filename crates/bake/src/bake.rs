@@ -8,6 +8,7 @@ use crate::left_out::{Pruned, prune};
 use crate::params::BakeParams;
 use crate::points::{self, PointLevels};
 use crate::settings;
+use crate::solution::{Solution, solution};
 use crate::timed::TimedSurfaces;
 use crate::transport::{Transport, levels_of, transport};
 use crate::viewpoint;
@@ -18,6 +19,7 @@ use relight_scene::sequence::Sequence;
 use relight_scene::surface::Surfaces;
 use relight_scene::traced::{Shading, TracedScene};
 use relight_transport::links::Links;
+use relight_transport::senders::SenderTree;
 use relight_transport::sparse::Rows;
 use std::sync::Arc;
 use std::time::Instant;
@@ -123,6 +125,11 @@ pub fn bake(
     )?;
     go_on()?;
     clock.lap("refine");
+    let solved = params.solution.then(|| solved(&transport, params));
+    if solved.is_some() {
+        clock.lap("solve");
+    }
+    go_on()?;
 
     progress.stage("prune", None);
     let Pruned {
@@ -147,7 +154,6 @@ pub fn bake(
     notes.extend(remarks(&transport, &facts, &viewpoints));
     let mut settings = settings::settings(params);
     settings.extend(setting_strings([
-        ("bounce_level", transport.bounce_level.to_string()),
         (
             "own_lights",
             if keeps_lights { "kept" } else { "left out" }.into(),
@@ -167,6 +173,7 @@ pub fn bake(
         counts: counts(&transport, &facts),
         notes,
     };
+    let lit = !transport.links.is_empty();
     let asset = format::Asset {
         provenance,
         geometry: convert::geometry(&kept),
@@ -174,9 +181,12 @@ pub fn bake(
         textures: convert::textures(&kept),
         stage: convert::stage(&kept),
         points: levels,
-        transfer: (!transport.links.is_empty()).then(|| links(&transport.links)),
-        bounce: (!transport.bounce.entries.is_empty()).then(|| bounce(&transport.bounce)),
-        solution: None,
+        // Without T no sender has anything to do.
+        senders: lit.then(|| sender_tree(&transport.tree)),
+        transfer: lit.then(|| links(&transport.links)),
+        bounce: (lit && solved.is_none() && !transport.bounce.entries.is_empty())
+            .then(|| bounce(transport.bounce_level, &transport.bounce)),
+        solution: solved.filter(|_| lit).map(|s| stored_solution(&s)),
         estimates: None,
     };
     clock.lap("prune");
@@ -286,7 +296,6 @@ fn quantised(mut points: PointLevels) -> (Vec<format::Level>, PointLevels) {
                 .iter()
                 .map(|p| p.albedo.clamp(Vec3::ZERO, Vec3::ONE).to_array())
                 .collect(),
-            area: vec![0.0; level.points.len()],
         };
         let stored = format::quantised_level(&exact);
         for (i, place) in level.points.iter_mut().enumerate() {
@@ -298,9 +307,6 @@ fn quantised(mut points: PointLevels) -> (Vec<format::Level>, PointLevels) {
             };
         }
         levels.push(exact);
-    }
-    for (level, basis) in levels.iter_mut().zip(levels_of(&points)) {
-        level.area = basis.areas();
     }
     (levels, points)
 }
@@ -382,14 +388,57 @@ fn links(links: &Links) -> format::Links {
     }
 }
 
-fn bounce(rows: &Rows) -> format::BounceLinks {
+fn solved(transport: &Transport, params: &BakeParams) -> Solution {
+    let finest = transport.points.levels.last();
+    let albedo: Vec<Vec3> = finest.map_or_else(Vec::new, |l| l.points.iter().map(|p| p.albedo).collect());
+    solution(
+        &transport.bounce,
+        transport.bounce_level,
+        &transport.tree,
+        &albedo,
+        // T carries the last bounce.
+        params.bounces.map(|n| n.saturating_sub(1)),
+        params.epsilon,
+    )
+}
+
+fn sender_tree(tree: &SenderTree) -> format::Senders {
+    format::Senders {
+        counts: (0..tree.levels())
+            .map(|l| tree.ranges.range(l).len() as u32)
+            .collect(),
+        leaf_of_point: tree.leaf_of_point.clone(),
+        parents: tree.parents.clone(),
+    }
+}
+
+fn bounce(level: usize, rows: &Rows) -> format::BounceLinks {
     format::BounceLinks {
+        level: level as u32,
+        matrix: matrix(rows, 1.0),
+    }
+}
+
+fn stored_solution(solution: &Solution) -> format::Solution {
+    format::Solution {
+        level: solution.level as u32,
+        channels: solution
+            .channels
+            .iter()
+            .map(|rows| matrix(rows, f64::MAX))
+            .collect(),
+    }
+}
+
+/// `most`: what no row may exceed, whatever rounding made of it.
+fn matrix(rows: &Rows, most: f64) -> format::WeightRows {
+    format::WeightRows {
         rows: rows.rows() as u32,
         row_offsets: rows.offsets.clone(),
         columns: rows.entries.iter().map(|e| e.0).collect(),
         weights: rows.entries.iter().map(|e| e.1).collect(),
         row_sums: (0..rows.rows())
-            .map(|i| rows.row(i).iter().map(|e| f64::from(e.1)).sum::<f64>().min(1.0) as f32)
+            .map(|i| rows.row(i).iter().map(|e| f64::from(e.1)).sum::<f64>().min(most) as f32)
             .collect(),
     }
 }

@@ -1,7 +1,7 @@
 //! Scene to asset: where light meets points, which links it takes, and what is left out.
 //!
 //! The way of the light: [`candidates`] → [`points`] → [`gather`] → [`select`] within [`refine`] →
-//! [`bounces`] → [`convert`] less what is [`left_out`]. [`bake()`] runs them all.
+//! [`bounces`], [`solution`] → [`convert`] less what is [`left_out`]. [`bake()`] runs them all.
 #![forbid(unsafe_code)]
 
 pub mod bake;
@@ -18,6 +18,7 @@ pub mod radiosity;
 pub mod refine;
 pub mod select;
 pub mod settings;
+pub mod solution;
 pub mod timed;
 pub mod transport;
 pub mod viewpoint;

@@ -87,6 +87,10 @@ pub fn settings(params: &BakeParams) -> Vec<(String, String)> {
             params.bounces.map_or("converged".into(), |n| n.to_string()),
         ),
         (
+            "solution",
+            if params.solution { "baked" } else { "at play time" }.into(),
+        ),
+        (
             "viewpoints",
             if viewpoints.is_empty() {
                 "automatic".into()

@@ -21,12 +21,14 @@ pub struct Asset {
     pub stage: Stage,
     /// Points of the meshless hierarchy, coarsest level first. A global point index counts through all levels.
     pub points: Vec<Level>,
-    /// T: vector irradiance at the points per unit radiosity of the sender points.
+    /// The clusters of finest points that send light. Without them there are no operators.
+    pub senders: Option<Senders>,
+    /// T: vector irradiance at the points per unit radiosity of the senders.
     pub transfer: Option<Links>,
     /// One bounce as a flat, non-negative scalar operator on one sender level.
     pub bounce: Option<BounceLinks>,
-    /// S = T + T² + …, when the bake stored it; it fixes the albedo.
-    pub solution: Option<Links>,
+    /// All bounces as such operators, when the bake solved them; it fixes the albedo.
+    pub solution: Option<Solution>,
     /// Error estimates of the bake.
     pub estimates: Option<Estimates>,
 }
@@ -239,8 +241,20 @@ pub struct Level {
     pub normals: Vec<[f32; 3]>,
     /// Total hemispherical albedo, linear RGB, each 0 to 1. Stored in 12 bits.
     pub albedo: Vec<[f32; 3]>,
-    /// Surface area that a point stands for, square metres, not negative. Stored to a relative 2⁻⁹.
-    pub area: Vec<f32>,
+}
+
+/// Senders: disjoint clusters of the finest level's points, in a tree of as many levels as send. Cluster j of
+/// sender level l belongs to point j of level l. Every finest point is in one cluster of the finest sender
+/// level, every cluster in one of the next coarser level; a cluster may be empty. A *global sender index* counts
+/// through all sender levels, coarsest first.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Senders {
+    /// Clusters of each sender level, coarsest first: the number of points of that level.
+    pub counts: Vec<u32>,
+    /// For each point of the finest level its cluster on the finest sender level (index on that level).
+    pub leaf_of_point: Vec<u32>,
+    /// For each sender level but the coarsest: for each cluster the one on the level above that holds it.
+    pub parents: Vec<Vec<u32>>,
 }
 
 /// A sparse `receivers × senders` matrix of vectors: vector irradiance (W·m⁻²) at a receiver per unit radiosity
@@ -250,7 +264,7 @@ pub struct Level {
 pub struct Links {
     /// Number of rows; a row is a global point index.
     pub receivers: u32,
-    /// Number of columns; a column is a global point index among the sender levels.
+    /// Number of columns; a column is a global sender index.
     pub senders: u32,
     /// `receivers + 1` offsets, from 0 to the number of links.
     pub row_offsets: Vec<u32>,
@@ -260,11 +274,32 @@ pub struct Links {
     pub vectors: Vec<[f32; 3]>,
 }
 
-/// A sparse, square, non-negative matrix of scalars on the points of one sender level: irradiance at a row's
-/// point per unit radiosity of a column's, so that no row sums to more than 1. Compressed rows as in [`Links`].
+/// One bounce between the clusters of one sender level: irradiance averaged over a row's cluster per unit
+/// radiosity of a column's, so that no row sums to more than 1.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct BounceLinks {
-    /// Number of rows and of columns: points of the level.
+    /// The sender level.
+    pub level: u32,
+    /// K.
+    pub matrix: WeightRows,
+}
+
+/// All bounces between the clusters of one sender level: irradiance from the first bounce on, averaged over a
+/// row's cluster, per unit radiosity that direct light alone causes at a column's. With K of [`BounceLinks`] and
+/// reflectances ρ: K + KρK + …, as far as the bake's setting `bounces` says.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Solution {
+    /// The sender level.
+    pub level: u32,
+    /// One matrix when all reflectances are grey, else one for red, green and blue each. Row sums may exceed 1.
+    pub channels: Vec<WeightRows>,
+}
+
+/// A sparse, square, non-negative matrix of scalars on the clusters of one sender level. Compressed rows as in
+/// [`Links`].
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct WeightRows {
+    /// Number of rows and of columns: clusters of the level.
     pub rows: u32,
     /// `rows + 1` offsets, from 0 to the number of links.
     pub row_offsets: Vec<u32>,
@@ -272,7 +307,7 @@ pub struct BounceLinks {
     pub columns: Vec<u32>,
     /// Weight of each link. Stored in 16 bits relative to the row's largest.
     pub weights: Vec<f32>,
-    /// Sum of each row's weights, 0 to 1. Stored exactly; a reader rescales the weights to it.
+    /// Sum of each row's weights, at least 0. Stored exactly; a reader rescales the weights to it.
     pub row_sums: Vec<f32>,
 }
 

@@ -127,11 +127,13 @@ pub enum Kind {
     LinksSolution = 9,
     /// Error estimates.
     Estimates = 10,
+    /// Clusters of points that send light.
+    Senders = 11,
 }
 
 impl Kind {
     /// All kinds, in the order in which they stand in a file.
-    pub const ALL: [Kind; 10] = [
+    pub const ALL: [Kind; 11] = [
         Kind::Provenance,
         Kind::Geometry,
         Kind::Materials,
@@ -142,6 +144,7 @@ impl Kind {
         Kind::LinksBounce,
         Kind::LinksSolution,
         Kind::Estimates,
+        Kind::Senders,
     ];
 
     /// The kind of a number in the table, if this version knows it.
@@ -162,6 +165,7 @@ impl Kind {
             Kind::LinksBounce => "links_bounce",
             Kind::LinksSolution => "links_solution",
             Kind::Estimates => "estimates",
+            Kind::Senders => "senders",
         }
     }
 

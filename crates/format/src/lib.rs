@@ -38,7 +38,7 @@
 //! ```
 //!
 //! What is quantised loses precision, within the bounds that [`codec`] states. A baker that corrects for the
-//! loss asks [`quantised_level`], [`quantised_links`], [`quantised_vector`] and [`quantised_bounce`] what a
+//! loss asks [`quantised_level`], [`quantised_links`], [`quantised_vector`] and [`quantised_weights`] what a
 //! reader will see.
 #![forbid(unsafe_code)]
 
@@ -53,7 +53,7 @@ mod validate;
 
 pub use asset::{
     AlphaMode, Asset, BounceLinks, Estimates, Filter, Geometry, Instance, LeftOut, Level, Links, Material,
-    Mesh, Provenance, Stage, Texture, TextureRef, Wrap,
+    Mesh, Provenance, Senders, Solution, Stage, Texture, TextureRef, WeightRows, Wrap,
 };
 pub use codec::vector::quantised_vector;
 pub use container::{Limits, SectionInfo};
@@ -61,6 +61,6 @@ pub use error::{Fault, FormatError, Place, Result};
 pub use file::{
     Summary, content_hash, read_asset, read_file, read_summary, summarise, write_asset, write_file,
 };
-pub use section::bounce::quantised_bounce;
 pub use section::links::quantised_links;
 pub use section::points::quantised_level;
+pub use section::weights::quantised_weights;

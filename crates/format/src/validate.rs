@@ -2,7 +2,8 @@
 //! need not check again: arrays of equal length, indices in range, sorted rows, finite values, unit normals.
 
 use crate::asset::{
-    AlphaMode, Asset, BounceLinks, Estimates, Geometry, Level, Links, Material, Mesh, Texture, TextureRef,
+    AlphaMode, Asset, Estimates, Geometry, Level, Links, Material, Mesh, Senders, Texture, TextureRef,
+    WeightRows,
 };
 use crate::error::{Place, Result, invalid};
 use crate::layout::Kind;
@@ -121,28 +122,27 @@ impl Asset {
         let points: usize = self.points.iter().map(|level| level.positions.len()).sum();
         let expected = format_args!("at most {} points", u32::MAX);
         check(points <= u32::MAX as usize, Kind::Points, 0, expected, points)?;
-        let links = [
-            (Kind::LinksTransfer, &self.transfer),
-            (Kind::LinksSolution, &self.solution),
-        ];
-        for (kind, links) in links {
-            if let Some(links) = links {
-                links.validate_as(kind)?;
-                check_length(kind, "receivers, one per point", links.receivers as usize, points)?;
-                let expected = format_args!("at most {points} senders, one per point of the sender levels");
-                check(links.senders as usize <= points, kind, 0, expected, links.senders)?;
-            }
+        if let Some(senders) = &self.senders {
+            senders.validate(&self.points)?;
+        }
+        let counts = self.senders.as_ref().map_or(&[][..], |s| &s.counts);
+        if let Some(links) = &self.transfer {
+            let kind = Kind::LinksTransfer;
+            links.validate()?;
+            check_length(kind, "receivers, one per point", links.receivers as usize, points)?;
+            let senders: usize = counts.iter().map(|&c| c as usize).sum();
+            check_length(kind, "senders, one per cluster", links.senders as usize, senders)?;
         }
         if let Some(bounce) = &self.bounce {
-            bounce.validate()?;
-            let expected = format_args!("at most {points} rows, one per point of a level");
-            check(
-                bounce.rows as usize <= points,
-                Kind::LinksBounce,
-                0,
-                expected,
-                bounce.rows,
-            )?;
+            validate_on_level(Kind::LinksBounce, bounce.level, &bounce.matrix, counts, 1.0)?;
+        }
+        if let Some(solution) = &self.solution {
+            let kind = Kind::LinksSolution;
+            let channels = solution.channels.len();
+            check([1, 3].contains(&channels), kind, 0, "1 or 3 channels", channels)?;
+            for matrix in &solution.channels {
+                validate_on_level(kind, solution.level, matrix, counts, f32::MAX)?;
+            }
         }
         self.estimates.as_ref().map_or(Ok(()), Estimates::validate)
     }
@@ -293,7 +293,7 @@ impl Texture {
 }
 
 impl Level {
-    /// Checks radii, lengths, finiteness, unit normals, albedo of 0 to 1, areas of at least 0. `index` is the level's.
+    /// Checks radii, lengths, finiteness, unit normals, albedo of 0 to 1. `index` is the level's.
     ///
     /// # Errors
     /// `Invalid` with the level or the point.
@@ -312,7 +312,6 @@ impl Level {
         let points = self.positions.len();
         check_length(kind, "normals, one per point", self.normals.len(), points)?;
         check_length(kind, "albedos, one per point", self.albedo.len(), points)?;
-        check_length(kind, "areas, one per point", self.area.len(), points)?;
         check_finite(kind, "positions", &self.positions)?;
         check_unit(kind, "normals", &self.normals)?;
         let fraction = |rgb: &[f32; 3]| rgb.iter().all(|c| (0.0..=1.0).contains(c));
@@ -325,11 +324,75 @@ impl Level {
                 format_args!("{:?}", self.albedo[i]),
             )?;
         }
-        match self.area.iter().position(|&a| !(a >= 0.0 && a.is_finite())) {
-            None => Ok(()),
-            Some(i) => check(false, kind, i, "a finite area of at least 0", self.area[i]),
-        }
+        Ok(())
     }
+}
+
+impl Senders {
+    /// Checks that there is a cluster for every point of the coarsest levels, that every finest point has a
+    /// cluster and every cluster but the coarsest a parent.
+    ///
+    /// # Errors
+    /// `Invalid` with the sender level, the point or the cluster.
+    pub fn validate(&self, points: &[Level]) -> Result<()> {
+        let kind = Kind::Senders;
+        let Senders {
+            counts,
+            leaf_of_point,
+            parents,
+        } = self;
+        let (levels, most) = (counts.len(), points.len());
+        let expected = format_args!("1 to {most} sender levels, as many as levels of points");
+        check((1..=most).contains(&levels), kind, 0, expected, levels)?;
+        for (i, (&count, level)) in counts.iter().zip(points).enumerate() {
+            let expected = format_args!(
+                "{} clusters, as many as points of the level",
+                level.positions.len()
+            );
+            check(count as usize == level.positions.len(), kind, i, expected, count)?;
+        }
+        let finest = points[most - 1].positions.len();
+        check_assignment(
+            "clusters, one per finest point",
+            leaf_of_point,
+            finest,
+            counts[levels - 1],
+        )?;
+        check_length(kind, "levels of parents", parents.len(), levels - 1)?;
+        for (parents, pair) in parents.iter().zip(counts.windows(2)) {
+            check_assignment("parents, one per cluster", parents, pair[1] as usize, pair[0])?;
+        }
+        Ok(())
+    }
+}
+
+fn check_assignment(what: &str, clusters: &[u32], length: usize, end: u32) -> Result<()> {
+    check_length(Kind::Senders, what, clusters.len(), length)?;
+    match clusters.iter().position(|&c| c >= end) {
+        None => Ok(()),
+        Some(i) => check(
+            false,
+            Kind::Senders,
+            i,
+            format_args!("a cluster below {end}"),
+            clusters[i],
+        ),
+    }
+}
+
+/// A matrix on the clusters of a sender level, whose rows sum to at most `most`.
+fn validate_on_level(kind: Kind, level: u32, matrix: &WeightRows, counts: &[u32], most: f32) -> Result<()> {
+    let Some(&clusters) = counts.get(level as usize) else {
+        let expected = format_args!("a sender level below {}", counts.len());
+        return check(false, kind, 0, expected, level);
+    };
+    check_length(
+        kind,
+        "rows, one per cluster",
+        matrix.rows as usize,
+        clusters as usize,
+    )?;
+    matrix.validate_as(kind, most)
 }
 
 /// Offsets from 0 to the number of links, never falling; columns rising within a row and below `columns_end`.
@@ -391,10 +454,7 @@ impl Links {
     /// # Errors
     /// `Invalid` with the row or link.
     pub fn validate(&self) -> Result<()> {
-        self.validate_as(Kind::LinksTransfer)
-    }
-
-    fn validate_as(&self, kind: Kind) -> Result<()> {
+        let kind = Kind::LinksTransfer;
         check_length(
             kind,
             "vectors, one per link",
@@ -412,13 +472,9 @@ impl Links {
     }
 }
 
-impl BounceLinks {
-    /// Checks rows and columns, weights of at least 0, and row sums of at most 1 that the weights add up to.
-    ///
-    /// # Errors
-    /// `Invalid` with the row or link.
-    pub fn validate(&self) -> Result<()> {
-        let kind = Kind::LinksBounce;
+impl WeightRows {
+    /// Checks rows and columns, weights of at least 0, and row sums of at most `most` that the weights add up to.
+    fn validate_as(&self, kind: Kind, most: f32) -> Result<()> {
         check_length(
             kind,
             "weights, one per link",
@@ -437,10 +493,10 @@ impl BounceLinks {
         }
         for (row, (pair, &stated)) in self.row_offsets.windows(2).zip(&self.row_sums).enumerate() {
             check(
-                (0.0..=1.0).contains(&stated),
+                (0.0..=most).contains(&stated),
                 kind,
                 row,
-                "a row sum of 0 to 1",
+                format_args!("a row sum of 0 to {most}"),
                 stated,
             )?;
             let weights = &self.weights[pair[0] as usize..pair[1] as usize];

@@ -11,6 +11,7 @@ use relight_scene::sequence::{Sequence, SequenceError, stage_from_json};
 use relight_scene::traced::{Shading, TracedScene, TracedSceneError};
 use relight_transport::basis::Level;
 use relight_transport::links::Links;
+use relight_transport::senders::SenderTree;
 use relight_transport::sparse::Rows;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -103,8 +104,10 @@ pub fn load(path: &Path, with_transfer: bool) -> Result<Loaded, LoadError> {
         textures,
         stage,
         points,
+        senders,
         transfer,
         bounce,
+        solution,
         ..
     } = asset;
     let (cameras, sequence) = match stage.json.as_str() {
@@ -141,7 +144,14 @@ pub fn load(path: &Path, with_transfer: bool) -> Result<Loaded, LoadError> {
             file: file(),
             message,
         };
-        Some(operators(&provenance, points, transfer, bounce).map_err(mismatch)?)
+        let operators = Operators {
+            points,
+            senders,
+            transfer,
+            bounce,
+            solution,
+        };
+        Some(prepared(&provenance, operators).map_err(mismatch)?)
     } else {
         None
     };
@@ -185,26 +195,38 @@ fn number(provenance: &Provenance, name: &str) -> Result<usize, String> {
         .map_err(|_| format!("setting {name} in provenance is {found:?}, not a number"))
 }
 
-fn operators(
-    provenance: &Provenance,
+struct Operators {
     points: Vec<format::Level>,
+    senders: Option<format::Senders>,
     transfer: Option<format::Links>,
     bounce: Option<format::BounceLinks>,
-) -> Result<Transfer, String> {
-    let sender_levels = number(provenance, "sender_levels")?;
-    let bounce_level = number(provenance, "bounce_level")?;
+    solution: Option<format::Solution>,
+}
+
+/// Reading has checked that the parts fit.
+fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, String> {
+    let Operators {
+        points,
+        senders,
+        transfer,
+        bounce,
+        solution,
+    } = operators;
     let bounces = match setting(provenance, "bounces") {
         None | Some("converged") => None,
         Some(_) => Some(number(provenance, "bounces")? as u32),
     };
-    if !(1..=points.len()).contains(&sender_levels) || bounce_level >= sender_levels {
-        return Err(format!(
-            "{sender_levels} sender levels and bounces on level {bounce_level} do not fit {} levels of points",
-            points.len()
-        ));
-    }
-    let count = |levels: &[format::Level]| levels.iter().map(|l| l.positions.len()).sum::<usize>();
-    let (receivers, senders) = (count(&points), count(&points[..sender_levels]));
+    let finest = &points[points.len() - 1];
+    let albedo = vectors(&finest.albedo);
+    let receivers: usize = points.iter().map(|l| l.positions.len()).sum();
+    // An asset without indirect light has no senders: one that sends nothing does.
+    let tree = match senders {
+        Some(senders) => {
+            let counts: Vec<usize> = senders.counts.iter().map(|&c| c as usize).collect();
+            SenderTree::new(&counts, senders.leaf_of_point, senders.parents)
+        }
+        None => SenderTree::new(&[1], vec![0; albedo.len()], Vec::new()),
+    };
     let links = match transfer {
         Some(links) => Links {
             receivers: links.receivers,
@@ -215,39 +237,23 @@ fn operators(
         },
         None => Links {
             receivers: receivers as u32,
-            senders: senders as u32,
+            senders: tree.shares.len() as u32,
             row_offsets: vec![0; receivers + 1],
             ..Links::default()
         },
     };
-    if (links.receivers as usize, links.senders as usize) != (receivers, senders) {
-        return Err(format!(
-            "T has {} receivers and {} senders where the points make {receivers} and {senders}",
-            links.receivers, links.senders
-        ));
-    }
-    let size = points[bounce_level].positions.len();
-    let bounce = match bounce {
-        Some(bounce) => Rows {
-            columns: bounce.rows,
-            offsets: bounce.row_offsets,
-            entries: bounce.columns.into_iter().zip(bounce.weights).collect(),
-        },
-        None => Rows {
-            columns: size as u32,
-            offsets: vec![0; size + 1],
-            entries: Vec::new(),
-        },
+    let (bounce_level, bounce) = match bounce {
+        Some(bounce) => (bounce.level as usize, matrix(bounce.matrix)),
+        None => {
+            let size = tree.ranges.range(0).len();
+            let nothing = Rows {
+                columns: size as u32,
+                offsets: vec![0; size + 1],
+                entries: Vec::new(),
+            };
+            (0, nothing)
+        }
     };
-    if bounce.rows() != size {
-        return Err(format!(
-            "the bounce operator has {} rows for {size} points of its level",
-            bounce.rows()
-        ));
-    }
-    let albedo = points
-        .last()
-        .map_or_else(Vec::new, |finest| vectors(&finest.albedo));
     let levels = points
         .iter()
         .map(|l| {
@@ -259,15 +265,20 @@ fn operators(
             )
         })
         .collect();
-    Ok(Transfer::new(
-        levels,
-        sender_levels,
-        albedo,
-        &links,
-        bounce,
-        bounce_level,
-        bounces,
-    ))
+    let mut transfer = Transfer::new(levels, tree, albedo, &links, bounce, bounce_level, bounces);
+    if let Some(solution) = solution {
+        let channels = solution.channels.into_iter().map(matrix).collect();
+        transfer.use_solution(solution.level as usize, channels);
+    }
+    Ok(transfer)
+}
+
+fn matrix(stored: format::WeightRows) -> Rows {
+    Rows {
+        columns: stored.rows,
+        offsets: stored.row_offsets,
+        entries: stored.columns.into_iter().zip(stored.weights).collect(),
+    }
 }
 
 fn vectors(values: &[[f32; 3]]) -> Vec<Vec3> {

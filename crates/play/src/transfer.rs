@@ -32,6 +32,29 @@ pub struct Transfer {
     bounce_cluster: Vec<u32>,
     /// Bounces of indirect light; `None`: to convergence.
     bounces: Option<u32>,
+    solution: Option<Solution>,
+}
+
+/// All bounces, solved by the bake.
+struct Solution {
+    level: usize,
+    /// One matrix for all colours, or one each for red, green and blue.
+    channels: Vec<Rows>,
+    /// For each finest point its cluster on the level.
+    cluster: Vec<u32>,
+}
+
+impl Solution {
+    /// Irradiance from the first bounce on of each cluster.
+    fn apply(&self, emitted: &[Vec3]) -> Vec<Vec3> {
+        let mut out = self.channels[0].apply(emitted);
+        for (i, channel) in self.channels.iter().enumerate().skip(1) {
+            for (out, own) in out.iter_mut().zip(channel.apply(emitted)) {
+                out[i] = own[i];
+            }
+        }
+        out
+    }
 }
 
 /// What a frame's transfer cost and how it converged. Milliseconds.
@@ -82,7 +105,18 @@ impl Transfer {
             bounce_albedo,
             bounce_cluster,
             bounces,
+            solution: None,
         }
+    }
+
+    /// Bounces come from a baked solution on sender level `level` from now on: one matrix, or one for red,
+    /// green and blue each.
+    pub fn use_solution(&mut self, level: usize, channels: Vec<Rows>) {
+        self.solution = (!channels.is_empty()).then(|| Solution {
+            level,
+            channels,
+            cluster: self.senders.cluster_of_point(level),
+        });
     }
 
     /// Diagnostic.
@@ -110,13 +144,21 @@ impl Transfer {
         let mut radiosity: Vec<Vec3> = direct.iter().zip(&self.albedo).map(|(e, a)| *e * *a).collect();
         let pulled = self.senders.pulled(&radiosity);
         let further = self.bounces.map(|n| n.saturating_sub(1));
-        let (irradiance, solve) = bounce::solve(
-            &self.bounce,
-            &pulled[self.bounce_level],
-            &self.bounce_albedo,
-            further,
-        );
-        for (out, (cluster, a)) in radiosity.iter_mut().zip(self.bounce_cluster.iter().zip(&self.albedo)) {
+        let (irradiance, cluster_of_point, solve) = match &self.solution {
+            Some(solution) => {
+                let solve = Solve {
+                    iterations: 1,
+                    residual: 0.0,
+                };
+                (solution.apply(&pulled[solution.level]), &solution.cluster, solve)
+            }
+            None => {
+                let emitted = &pulled[self.bounce_level];
+                let (irradiance, solve) = bounce::solve(&self.bounce, emitted, &self.bounce_albedo, further);
+                (irradiance, &self.bounce_cluster, solve)
+            }
+        };
+        for (out, (cluster, a)) in radiosity.iter_mut().zip(cluster_of_point.iter().zip(&self.albedo)) {
             *out += irradiance[*cluster as usize] * *a;
         }
         let coefficients = self.senders.coefficients(&self.senders.pulled(&radiosity));

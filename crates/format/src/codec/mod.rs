@@ -8,14 +8,14 @@
 //! | point normals, 2 × 12 bits | [`octahedral`] | angle ≤ 1.1e-3 rad |
 //! | vertex normals and tangents, 2 × 16 bits | [`octahedral`] | angle ≤ 6.6e-5 rad |
 //! | albedo, 12 bits | [`albedo`] | ≤ 1.9e-4, and less towards 0 and 1 |
-//! | area | [`area`] | relative ≤ 2⁻⁹ |
 //! | link vectors | [`vector`] | relative ≤ 2⁻⁹ |
 //! | bounce weights, 16 bits | [`fraction`] | ≤ 1.6e-5 of the row's largest, times 1 + that of the rescaling |
+//! | clusters of points | [`recency`] | exact |
 
 pub mod albedo;
-pub mod area;
 pub mod bytes;
 pub mod fraction;
 pub mod grid;
 pub mod octahedral;
+pub mod recency;
 pub mod vector;

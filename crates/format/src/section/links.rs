@@ -1,4 +1,4 @@
-//! Links of T and S: rows, columns, vectors (SPEC 6.7).
+//! Links of T: rows, columns, vectors (SPEC 6.7).
 
 use crate::asset::Links;
 use crate::codec::bytes::Cursor;

@@ -1,13 +1,14 @@
 //! Sections: how each part of an asset becomes raw bytes and back (SPEC 6). Every module has a pair `encode` and
 //! `decode`; decoding checks what memory safety and allocation need, `validate` the rest.
 
-pub mod bounce;
 pub mod geometry;
 pub mod links;
 pub mod points;
 pub mod records;
 pub mod rows;
+pub mod senders;
 pub mod textures;
+pub mod weights;
 
 use crate::asset::Asset;
 use crate::codec::bytes::Cursor;
@@ -54,12 +55,12 @@ pub fn encode(kind: Kind, asset: &Asset) -> Result<Option<Vec<u8>>> {
         Kind::LinksBounce => asset
             .bounce
             .as_ref()
-            .map(|links| bounce::encode(links, &mut out))
+            .map(|bounce| weights::encode_bounce(bounce, &mut out))
             .is_some(),
         Kind::LinksSolution => asset
             .solution
             .as_ref()
-            .map(|links| links::encode(links, &mut out))
+            .map(|solution| weights::encode_solution(solution, &mut out))
             .is_some(),
         Kind::Estimates => match &asset.estimates {
             Some(estimates) => {
@@ -68,6 +69,11 @@ pub fn encode(kind: Kind, asset: &Asset) -> Result<Option<Vec<u8>>> {
             }
             None => false,
         },
+        Kind::Senders => asset
+            .senders
+            .as_ref()
+            .map(|senders| senders::encode(senders, &mut out))
+            .is_some(),
     };
     Ok(needed.then_some(out))
 }
@@ -86,9 +92,10 @@ pub fn decode(kind: Kind, raw: &[u8], memory: &mut u64, asset: &mut Asset) -> Re
         Kind::Stage => asset.stage.json = textures::text(&mut cursor, raw.len())?,
         Kind::Points => asset.points = points::decode(&mut cursor)?,
         Kind::LinksTransfer => asset.transfer = Some(links::decode(&mut cursor)?),
-        Kind::LinksBounce => asset.bounce = Some(bounce::decode(&mut cursor)?),
-        Kind::LinksSolution => asset.solution = Some(links::decode(&mut cursor)?),
+        Kind::LinksBounce => asset.bounce = Some(weights::decode_bounce(&mut cursor)?),
+        Kind::LinksSolution => asset.solution = Some(weights::decode_solution(&mut cursor)?),
         Kind::Estimates => asset.estimates = Some(records::decode(&mut cursor)?),
+        Kind::Senders => asset.senders = Some(senders::decode(&mut cursor)?),
     }
     cursor.finish()
 }

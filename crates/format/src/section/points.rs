@@ -1,9 +1,9 @@
-//! Points of the levels: grid positions, octahedral normals, albedo, area (SPEC 6.6).
+//! Points of the levels: grid positions, octahedral normals, albedo (SPEC 6.6).
 
 use crate::asset::Level;
 use crate::codec::bytes::{Cursor, Planes, put_planes, unzigzag, width_of, zigzag};
 use crate::codec::grid::Grid;
-use crate::codec::{albedo, area, octahedral};
+use crate::codec::{albedo, octahedral};
 use crate::error::Result;
 
 /// Bits of each component of a point's octahedral normal.
@@ -14,10 +14,10 @@ const MODE_EXACT: u8 = 0;
 const MODE_GRID: u8 = 1;
 const MODE_GRID_DELTA: u8 = 2;
 
-/// Fewest raw bytes of a level: its fixed fields and the area's base and width.
-const MIN_LEVEL_BYTES: usize = 18;
-/// Fewest raw bytes of a point: 3 of position, 3 of normal, 4 of albedo, 1 of area.
-const MIN_POINT_BYTES: usize = 11;
+/// Fewest raw bytes of a level: radii, number of points, mode of positions.
+const MIN_LEVEL_BYTES: usize = 13;
+/// Fewest raw bytes of a point: 3 of position, 3 of normal, 4 of albedo.
+const MIN_POINT_BYTES: usize = 10;
 
 pub fn encode(levels: &[Level], out: &mut Vec<u8>) {
     out.extend_from_slice(&(levels.len() as u32).to_le_bytes());
@@ -28,7 +28,6 @@ pub fn encode(levels: &[Level], out: &mut Vec<u8>) {
         encode_positions(level, out);
         encode_normals(&level.normals, out);
         encode_albedo(&level.albedo, out);
-        encode_area(&level.area, out);
     }
 }
 
@@ -42,14 +41,12 @@ pub fn decode(cursor: &mut Cursor<'_>) -> Result<Vec<Level>> {
         let positions = decode_positions(cursor, points)?;
         let normals = decode_normals(cursor, points)?;
         let albedo = decode_albedo(cursor, points)?;
-        let area = decode_area(cursor, points)?;
         levels.push(Level {
             disk_radius,
             support_radius,
             positions,
             normals,
             albedo,
-            area,
         });
     }
     Ok(levels)
@@ -195,25 +192,6 @@ fn decode_albedo(cursor: &mut Cursor<'_>, points: usize) -> Result<Vec<[f32; 3]>
     Ok(albedos)
 }
 
-fn encode_area(areas: &[f32], out: &mut Vec<u8>) {
-    let mut codes: Vec<u32> = areas.iter().map(|&a| area::encode(a)).collect();
-    let base = codes.iter().copied().min().unwrap_or(0);
-    codes.iter_mut().for_each(|code| *code -= base);
-    let width = width_of(codes.iter().copied().max().unwrap_or(0));
-    out.extend_from_slice(&base.to_le_bytes());
-    out.push(width as u8);
-    put_planes(out, width, &codes);
-}
-
-fn decode_area(cursor: &mut Cursor<'_>, points: usize) -> Result<Vec<f32>> {
-    let base = cursor.u32()?;
-    let width = cursor.plane_width()?;
-    let mut areas = cursor.vec(points, width)?;
-    let codes = Planes::take(cursor, width, points)?.values();
-    areas.extend(codes.map(|code| area::decode(base.saturating_add(code))));
-    Ok(areas)
-}
-
 /// The level that a reader of the file will see in place of `level`; bounds in [`codec`](crate::codec).
 pub fn quantised_level(level: &Level) -> Level {
     let positions = match Grid::of(level.disk_radius, &level.positions) {
@@ -232,11 +210,6 @@ pub fn quantised_level(level: &Level) -> Level {
             .albedo
             .iter()
             .map(|rgb| rgb.map(|c| albedo::decode(albedo::encode(c))))
-            .collect(),
-        area: level
-            .area
-            .iter()
-            .map(|&a| area::decode(area::encode(a)))
             .collect(),
         ..*level
     }
