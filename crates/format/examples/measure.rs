@@ -10,6 +10,7 @@
 
 use std::time::Instant;
 
+use relight_format::codec::bytes::{put_varint, zigzag};
 use relight_format::codec::octahedral;
 use relight_format::*;
 
@@ -72,12 +73,10 @@ fn level(index: u64, count: usize, sorted: bool) -> Level {
         [0, 1, 2]
             .map(|c| 0.4 + 0.2 * (p[c] * 0.7).sin() + 0.15 * uniform(77 + index, 3 * i as u64 + c as u64))
     });
-    let area = (0..count as u64).map(|i| disk_radius * disk_radius * (2.0 + 2.0 * uniform(99 + index, i)));
     Level {
         disk_radius,
         support_radius: 2.0 * disk_radius,
         albedo: albedo.collect(),
-        area: area.collect(),
         positions: points.iter().map(|(p, _)| *p).collect(),
         normals: points.iter().map(|(_, n)| *n).collect(),
     }
@@ -138,10 +137,10 @@ fn links(levels: &[Level], senders: usize) -> Links {
 }
 
 fn bounce(rows: u32) -> BounceLinks {
-    let mut links = BounceLinks {
+    let mut links = WeightRows {
         rows,
         row_offsets: vec![0],
-        ..BounceLinks::default()
+        ..WeightRows::default()
     };
     for row in 0..rows {
         let mut weights = Vec::new();
@@ -157,7 +156,70 @@ fn bounce(rows: u32) -> BounceLinks {
         links.row_sums.push(if weights.is_empty() { 0.0 } else { 0.9 });
         links.row_offsets.push(links.columns.len() as u32);
     }
-    links
+    BounceLinks {
+        level: 2,
+        matrix: links,
+    }
+}
+
+/// Clusters of the finest points around the points of the coarsest `sending` levels: nearest by distance, with a
+/// noise of a fifth of the spacing for what visibility adds.
+fn senders(levels: &[Level], sending: usize) -> Senders {
+    let nearest = |level: &Level, seeds: &Level, stream: u64| -> Vec<u32> {
+        let positions = level.positions.iter().enumerate();
+        positions
+            .map(|(i, p)| {
+                let noise = 0.2 * seeds.disk_radius;
+                let p = [0, 1, 2].map(|k| p[k] + noise * (uniform(stream, 3 * i as u64 + k as u64) - 0.5));
+                let squared = |s: &[f32; 3]| (0..3).map(|k| (s[k] - p[k]).powi(2)).sum::<f32>();
+                let all = (0u32..).zip(&seeds.positions);
+                all.min_by(|a, b| squared(a.1).total_cmp(&squared(b.1)))
+                    .map_or(0, |s| s.0)
+            })
+            .collect()
+    };
+    Senders {
+        counts: levels[..sending]
+            .iter()
+            .map(|l| l.positions.len() as u32)
+            .collect(),
+        leaf_of_point: nearest(&levels[levels.len() - 1], &levels[sending - 1], 40),
+        parents: (1..sending)
+            .map(|l| nearest(&levels[l], &levels[l - 1], 41))
+            .collect(),
+    }
+}
+
+/// The same assignments by other codecs.
+fn compare_cluster_codecs(clusters: &[u32]) {
+    let mut previous = 0;
+    let deltas: Vec<u32> = clusters
+        .iter()
+        .map(|&c| zigzag(c.wrapping_sub(std::mem::replace(&mut previous, c))))
+        .collect();
+    let mut varints = Vec::new();
+    deltas.iter().for_each(|&d| put_varint(&mut varints, d));
+    // One byte per point, and those that do not fit apart.
+    let mut escaped: Vec<u8> = deltas.iter().map(|&d| d.min(255) as u8).collect();
+    deltas
+        .iter()
+        .filter(|&&d| d >= 255)
+        .for_each(|&d| put_varint(&mut escaped, d - 255));
+    let mut recency = Vec::new();
+    codec::recency::encode(clusters, &mut recency);
+    for (name, bytes) in [
+        ("numbers in two planes", planes(2, clusters)),
+        ("differences in two planes", planes(2, &deltas)),
+        ("differences as varints", varints),
+        ("differences as bytes, large ones apart", escaped),
+        ("recency (in use)", recency),
+    ] {
+        let size = zstd::bulk::compress(&bytes, 9).map_or(0, |stored| stored.len());
+        println!(
+            "clusters: {name:<40} {:.3} bytes per point",
+            size as f64 / clusters.len() as f64
+        );
+    }
 }
 
 /// 66 k triangles: 40 curved patches with normals and texture coordinates, as an arcade has them.
@@ -307,6 +369,13 @@ fn compare_vector_codecs(vectors: &[[f32; 3]]) {
 }
 
 fn main() -> Result<()> {
+    // Of a real asset, the assignments alone.
+    for path in std::env::args().skip(1) {
+        if let Some(senders) = read_file(path, &Limits::default())?.senders {
+            compare_cluster_codecs(&senders.leaf_of_point);
+        }
+        return Ok(());
+    }
     let counts = [139, 556, 2225, 8900, 35600, 142400];
     let points: Vec<Level> = counts.iter().zip(0..).map(|(&n, i)| level(i, n, true)).collect();
     let unsorted: Vec<Level> = counts.iter().zip(0..).map(|(&n, i)| level(i, n, false)).collect();
@@ -315,6 +384,7 @@ fn main() -> Result<()> {
         geometry: geometry(),
         materials: vec![Material::default()],
         bounce: Some(bounce(2225)),
+        senders: Some(senders(&points, 3)),
         transfer: Some(transfer),
         points,
         ..Asset::default()
@@ -323,7 +393,14 @@ fn main() -> Result<()> {
     let count = |name: &str| match name {
         "points" => (asset.points.iter().map(|l| l.positions.len()).sum(), "point"),
         "links_transfer" => (asset.transfer.as_ref().map_or(0, |l| l.columns.len()), "link"),
-        "links_bounce" => (asset.bounce.as_ref().map_or(0, |l| l.columns.len()), "link"),
+        "links_bounce" => (
+            asset.bounce.as_ref().map_or(0, |l| l.matrix.columns.len()),
+            "link",
+        ),
+        "senders" => (
+            asset.senders.as_ref().map_or(0, |s| s.leaf_of_point.len()),
+            "finest point",
+        ),
         "geometry" => (
             asset.geometry.meshes.iter().map(|m| m.triangles.len()).sum(),
             "triangle",
@@ -352,6 +429,7 @@ fn main() -> Result<()> {
     for part in ["geometry", "points", "transfer", "bounce"] {
         let mut alone = Asset {
             points: asset.points.clone(),
+            senders: asset.senders.clone(),
             ..Asset::default()
         };
         match part {
@@ -366,7 +444,7 @@ fn main() -> Result<()> {
             "bounce" => alone.bounce = asset.bounce.clone(),
             _ => {}
         }
-        println!("{part} (links: with the points)");
+        println!("{part} (links: with points and senders)");
         per_section(&alone, &write_asset(&alone)?)?;
     }
     println!("points in random order:");
@@ -389,10 +467,13 @@ fn main() -> Result<()> {
         let level = &asset.points[5];
         println!(
             "quantised_level ({} points): {:.1} ms\n",
-            level.area.len(),
+            level.positions.len(),
             median_ms(|| drop(quantised_level(level)))
         );
         compare_vector_codecs(&transfer.vectors);
+    }
+    if let Some(senders) = &asset.senders {
+        compare_cluster_codecs(&senders.leaf_of_point);
     }
     Ok(())
 }

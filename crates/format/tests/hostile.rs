@@ -111,7 +111,7 @@ fn an_unknown_optional_section_is_skipped_but_still_checked() {
     let mut bytes = with(extra);
     let expected = read(&write_asset(&small_asset()).unwrap()).unwrap();
     assert_eq!(read(&bytes).unwrap(), expected);
-    assert_eq!(summarise(&bytes).unwrap().sections[10].name, "unknown_1000");
+    assert_eq!(summarise(&bytes).unwrap().sections[11].name, "unknown_1000");
     let at = bytes.windows(6).position(|w| w == b"future").unwrap();
     bytes[at] ^= 1;
     assert_eq!(fault(&read(&bytes).unwrap_err()).0, "invalid");
@@ -273,7 +273,7 @@ fn tables_that_overlap_repeat_or_gape_are_refused() {
 #[test]
 fn structures_that_break_a_rule_are_not_written() {
     type Break = fn(&mut Asset);
-    let breaks: [(&str, &str, Break); 14] = [
+    let breaks: [(&str, &str, Break); 25] = [
         ("geometry", "vertex indices", |a| {
             a.geometry.meshes[0].triangles[1][2] = 4
         }),
@@ -301,10 +301,39 @@ fn structures_that_break_a_rule_are_not_written() {
             a.transfer.as_mut().unwrap().columns[4] = 5
         }),
         ("links_bounce", "row sum", |a| {
-            a.bounce.as_mut().unwrap().row_sums[0] = 1.5
+            a.bounce.as_mut().unwrap().matrix.row_sums[0] = 1.5
         }),
         ("links_bounce", "sum to", |a| {
-            a.bounce.as_mut().unwrap().row_sums[0] = 0.3
+            a.bounce.as_mut().unwrap().matrix.row_sums[0] = 0.3
+        }),
+        ("links_bounce", "sender level below 2", |a| {
+            a.bounce.as_mut().unwrap().level = 2
+        }),
+        ("links_bounce", "3 rows", |a| a.bounce.as_mut().unwrap().level = 1),
+        ("links_solution", "row sum", |a| {
+            a.solution.as_mut().unwrap().channels[2].row_sums[1] = f32::INFINITY
+        }),
+        ("links_solution", "1 or 3 channels", |a| {
+            a.solution.as_mut().unwrap().channels.truncate(2)
+        }),
+        ("links_transfer", "one per cluster", |a| a.senders = None),
+        ("senders", "1 to 2 sender levels", |a| {
+            a.senders.as_mut().unwrap().counts.clear()
+        }),
+        ("senders", "2 clusters", |a| {
+            a.senders.as_mut().unwrap().counts[0] = 3
+        }),
+        ("senders", "one per finest point", |a| {
+            a.senders.as_mut().unwrap().leaf_of_point.push(0)
+        }),
+        ("senders", "a cluster below 3", |a| {
+            a.senders.as_mut().unwrap().leaf_of_point[2] = 3
+        }),
+        ("senders", "levels of parents", |a| {
+            a.senders.as_mut().unwrap().parents.clear()
+        }),
+        ("senders", "a cluster below 2", |a| {
+            a.senders.as_mut().unwrap().parents[0][1] = 2
         }),
     ];
     for (section, expected, apply) in breaks {

@@ -16,8 +16,9 @@ fn expected(asset: &Asset) -> Asset {
     let mut asset = asset.clone();
     asset.points = asset.points.iter().map(quantised_level).collect();
     asset.transfer = asset.transfer.as_ref().map(quantised_links);
-    asset.solution = asset.solution.as_ref().map(quantised_links);
-    asset.bounce = asset.bounce.as_ref().map(quantised_bounce);
+    let matrices = asset.bounce.iter_mut().map(|bounce| &mut bounce.matrix);
+    let matrices = matrices.chain(asset.solution.iter_mut().flat_map(|s| &mut s.channels));
+    matrices.for_each(|matrix| *matrix = quantised_weights(matrix));
     asset
 }
 
@@ -56,7 +57,7 @@ const VERSION_1: &[u8] = include_bytes!("fixtures/version_1.relight");
 #[test]
 fn the_first_version_is_still_read() {
     let summary = summarise(VERSION_1).unwrap();
-    assert_eq!((summary.format_version, summary.sections.len()), (1, 10));
+    assert_eq!((summary.format_version, summary.sections.len()), (1, 11));
     assert!(
         summary
             .sections
@@ -95,11 +96,11 @@ fn a_summary_names_sections_and_adds_up_to_the_file() {
     let bytes = write_asset(&small_asset()).unwrap();
     let summary = summarise(&bytes).unwrap();
     let names: Vec<_> = summary.sections.iter().map(|s| s.name.as_str()).collect();
-    let all = "provenance geometry materials textures stage points links_transfer links_bounce links_solution estimates";
+    let all = "provenance geometry materials textures stage points links_transfer links_bounce links_solution estimates senders";
     assert_eq!(names.join(" "), all);
     let stored: u64 = summary.sections.iter().map(|s| s.stored_bytes).sum();
     // Header of 56 bytes, table entries of 48.
-    assert_eq!(56 + stored + 48 * 10, bytes.len() as u64);
+    assert_eq!(56 + stored + 48 * 11, bytes.len() as u64);
     assert_eq!(summary.provenance, small_asset().provenance);
 }
 
@@ -123,7 +124,7 @@ fn files_are_written_whole_and_read_back() {
     );
     // An asset that may not be written leaves what was there.
     let mut broken = small_asset();
-    broken.points[0].area[0] = f32::NAN;
+    broken.points[0].support_radius = f32::NAN;
     assert!(matches!(write_file(&path, &broken), Err(FormatError::Invalid(_))));
     assert_eq!(
         read_file(&path, &Limits::default()).unwrap(),
@@ -179,6 +180,15 @@ fn sparse_rows(senders: u32) -> impl Strategy<Value = (Vec<u32>, Vec<u32>)> {
     })
 }
 
+/// Senders on one level of `clusters`, over `points` finest points.
+fn one_level(clusters: u32, points: u32) -> Option<Senders> {
+    Some(Senders {
+        counts: vec![clusters],
+        leaf_of_point: (0..points).map(|i| i * 7 % clusters).collect(),
+        parents: Vec::new(),
+    })
+}
+
 fn points(count: usize) -> Level {
     Level {
         disk_radius: 0.1,
@@ -188,7 +198,6 @@ fn points(count: usize) -> Level {
             .collect(),
         normals: vec![[0.0, 1.0, 0.0]; count],
         albedo: vec![[0.5; 3]; count],
-        area: vec![0.01; count],
     }
 }
 
@@ -205,7 +214,12 @@ proptest! {
         let mut links = links;
         let last = *links.row_offsets.last().unwrap();
         links.row_offsets.extend((rows..320).map(|_| last));
-        let asset = Asset { points: vec![points(320)], transfer: Some(links.clone()), ..Asset::default() };
+        let asset = Asset {
+            points: vec![points(300), points(20)],
+            senders: one_level(300, 20),
+            transfer: Some(links.clone()),
+            ..Asset::default()
+        };
         let read = round_trip(&asset);
         let stored = read.transfer.as_ref().unwrap();
         prop_assert_eq!(stored, &quantised_links(&links));
@@ -226,13 +240,18 @@ proptest! {
             .windows(2)
             .map(|p| weights[p[0] as usize..p[1] as usize].iter().map(|&w| f64::from(w)).sum::<f64>() as f32)
             .collect();
-        let bounce = BounceLinks { rows: 20, row_offsets, columns, weights, row_sums };
-        let asset = Asset { points: vec![points(20)], bounce: Some(bounce.clone()), ..Asset::default() };
+        let matrix = WeightRows { rows: 20, row_offsets, columns, weights, row_sums };
+        let asset = Asset {
+            points: vec![points(20)],
+            senders: one_level(20, 20),
+            bounce: Some(BounceLinks { level: 0, matrix: matrix.clone() }),
+            ..Asset::default()
+        };
         let read = round_trip(&asset);
-        let stored = read.bounce.as_ref().unwrap();
-        prop_assert_eq!(stored, &quantised_bounce(&bounce));
+        let stored = &read.bounce.as_ref().unwrap().matrix;
+        prop_assert_eq!(stored, &quantised_weights(&matrix));
         prop_assert_eq!(write_asset(&read).unwrap(), write_asset(&asset).unwrap());
-        prop_assert_eq!(&stored.row_sums, &bounce.row_sums);
+        prop_assert_eq!(&stored.row_sums, &matrix.row_sums);
         for (p, &sum) in stored.row_offsets.windows(2).zip(&stored.row_sums) {
             let total: f64 = stored.weights[p[0] as usize..p[1] as usize].iter().map(|&w| f64::from(w)).sum();
             // Each weight is rounded to f32 once.
@@ -255,7 +274,6 @@ proptest! {
                 [s * phi.cos(), z, s * phi.sin()]
             }).collect(),
             albedo: unit.iter().map(|(p, ..)| p.map(f32::abs)).collect(),
-            area: unit.iter().map(|&(_, z, _)| (1.0 + z) * scale * scale).collect(),
         };
         let asset = Asset { points: vec![level.clone()], ..Asset::default() };
         let read = round_trip(&asset);
@@ -269,7 +287,6 @@ proptest! {
             prop_assert!(distance(level.positions[i], stored.positions[i]) <= f64::from(level.disk_radius) / 256.0);
             prop_assert!(distance(level.normals[i], stored.normals[i]) <= 1.1e-3);
             prop_assert!((0..3).all(|c| (level.albedo[i][c] - stored.albedo[i][c]).abs() <= 1.9e-4));
-            prop_assert!((level.area[i] - stored.area[i]).abs() <= level.area[i] / 512.0);
         }
     }
 

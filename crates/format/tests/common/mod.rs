@@ -4,6 +4,16 @@
 use relight_format::*;
 use xxhash_rust::xxh3::xxh3_64;
 
+fn weight_rows(scale: f32) -> WeightRows {
+    WeightRows {
+        rows: 2,
+        row_offsets: vec![0, 1, 3],
+        columns: vec![1, 0, 1],
+        weights: [0.25, 0.5, 0.125].map(|w| w * scale).to_vec(),
+        row_sums: [0.25, 0.625].map(|s| s * scale).to_vec(),
+    }
+}
+
 /// One quad with texture, two levels of points, all link sections.
 pub fn small_asset() -> Asset {
     let texture_ref = TextureRef {
@@ -74,7 +84,6 @@ pub fn small_asset() -> Asset {
                 positions: vec![[0.1, 0.2, 0.3], [0.9, 0.2, 0.3]],
                 normals: vec![[0.0, 0.0, 1.0], [0.0, 0.8, 0.6]],
                 albedo: vec![[0.5, 0.25, 0.0], [0.99, 1.0, 0.8]],
-                area: vec![0.3, 0.7],
             },
             Level {
                 disk_radius: 0.25,
@@ -82,9 +91,13 @@ pub fn small_asset() -> Asset {
                 positions: vec![[0.1, 0.2, 0.3], [0.4, 0.8, 0.3], [0.9, 0.7, 0.1]],
                 normals: vec![[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.6, -0.8]],
                 albedo: vec![[0.5; 3]; 3],
-                area: vec![0.1, 0.2, 0.0],
             },
         ],
+        senders: Some(Senders {
+            counts: vec![2, 3],
+            leaf_of_point: vec![1, 2, 1],
+            parents: vec![vec![0, 1, 0]],
+        }),
         transfer: Some(Links {
             receivers: 5,
             senders: 5,
@@ -100,17 +113,13 @@ pub fn small_asset() -> Asset {
             ],
         }),
         bounce: Some(BounceLinks {
-            rows: 2,
-            row_offsets: vec![0, 1, 3],
-            columns: vec![1, 0, 1],
-            weights: vec![0.25, 0.5, 0.125],
-            row_sums: vec![0.25, 0.625],
+            level: 0,
+            matrix: weight_rows(1.0),
         }),
-        solution: Some(Links {
-            receivers: 5,
-            senders: 2,
-            row_offsets: vec![0; 6],
-            ..Links::default()
+        // A real asset has one of the two.
+        solution: Some(Solution {
+            level: 0,
+            channels: [4.0, 2.0, 1.0].map(weight_rows).to_vec(),
         }),
         estimates: Some(Estimates {
             values: vec![("relmse_indirect".into(), 0.0123)],
