@@ -14,6 +14,7 @@ pub mod gather;
 pub mod left_out;
 pub mod params;
 pub mod points;
+pub mod radiosity;
 pub mod refine;
 pub mod select;
 pub mod settings;

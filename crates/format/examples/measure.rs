@@ -373,10 +373,9 @@ fn compare_vector_codecs(vectors: &[[f32; 3]]) {
 
 fn main() -> Result<()> {
     // Of a real asset, the assignments alone.
-    for path in std::env::args().skip(1) {
-        if let Some(senders) = read_file(path, &Limits::default())?.senders {
-            compare_cluster_codecs(&senders.leaf_of_point);
-        }
+    if let Some(path) = std::env::args().nth(1) {
+        let asset = read_file(path, &Limits::default())?;
+        compare_cluster_codecs(&asset.senders.unwrap_or_default().leaf_of_point);
         return Ok(());
     }
     let counts = [139, 556, 2225, 8900, 35600, 142400];

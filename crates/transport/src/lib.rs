@@ -15,4 +15,6 @@ pub mod pyramid;
 pub mod random;
 pub mod sampling;
 pub mod senders;
+pub mod sh;
 pub mod sparse;
+pub mod tensor;

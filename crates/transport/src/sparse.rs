@@ -31,7 +31,9 @@ impl Rows {
 
     /// Builds `rows` rows in parallel; `fill(i, row)` appends row `i`'s entries.
     pub fn build(rows: usize, columns: usize, fill: impl Fn(usize, &mut Vec<(u32, f32)>) + Sync) -> Rows {
-        let chunks: Vec<(Vec<u32>, Vec<(u32, f32)>)> = (0..rows.div_ceil(CHUNK))
+        /// Ends of the rows within the chunk, and its entries.
+        type Chunk = (Vec<u32>, Vec<(u32, f32)>);
+        let chunks: Vec<Chunk> = (0..rows.div_ceil(CHUNK))
             .into_par_iter()
             .map(|chunk| {
                 let mut entries = Vec::new();
