@@ -44,7 +44,7 @@ impl BakeParams {
             sender_levels: 3,
             coarse_radius: None,
             epsilon: 0.025,
-            rays: 512,
+            rays: 320,
             bounces: None,
             solution: false,
             viewpoints: Vec::new(),
