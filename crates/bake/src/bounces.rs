@@ -13,7 +13,12 @@ const DROPPED_SHARE: f32 = 0.05;
 /// the bounce level: `cluster_of_receiver[p]` says where point p belongs, and `openness[p]` how much it counts
 /// there. Rows and columns of the result:
 /// clusters. Clusters without a receiver have empty rows.
-pub fn bounce_operator(responses: &[Vec<(u32, f32)>], cluster_of_receiver: &[u32], openness: &[f32], clusters: usize) -> Rows {
+pub fn bounce_operator(
+    responses: &[Vec<(u32, f32)>],
+    cluster_of_receiver: &[u32],
+    openness: &[f32],
+    clusters: usize,
+) -> Rows {
     let mut receivers_of = vec![Vec::new(); clusters];
     for (p, &cluster) in cluster_of_receiver.iter().enumerate() {
         receivers_of[cluster as usize].push(p);

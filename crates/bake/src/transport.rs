@@ -118,7 +118,11 @@ pub fn transport(
     let receivers = &levels[bounce_receivers];
     let cluster_of_point = tree.cluster_of_point(bounce_level);
     let nearest: Vec<usize> = (0..receivers.len())
-        .map(|i| finest.nearest(receivers.positions[i], receivers.normals[i]).unwrap_or(0) as usize)
+        .map(|i| {
+            finest
+                .nearest(receivers.positions[i], receivers.normals[i])
+                .unwrap_or(0) as usize
+        })
         .collect();
     let cluster_of_receiver: Vec<u32> = nearest.iter().map(|&p| cluster_of_point[p]).collect();
     let openness: Vec<f32> = nearest.iter().map(|&p| openness(tree.seen[p])).collect();

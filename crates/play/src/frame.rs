@@ -173,7 +173,11 @@ fn add(sum: &mut [Vec3], part: &[Vec3]) {
 
 fn indirect_at(shot: &Shot, values: &[VectorIrradiance]) -> Vec<Vec3> {
     let irradiance = reconstruct::irradiance(&shot.weights, &shot.components, values);
-    irradiance.into_iter().zip(&shot.albedo).map(|(e, albedo)| e * *albedo / PI).collect()
+    irradiance
+        .into_iter()
+        .zip(&shot.albedo)
+        .map(|(e, albedo)| e * *albedo / PI)
+        .collect()
 }
 
 /// Light that each fragment shows directly: emissive surfaces that a light lets shine, environments, and
