@@ -71,7 +71,7 @@ pub struct PlayArgs {
     /// Write 32-bit floats instead of half precision.
     #[arg(long)]
     pub float: bool,
-    /// Samples per pixel [default: transfer 4, brute 16, path 64].
+    /// Samples per pixel [default: transfer 16, with a moving camera 1; brute 16; path 64].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub spp: Option<u32>,
     /// Most reflections of a path (path only) [default: no limit].
@@ -135,8 +135,10 @@ impl LayerName {
 /// hundreds of points, a pixel nothing.
 const PIXEL_LIGHT_SAMPLES: u32 = 8;
 const POINT_LIGHT_SAMPLES: u32 = 4;
-/// Primary rays per pixel of the transfer integrator: silhouettes and textures look antialiased from four on.
-const TRANSFER_SPP: u32 = 4;
+/// Primary rays per pixel of the transfer integrator where the camera stands still: they are cast once per shot.
+const FIXED_SPP: u32 = 16;
+/// The same where it moves and every frame casts them anew.
+const MOVING_SPP: u32 = 1;
 /// Height of an image where nobody says another.
 const DEFAULT_HEIGHT: usize = 360;
 /// Aspect ratio where neither user nor camera says another.
@@ -457,7 +459,7 @@ impl Session<'_> {
         let mut times = Map::new();
         if self.shot.is_none() || !self.fixed {
             let start = Instant::now();
-            let spp = self.args.spp.unwrap_or(TRANSFER_SPP);
+            let spp = self.args.spp.unwrap_or(if self.fixed { FIXED_SPP } else { MOVING_SPP });
             let mut shot = expose(&player.scene, camera, self.width, self.height, spp);
             let exposed = milliseconds(start);
             let start = Instant::now();

@@ -1,7 +1,7 @@
 //! The flat bounce operator from the gathers of one receiver level.
 //!
-//! Source: design of relight, section 6 (bounces). K_jk is the irradiance averaged over sender j's function
-//! per unit radiosity of sender k.
+//! Source: design of relight, section 6 (bounces). K_jk is the irradiance averaged over the cluster of
+//! sender j per unit radiosity of sender k.
 
 use rayon::prelude::*;
 use relight_transport::sparse::Rows;
@@ -10,9 +10,15 @@ use relight_transport::sparse::Rows;
 const DROPPED_SHARE: f32 = 0.05;
 
 /// Averages the point rows of irradiance responses (`responses[p]`: (cluster, response)) over the clusters of
-/// the bounce level: `cluster_of_receiver[p]` says where point p belongs. Rows and columns of the result:
+/// the bounce level: `cluster_of_receiver[p]` says where point p belongs, and `openness[p]` how much it counts
+/// there. Rows and columns of the result:
 /// clusters. Clusters without a receiver have empty rows.
-pub fn bounce_operator(responses: &[Vec<(u32, f32)>], cluster_of_receiver: &[u32], clusters: usize) -> Rows {
+pub fn bounce_operator(
+    responses: &[Vec<(u32, f32)>],
+    cluster_of_receiver: &[u32],
+    openness: &[f32],
+    clusters: usize,
+) -> Rows {
     let mut receivers_of = vec![Vec::new(); clusters];
     for (p, &cluster) in cluster_of_receiver.iter().enumerate() {
         receivers_of[cluster as usize].push(p);
@@ -22,10 +28,11 @@ pub fn bounce_operator(responses: &[Vec<(u32, f32)>], cluster_of_receiver: &[u32
         .map_init(
             || vec![0.0f64; clusters],
             |dense, receivers| {
-                let mass = receivers.len() as f64;
+                let mass: f64 = receivers.iter().map(|&p| f64::from(openness[p])).sum();
                 for p in receivers {
+                    let weight = f64::from(openness[p]);
                     for &(k, response) in &responses[p] {
-                        dense[k as usize] += f64::from(response);
+                        dense[k as usize] += weight * f64::from(response);
                     }
                 }
                 let row: Vec<(u32, f32)> = dense

@@ -3,9 +3,8 @@
 //! Source: Lehtinen et al. 2008, equation 16, with the reflectance left to the senders' radiosity and 1/π
 //! taken in: T′_ij = (1/π) ∫ B_j(r(x_i, ω)) ω dω over the hemisphere above the receiver.
 //!
-//! Deviation: B_j is looked up at the finest point nearest to where the ray ended, not at the end itself. The
-//! finest points are a 2^(levels − sender levels)-th of the senders' distance apart, so the functions hardly
-//! change in between, and one look-up replaces an evaluation per sender level.
+//! Deviation: senders are clusters of finest points (`relight_transport::senders`), so a ray counts for the
+//! clusters of the finest point nearest to where it ended; one look-up finds those of all sender levels.
 
 use crate::candidates::Candidate;
 use glam::{Vec3, Vec3A};

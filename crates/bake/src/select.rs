@@ -4,9 +4,9 @@
 //! level, by variation among neighbours on the finer ones.
 //!
 //! Deviations. Magnitudes are tested as ρ·‖T‖, ρ the sender's reflectance, because links carry geometry only.
-//! A link must also exceed twice its standard error. What is dropped on the coarsest sender level is given to
-//! the nearest kept sender, so that a row's response to constant radiosity, which is that of its
-//! coarsest-level senders alone, is kept.
+//! A link must also exceed one sample of its standard error, the difference of its two half gathers. What is
+//! dropped on the coarsest sender level is given to the nearest kept sender, so that a row's response to
+//! constant radiosity, which is that of its coarsest-level senders alone, is kept.
 
 use crate::gather::RowScratch;
 use glam::{Vec3, Vec3A};
@@ -31,7 +31,7 @@ pub struct Thresholds {
     pub row: f32,
 }
 
-/// Standard errors below which a link is noise.
+/// Multiples of the half gathers' difference (one sample of the standard error) below which a link is noise.
 const STANDARD_ERRORS: f32 = 1.0;
 
 /// The links of a row to keep, by ascending sender. `row` holds equation 17: gathered minus reconstructed

@@ -17,7 +17,7 @@ use relight_transport::links::Links;
 use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
 use relight_transport::random::Stream;
 use relight_transport::sampling::{Frame, cosine_hemisphere};
-use relight_transport::senders::{PILOTS, SenderTree, Signed, nearest_seeds};
+use relight_transport::senders::{PILOTS, SenderTree, Signed, nearest_seeds, openness};
 use relight_transport::sparse::Rows;
 
 /// All that the asset stores of a scene's transport.
@@ -91,7 +91,7 @@ pub fn transport(
         .flat_map(|l| l.points.iter().copied())
         .collect();
     let bounce_level = 1.min(tree.levels() - 1);
-    let bounce_receivers = (bounce_level + 2).min(levels.len() - 1);
+    let bounce_receivers = (bounce_level + 3).min(levels.len() - 1);
     let refinement = Refinement {
         surfaces,
         places: &places,
@@ -117,19 +117,17 @@ pub fn transport(
     } = refine(&refinement, quantised, step)?;
     let receivers = &levels[bounce_receivers];
     let cluster_of_point = tree.cluster_of_point(bounce_level);
-    let cluster_of_receiver: Vec<u32> = (0..receivers.len())
+    let nearest: Vec<usize> = (0..receivers.len())
         .map(|i| {
-            let point = finest
+            finest
                 .nearest(receivers.positions[i], receivers.normals[i])
-                .unwrap_or(0);
-            cluster_of_point[point as usize]
+                .unwrap_or(0) as usize
         })
         .collect();
-    let bounce = bounce_operator(
-        &bounce_rows,
-        &cluster_of_receiver,
-        tree.ranges.range(bounce_level).len(),
-    );
+    let cluster_of_receiver: Vec<u32> = nearest.iter().map(|&p| cluster_of_point[p]).collect();
+    let openness: Vec<f32> = nearest.iter().map(|&p| openness(tree.seen[p])).collect();
+    let clusters = tree.ranges.range(bounce_level).len();
+    let bounce = bounce_operator(&bounce_rows, &cluster_of_receiver, &openness, clusters);
     let rays = rays + points.rays;
     Ok(Transport {
         points,

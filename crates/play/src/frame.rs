@@ -10,7 +10,6 @@ use crate::shot::Shot;
 use crate::transfer::{Transfer, TransferStats};
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_scene::bsdf;
 use relight_scene::light_set::LightSet;
 use relight_scene::rays::Ray;
 use relight_scene::surface::{SurfaceHit, Surfaces};
@@ -175,19 +174,9 @@ fn add(sum: &mut [Vec3], part: &[Vec3]) {
 fn indirect_at(shot: &Shot, values: &[VectorIrradiance]) -> Vec<Vec3> {
     let irradiance = reconstruct::irradiance(&shot.weights, &shot.components, values);
     irradiance
-        .into_par_iter()
-        .zip(&shot.points)
-        .with_min_len(4096)
-        .map(|(e, point)| {
-            point.as_ref().map_or(Vec3::ZERO, |point| {
-                let albedo = if point.lambert {
-                    point.diffuse
-                } else {
-                    bsdf::hemispherical_albedo(point)
-                };
-                e * albedo / PI
-            })
-        })
+        .into_iter()
+        .zip(&shot.albedo)
+        .map(|(e, albedo)| e * *albedo / PI)
         .collect()
 }
 

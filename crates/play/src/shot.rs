@@ -8,6 +8,7 @@
 use crate::reconstruct;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+use relight_scene::bsdf;
 use relight_scene::camera::Camera;
 use relight_scene::rays::Ray;
 use relight_scene::shading::ShadingPoint;
@@ -38,6 +39,8 @@ pub struct Shot {
     pub weights: Rows,
     /// Those functions' weights on the components of vector irradiance, one per entry of `weights`.
     pub components: Vec<Vec3>,
+    /// Total hemispherical reflectance of each fragment.
+    pub albedo: Vec<Vec3>,
     /// Camera position.
     pub eye: Vec3,
 }
@@ -185,7 +188,7 @@ fn append_fragments(pixel: &[Sample], row: &mut Shot) {
 }
 
 impl Shot {
-    /// Finds the finest points' functions at every fragment, once per shot.
+    /// Finds the finest points' functions and the total reflectance at every fragment, once per shot.
     pub fn weigh(&mut self, finest: &Level) {
         let places: Vec<Option<(Vec3, Vec3)>> = self
             .hits
@@ -197,6 +200,13 @@ impl Shot {
             .map(|p| {
                 p.as_ref()
                     .map_or((Vec3::Z, Vec3::Z), |p| (p.normal, p.shading_normal))
+            })
+            .collect();
+        self.albedo = (self.points.par_iter().with_min_len(256))
+            .map(|p| match p {
+                Some(p) if p.lambert => p.diffuse,
+                Some(p) => bsdf::hemispherical_albedo(p),
+                None => Vec3::ZERO,
             })
             .collect();
         self.components = reconstruct::components(&self.weights, finest, &normals);

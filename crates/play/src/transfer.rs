@@ -1,7 +1,8 @@
 //! From direct irradiance at the points to indirect vector irradiance at the finest points.
 //!
-//! Source: Lehtinen et al. 2008, section 4: e = P↑↓ E, i = S e, flattened to the finest level. Further
-//! bounces are solved on a flat sender level before the one product with T (design section 6).
+//! Source: Lehtinen et al. 2008, section 4: e = P↑↓ E, i = S e, flattened to the finest level. The pull goes to
+//! clusters (`relight_transport::senders`); further bounces are solved on one level of them before the one
+//! product with T (design section 6).
 
 use glam::Vec3;
 use relight_transport::basis::Level;

@@ -188,7 +188,7 @@ pub struct Signed {
 /// What is seen from many places is what other places see of the cluster, and what lights reach. A mean by area
 /// alone counts in what lies hidden beside it and is too dark for nearly all who look: with the square, clusters
 /// give Sponza's first bounce to 0.3 %, by area to 2.5 % (docs/transfer.md). Constants are kept by any weights.
-fn openness(seen: u8) -> f32 {
+pub fn openness(seen: u8) -> f32 {
     let seen = f32::from(seen) + 1.0;
     seen * seen
 }
