@@ -457,6 +457,11 @@ impl<'a> LightSet<'a> {
         )
     }
 
+    /// Whether a light is the scene's own emissive surfaces, which rays meet.
+    pub fn is_emissive(&self, light: usize) -> bool {
+        matches!(self.lights[light].shape, Shape::Emissive { .. })
+    }
+
     /// Draws a direction from `x` (world space) towards a light, from three random numbers in [0, 1). `None`
     /// where that light sends nothing to `x` (or what was drawn turns its back: an estimate of zero).
     pub fn sample(&self, light: usize, x: Vec3, random: [f32; 3]) -> Option<LightSample> {

@@ -1,0 +1,7 @@
+//! Statements about light, through the whole way that it takes: scene → bake → file → player.
+
+mod furnace;
+mod golden;
+mod product;
+mod stage;
+mod sums;
