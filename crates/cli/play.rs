@@ -459,7 +459,10 @@ impl Session<'_> {
         let mut times = Map::new();
         if self.shot.is_none() || !self.fixed {
             let start = Instant::now();
-            let spp = self.args.spp.unwrap_or(if self.fixed { FIXED_SPP } else { MOVING_SPP });
+            let spp = self
+                .args
+                .spp
+                .unwrap_or(if self.fixed { FIXED_SPP } else { MOVING_SPP });
             let mut shot = expose(&player.scene, camera, self.width, self.height, spp);
             let exposed = milliseconds(start);
             let start = Instant::now();
