@@ -189,7 +189,7 @@ fn one_light(folder: &Path, name: &str, lights: &[([f32; 3], f32)]) -> FloatImag
 #[test]
 fn light_is_linear() {
     let folder = folder();
-    let (a, b) = (([0.2, 0.4, 0.1], 1.0), ([0.4, 0.2, 0.3], 1.0));
+    let (a, b) = (([0.2, 0.4, 0.1], 1.0), ([0.45, 0.4, 0.15], 1.0));
     let left = one_light(folder.path(), "a", &[a]);
     let right = one_light(folder.path(), "b", &[b]);
     let both = one_light(folder.path(), "both", &[a, (b.0, 2.0)]);
