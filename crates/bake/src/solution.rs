@@ -176,7 +176,7 @@ mod tests {
         k.normalise();
         let parents = (0..n as u32).map(|i| i % 3).collect();
         let leaves = (0..4 * n as u32).map(|p| p / 4).collect();
-        (k, SenderTree::new(&[3, n], leaves, vec![parents], vec![9; n]))
+        (k, SenderTree::new(&[3, n], leaves, vec![parents], vec![9; 4 * n]))
     }
 
     #[test]
