@@ -6,7 +6,6 @@
 
 use crate::grid::PointGrid;
 use crate::kernel;
-use crate::sparse::Rows;
 use glam::Vec3;
 
 /// Cosine between normals above which two places count as facing the same way: 60°, at which the squared
@@ -139,22 +138,6 @@ impl Level {
         if best.1 != u32::MAX {
             out.push((best.1, 1.0));
         }
-    }
-
-    /// [`Level::functions_or_nearest_at`] for many places.
-    pub fn covering(&self, positions: &[Vec3], normals: &[Vec3]) -> Rows {
-        Rows::build(positions.len(), self.len(), |i, row| {
-            self.functions_or_nearest_at(positions[i], normals[i], row);
-        })
-    }
-
-    /// For each of the points of another level (or any oriented points): the functions of this level there.
-    /// Rows: the given points; columns: this level's functions. Each row sums to 1, or is empty where
-    /// nothing covers the point.
-    pub fn evaluated_at(&self, positions: &[Vec3], normals: &[Vec3]) -> Rows {
-        Rows::build(positions.len(), self.len(), |i, row| {
-            self.functions_at(positions[i], normals[i], row)
-        })
     }
 
     /// Surface area that each point stands for, in squared scene units, up to a common factor near one.

@@ -2,7 +2,7 @@
 
 use crate::random::Stream;
 use glam::{Vec2, Vec3};
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::TAU;
 
 /// An orthonormal frame around a unit normal; columns are tangent, bitangent, normal.
 ///
@@ -94,9 +94,6 @@ impl DirectionSet {
         }
     }
 }
-
-/// Solid angle of the hemisphere over π: what a uniform sample's weight multiplies, 2π/N · 1/π = 2/N.
-pub const HEMISPHERE_OVER_PI: f32 = TAU / PI;
 
 #[cfg(test)]
 mod tests {
