@@ -112,6 +112,7 @@ pub fn bake(
     let transport = transport(
         &timed,
         points,
+        &viewpoints,
         params,
         |v| Vec3::from(format::quantised_vector(v.to_array())),
         |done| {
@@ -397,7 +398,7 @@ fn solved(transport: &Transport, params: &BakeParams) -> Solution {
         &transport.tree,
         &albedo,
         // T carries the last bounce.
-        params.bounces.map(|n| n.saturating_sub(1)),
+        params.bounces.map(|n| n.saturating_sub(2)),
         params.epsilon,
     )
 }
@@ -408,7 +409,7 @@ fn sender_tree(tree: &SenderTree) -> format::Senders {
             .map(|l| tree.ranges.range(l).len() as u32)
             .collect(),
         leaf_of_point: tree.leaf_of_point.clone(),
-        seen: tree.seen.clone(),
+        importance: tree.importance.clone(),
         parents: tree.parents.clone(),
     }
 }

@@ -10,13 +10,13 @@ use relight_transport::sparse::Rows;
 const DROPPED_SHARE: f32 = 0.05;
 
 /// Averages the point rows of irradiance responses (`responses[p]`: (cluster, response)) over the clusters of
-/// the bounce level: `cluster_of_receiver[p]` says where point p belongs, and `openness[p]` how much it counts
+/// the bounce level: `cluster_of_receiver[p]` says where point p belongs, and `weights[p]` how much it counts
 /// there. Rows and columns of the result:
 /// clusters. Clusters without a receiver have empty rows.
 pub fn bounce_operator(
     responses: &[Vec<(u32, f32)>],
     cluster_of_receiver: &[u32],
-    openness: &[f32],
+    weights: &[f32],
     clusters: usize,
 ) -> Rows {
     let mut receivers_of = vec![Vec::new(); clusters];
@@ -28,9 +28,9 @@ pub fn bounce_operator(
         .map_init(
             || vec![0.0f64; clusters],
             |dense, receivers| {
-                let mass: f64 = receivers.iter().map(|&p| f64::from(openness[p])).sum();
+                let mass: f64 = receivers.iter().map(|&p| f64::from(weights[p])).sum();
                 for p in receivers {
-                    let weight = f64::from(openness[p]);
+                    let weight = f64::from(weights[p]);
                     for &(k, response) in &responses[p] {
                         dense[k as usize] += weight * f64::from(response);
                     }

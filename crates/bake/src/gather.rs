@@ -28,8 +28,6 @@ pub struct SenderField<'a> {
 pub struct RowScratch {
     /// Vector irradiance per unit radiosity.
     pub sum: Vec<Vec3A>,
-    /// Difference between the two half gathers: the standard error of `sum`, one sample of it.
-    pub difference: Vec<Vec3A>,
     /// Senders that were touched since the last [`RowScratch::clear`], in order of first touch.
     pub touched: Vec<u32>,
     is_touched: Vec<bool>,
@@ -40,7 +38,6 @@ impl RowScratch {
     pub fn new(senders: usize) -> RowScratch {
         RowScratch {
             sum: vec![Vec3A::ZERO; senders],
-            difference: vec![Vec3A::ZERO; senders],
             touched: Vec::new(),
             is_touched: vec![false; senders],
         }
@@ -50,7 +47,6 @@ impl RowScratch {
     pub fn clear(&mut self) {
         for &j in &self.touched {
             self.sum[j as usize] = Vec3A::ZERO;
-            self.difference[j as usize] = Vec3A::ZERO;
             self.is_touched[j as usize] = false;
         }
         self.touched.clear();
@@ -58,14 +54,13 @@ impl RowScratch {
 
     /// Adds to one entry.
     #[inline]
-    pub fn add(&mut self, sender: u32, sum: Vec3A, difference: Vec3A) {
+    pub fn add(&mut self, sender: u32, vector: Vec3A) {
         let j = sender as usize;
         if !self.is_touched[j] {
             self.is_touched[j] = true;
             self.touched.push(sender);
         }
-        self.sum[j] += sum;
-        self.difference[j] += difference;
+        self.sum[j] += vector;
     }
 }
 
@@ -84,7 +79,7 @@ pub fn gather(
     let weight = 2.0 / (directions.directions.len() as f32 * directions.full);
     let finest = field.tree.ranges.range(field.tree.levels() - 1).start as u32;
     let mut lost = 0;
-    for (i, &local) in directions.directions.iter().enumerate() {
+    for &local in &directions.directions {
         let direction = frame.world_from_local(local);
         let ray = Ray {
             origin: place.origin,
@@ -100,9 +95,8 @@ pub fn gather(
             continue;
         };
         let vector = Vec3A::from(direction * weight);
-        let half = if i % 2 == 0 { 1.0 } else { -1.0 };
         let leaf = field.tree.leaf_of_point[point as usize];
-        row.add(finest + leaf, vector, vector * half);
+        row.add(finest + leaf, vector);
     }
     coarsen(field, row);
     lost
@@ -117,27 +111,7 @@ fn coarsen(field: &SenderField, row: &mut RowScratch) {
             let sender = row.touched[i] as usize;
             if range.contains(&sender) {
                 let parent = coarse + field.tree.parents[level - 1][sender - range.start];
-                row.add(parent, row.sum[sender], row.difference[sender]);
-            }
-        }
-    }
-}
-
-/// Turns responses to clusters' radiosities into responses to sender coefficients: on the coarsest level they
-/// are the same; on the others what remains after the cluster's share in its parent's response is taken off.
-/// A parent that is seen evenly, by area, needs no finer link.
-pub fn to_coefficients(tree: &SenderTree, row: &mut RowScratch) {
-    for level in (1..tree.levels()).rev() {
-        let (fine, coarse) = (tree.ranges.range(level).start, tree.ranges.range(level - 1));
-        for i in 0..row.touched.len() {
-            let parent = row.touched[i] as usize;
-            if !coarse.contains(&parent) {
-                continue;
-            }
-            let (sum, difference) = (row.sum[parent], row.difference[parent]);
-            for &child in tree.children(level - 1, parent - coarse.start) {
-                let share = tree.shares[fine + child as usize];
-                row.add((fine + child as usize) as u32, -sum * share, -difference * share);
+                row.add(parent, row.sum[sender]);
             }
         }
     }

@@ -11,6 +11,7 @@ pub mod convert;
 pub mod coverage;
 pub mod error;
 pub mod gather;
+pub mod importance;
 pub mod left_out;
 pub mod params;
 pub mod points;

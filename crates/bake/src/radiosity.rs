@@ -454,7 +454,9 @@ mod tests {
             .zip(&direct)
             .map(|(p, e)| p.albedo * *e)
             .collect();
-        let baked = transport(&traced, placed, &BakeParams::default(), |v| v, |_| Ok(())).unwrap();
+        let (low, high) = traced.bounds().unwrap();
+        let middle = [low.midpoint(high)];
+        let baked = transport(&traced, placed, &middle, &BakeParams::default(), |v| v, |_| Ok(())).unwrap();
         let levels = levels_of(&baked.points);
         let ranges = LevelRanges::new(levels.iter().map(Level::len));
         let sent = baked.tree.coefficients(&baked.tree.pulled(&radiosity));

@@ -8,8 +8,8 @@
 
 use crate::candidates::Candidate;
 use crate::error::BakeError;
-use crate::gather::{RowScratch, SenderField, gather, scalar_row, to_coefficients};
-use crate::select::{SenderTraits, Thresholds, select};
+use crate::gather::{RowScratch, SenderField, gather, scalar_row};
+use crate::select::{SelectScratch, Selection, select};
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;
@@ -32,8 +32,8 @@ pub struct Refinement<'a> {
     pub fine_from_coarse: &'a Rows,
     /// What rays see.
     pub field: SenderField<'a>,
-    /// What selection needs.
-    pub senders: &'a SenderTraits,
+    /// Positions of the senders of the coarsest level.
+    pub coarse_positions: &'a [Vec3],
     /// Rays per receiver of the finest level.
     pub rays: usize,
     /// ε at the finest level.
@@ -87,7 +87,7 @@ pub fn refine(
     let mut refined = Refined::default();
     let mut links = Links {
         receivers: r.ranges.total() as u32,
-        senders: r.senders.ranges.total() as u32,
+        senders: r.field.tree.ranges.total() as u32,
         row_offsets: vec![0],
         ..Links::default()
     };
@@ -100,7 +100,7 @@ pub fn refine(
         let coarser = levels - 1 - level;
         let count = (r.rays << coarser.min(20)).min(MOST_RAYS.max(r.rays));
         let directions = DirectionSet::uniform(count, &mut Stream::new(r.seed, STAGE, level as u64));
-        let thresholds = thresholds(r.epsilon, coarser);
+        let threshold = threshold(r.epsilon, coarser);
         let range = r.ranges.range(level);
         let receivers: Result<Vec<Receiver>, BakeError> = range
             .clone()
@@ -111,9 +111,10 @@ pub fn refine(
                     (
                         RowScratch::new(links.senders as usize),
                         RowScratch::new(links.senders as usize),
+                        SelectScratch::new(r.field.tree),
                     )
                 },
-                |(gathered, predicted), i| {
+                |(gathered, predicted, room), i| {
                     let parents = r.fine_from_coarse.row(i);
                     let active = parents.is_empty() || parents.iter().any(|&(k, _)| keeps[k as usize]);
                     gathered.clear();
@@ -121,7 +122,7 @@ pub fn refine(
                     for &(k, share) in parents {
                         let carried = carry(r.places[k as usize].normal, r.places[i].normal) * share;
                         for &(j, vector) in &rows[k as usize] {
-                            predicted.add(j, Vec3A::from(carried * vector), Vec3A::ZERO);
+                            predicted.add(j, Vec3A::from(carried * vector));
                         }
                     }
                     let mut receiver = Receiver {
@@ -140,15 +141,23 @@ pub fn refine(
                         }
                     }
                     if active {
-                        to_coefficients(r.field.tree, gathered);
-                        for &j in &predicted.touched {
-                            gathered.add(j, -predicted.sum[j as usize], Vec3A::ZERO);
-                        }
-                        receiver.links = select(gathered, r.senders, thresholds, &quantised);
+                        let receiver_here = Selection {
+                            normal: Vec3A::from(r.places[i].normal),
+                            threshold,
+                        };
+                        receiver.links = select(
+                            r.field.tree,
+                            r.coarse_positions,
+                            gathered,
+                            predicted,
+                            receiver_here,
+                            &quantised,
+                            room,
+                        );
                     }
                     if level + 1 < levels {
                         for &(j, vector) in &receiver.links {
-                            predicted.add(j, Vec3A::from(vector), Vec3A::ZERO);
+                            predicted.add(j, Vec3A::from(vector));
                         }
                         receiver.reconstructed = predicted
                             .touched
@@ -190,14 +199,10 @@ pub fn refine(
     Ok(refined)
 }
 
-/// Thresholds of a receiver level that is `coarser` levels above the finest.
+/// Threshold on links of a receiver level that is `coarser` levels above the finest.
 ///
 /// A receiver's function covers four times the area of one on the next finer level, so for the same squared
 /// error over the surface a link of half the size earns its place there: the threshold halves per level.
-fn thresholds(epsilon: f32, coarser: usize) -> Thresholds {
-    let link = epsilon / (1u64 << coarser.min(40)) as f32;
-    Thresholds {
-        link,
-        row: link * 0.5,
-    }
+fn threshold(epsilon: f32, coarser: usize) -> f32 {
+    epsilon / (1u64 << coarser.min(40)) as f32
 }

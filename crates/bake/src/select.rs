@@ -3,109 +3,240 @@
 //! Source: Lehtinen et al. 2008, section 3.2, figure 5 and appendix A: by magnitude on the coarsest sender
 //! level, by variation among neighbours on the finer ones.
 //!
-//! Deviations. Magnitudes are tested as ρ·‖T‖, ρ the sender's reflectance, because links carry geometry only.
-//! A link must also exceed one sample of its standard error, the difference of its two half gathers. What is
-//! dropped on the coarsest sender level is given to the nearest kept sender, so that a row's response to
-//! constant radiosity, which is that of its coarsest-level senders alone, is kept.
+//! Nothing that is dropped is lost. A dropped link of the coarsest sender level is given to the nearest kept
+//! one. In a family, the children of one cluster, what the kept children don't account for is spread over the
+//! others in proportion to their shares: the kept ones are left out of their parent's mean. So every row keeps
+//! its response to constant radiosity, and in a family of n children n − 1 links say everything.
+//!
+//! Deviation: links are tested without the sender's reflectance. Weighted by it, what a row sees of a black
+//! lamp or door would be dropped and given to the bright wall beside it, and reflectances stay editable
+//! (docs/transfer.md: 17 % too bright on modern_hall).
 
 use crate::gather::RowScratch;
 use glam::{Vec3, Vec3A};
-use relight_transport::pyramid::LevelRanges;
+use relight_transport::senders::SenderTree;
 
-/// What selection needs to know of the senders.
-pub struct SenderTraits {
-    /// Sender levels in the numbering over all senders.
-    pub ranges: LevelRanges,
-    /// Largest channel of each sender's reflectance.
-    pub reflectance: Vec<f32>,
-    /// Positions of the senders of level 0.
-    pub coarse_positions: Vec<Vec3>,
-}
-
-/// Thresholds of one receiver level.
+/// What selection needs to know of a receiver.
 #[derive(Clone, Copy, Debug)]
-pub struct Thresholds {
-    /// On ρ·‖T‖.
-    pub link: f32,
-    /// On the length of the sum of dropped links of a row that keeps none on the coarsest sender level.
-    pub row: f32,
+pub struct Selection {
+    /// Its normal.
+    pub normal: Vec3A,
+    /// Strength below which a link is dropped; see [`strength`].
+    pub threshold: f32,
 }
 
-/// Multiples of the half gathers' difference (one sample of the standard error) below which a link is noise.
-const STANDARD_ERRORS: f32 = 1.0;
+/// How much of the part of a link along the surface counts: the sine of 20°, a strong normal map's tilt.
+const TANGENT_WEIGHT: f32 = 0.35;
 
-/// The links of a row to keep, by ascending sender. `row` holds equation 17: gathered minus reconstructed
-/// from the parents' stored links. `quantised` is what the file makes of a vector.
+/// What a link can do to the irradiance of a surface whose shading normal lies near `normal`.
+fn strength(vector: Vec3A, normal: Vec3A) -> f32 {
+    let along = vector.dot(normal);
+    along.abs() + TANGENT_WEIGHT * (vector - normal * along).length()
+}
+
+/// Room to select in, for one thread.
+#[derive(Debug)]
+pub struct SelectScratch {
+    /// Per sender: its response as the parents' rows have it.
+    predicted: Vec<Vec3A>,
+    /// Per sender: its response as stored, less the predicted one.
+    stored: Vec<Vec3A>,
+    /// Families to look at, by their parent, on each sender level.
+    families: Vec<Vec<u32>>,
+    is_open: Vec<bool>,
+    kept: Vec<bool>,
+}
+
+impl SelectScratch {
+    /// Room for the senders of `tree`.
+    pub fn new(tree: &SenderTree) -> SelectScratch {
+        let senders = tree.ranges.total();
+        SelectScratch {
+            predicted: vec![Vec3A::ZERO; senders],
+            stored: vec![Vec3A::ZERO; senders],
+            families: vec![Vec::new(); tree.levels()],
+            is_open: vec![false; senders],
+            kept: Vec::new(),
+        }
+    }
+}
+
+/// The links of a row to keep, by ascending sender: the difference between the `gathered` responses of the
+/// clusters and the link coefficients that the receiver's parents `predicted` (equation 17). `quantised` is
+/// what the file makes of a vector.
 pub fn select(
-    row: &RowScratch,
-    senders: &SenderTraits,
-    thresholds: Thresholds,
+    tree: &SenderTree,
+    coarse_positions: &[Vec3],
+    gathered: &RowScratch,
+    predicted: &RowScratch,
+    receiver: Selection,
     quantised: impl Fn(Vec3) -> Vec3,
+    room: &mut SelectScratch,
 ) -> Vec<(u32, Vec3)> {
-    let coarse = senders.ranges.range(0).end as u32;
-    let significant = |j: u32| {
-        let length = row.sum[j as usize].length();
-        length * senders.reflectance[j as usize] > thresholds.link
-            && length > STANDARD_ERRORS * row.difference[j as usize].length()
-    };
-    let mut kept: Vec<(u32, Vec3A)> = row
-        .touched
-        .iter()
-        .filter(|&&j| significant(j))
-        .map(|&j| (j, row.sum[j as usize]))
-        .collect();
-    kept.sort_unstable_by_key(|link| link.0);
-    give_dropped_to_nearest(row, senders, thresholds, coarse, &mut kept);
-    let mut links: Vec<(u32, Vec3)> = kept
-        .into_iter()
-        .map(|(j, vector)| (j, quantised(Vec3::from(vector))))
-        .collect();
+    let mut links = coarse_links(tree, coarse_positions, gathered, predicted, receiver);
+    for link in &mut links {
+        link.1 = quantised(link.1);
+    }
+    open_families(tree, gathered, predicted, room);
+    let coarse = tree.ranges.range(0).len();
+    room.predicted[..coarse].copy_from_slice(&predicted.sum[..coarse]);
+    room.stored[..coarse].fill(Vec3A::ZERO);
+    for &(j, vector) in &links {
+        room.stored[j as usize] = Vec3A::from(vector);
+    }
+    for level in 0..tree.levels().saturating_sub(1) {
+        let families = std::mem::take(&mut room.families[level]);
+        for &family in &families {
+            room.is_open[family as usize] = false;
+            select_in_family(
+                tree, level, family, gathered, predicted, receiver, &quantised, room, &mut links,
+            );
+        }
+        room.families[level] = families;
+        room.families[level].clear();
+    }
     links.retain(|link| link.1 != Vec3::ZERO);
+    links.sort_unstable_by_key(|link| link.0);
     links
 }
 
-fn give_dropped_to_nearest(
-    row: &RowScratch,
-    senders: &SenderTraits,
-    thresholds: Thresholds,
-    coarse: u32,
-    kept: &mut Vec<(u32, Vec3A)>,
-) {
-    let kept_coarse = kept.partition_point(|link| link.0 < coarse);
-    let mut dropped: Vec<u32> = row
-        .touched
-        .iter()
-        .copied()
-        .filter(|&j| {
-            j < coarse
-                && kept[..kept_coarse]
-                    .binary_search_by_key(&j, |link| link.0)
-                    .is_err()
-        })
-        .collect();
-    dropped.sort_unstable();
-    if kept_coarse == 0 {
-        let sum: Vec3A = dropped.iter().map(|&j| row.sum[j as usize]).sum();
-        if sum.length() > thresholds.row {
+/// Senders of a level that either row touches, each once or twice.
+fn touched_on<'a>(
+    tree: &'a SenderTree,
+    level: usize,
+    gathered: &'a RowScratch,
+    predicted: &'a RowScratch,
+) -> impl Iterator<Item = u32> + 'a {
+    let range = tree.ranges.range(level);
+    let both = gathered.touched.iter().chain(&predicted.touched);
+    both.copied().filter(move |&j| range.contains(&(j as usize)))
+}
+
+/// Lists, level by level, the clusters with a child or a further descendant that either row touches.
+fn open_families(tree: &SenderTree, gathered: &RowScratch, predicted: &RowScratch, room: &mut SelectScratch) {
+    for level in (1..tree.levels()).rev() {
+        let start = tree.ranges.range(level).start as u32;
+        let above = tree.ranges.range(level - 1).start as u32;
+        let (upper, lower) = room.families.split_at_mut(level);
+        for j in touched_on(tree, level, gathered, predicted).chain(lower[0].iter().copied()) {
+            let parent = above + tree.parents[level - 1][(j - start) as usize];
+            if !room.is_open[parent as usize] {
+                room.is_open[parent as usize] = true;
+                upper[level - 1].push(parent);
+            }
+        }
+    }
+}
+
+/// Links of the coarsest sender level, by ascending sender.
+fn coarse_links(
+    tree: &SenderTree,
+    positions: &[Vec3],
+    gathered: &RowScratch,
+    predicted: &RowScratch,
+    receiver: Selection,
+) -> Vec<(u32, Vec3)> {
+    let mut senders: Vec<u32> = touched_on(tree, 0, gathered, predicted).collect();
+    senders.sort_unstable();
+    senders.dedup();
+    let difference = |j: u32| gathered.sum[j as usize] - predicted.sum[j as usize];
+    let strong = |&j: &u32| strength(difference(j), receiver.normal) > receiver.threshold;
+    let (kept, dropped): (Vec<u32>, Vec<u32>) = senders.into_iter().partition(strong);
+    let mut links: Vec<(u32, Vec3A)> = kept.iter().map(|&j| (j, difference(j))).collect();
+    if links.is_empty() {
+        // A row's mean is worth a link at half of what a single one is: all that were dropped err to one side.
+        let sum: Vec3A = dropped.iter().map(|&j| difference(j)).sum();
+        if strength(sum, receiver.normal) > 0.5 * receiver.threshold {
+            let along = |j: u32| difference(j).dot(sum);
             let strongest = dropped
                 .iter()
                 .copied()
-                .max_by(|&a, &b| {
-                    let along = |j: u32| row.sum[j as usize].dot(sum);
-                    along(a).total_cmp(&along(b)).then(b.cmp(&a))
-                })
-                .unwrap_or(0);
-            kept.insert(0, (strongest, sum));
+                .max_by(|&a, &b| along(a).total_cmp(&along(b)).then(b.cmp(&a)));
+            links.extend(strongest.map(|j| (j, sum)));
         }
-        return;
+    } else {
+        for j in dropped {
+            let distance = |k: u32| positions[k as usize].distance_squared(positions[j as usize]);
+            let nearest =
+                (0..kept.len()).min_by(|&a, &b| distance(kept[a]).total_cmp(&distance(kept[b])));
+            if let Some(slot) = nearest {
+                links[slot].1 += difference(j);
+            }
+        }
     }
-    for j in dropped {
-        let distance = |k: u32| {
-            senders.coarse_positions[k as usize].distance_squared(senders.coarse_positions[j as usize])
-        };
-        let nearest = (0..kept_coarse).min_by(|&a, &b| distance(kept[a].0).total_cmp(&distance(kept[b].0)));
-        if let Some(slot) = nearest {
-            kept[slot].1 += row.sum[j as usize];
+    links.into_iter().map(|(j, v)| (j, Vec3::from(v))).collect()
+}
+
+/// Keeps the children that differ most from what their siblings' mean would give, one after the other, until
+/// none differs by more than the threshold.
+///
+/// A kept child's coefficient acts on its difference to the parent's mean, so it is its response less what
+/// the spread remainder already gives it.
+#[allow(clippy::too_many_arguments, reason = "the state of one row; a struct for one call says no more")]
+fn select_in_family(
+    tree: &SenderTree,
+    level: usize,
+    family: u32,
+    gathered: &RowScratch,
+    predicted: &RowScratch,
+    receiver: Selection,
+    quantised: &impl Fn(Vec3) -> Vec3,
+    room: &mut SelectScratch,
+    links: &mut Vec<(u32, Vec3)>,
+) {
+    let fine = tree.ranges.range(level + 1).start;
+    let parent = family as usize;
+    let children = tree.children(level, parent - tree.ranges.range(level).start);
+    let sender = |child: u32| fine + child as usize;
+    let coefficients: Vec3A = children.iter().map(|&c| predicted.sum[sender(c)]).sum();
+    let spread_prediction = room.predicted[parent] - coefficients;
+    for &c in children {
+        let j = sender(c);
+        room.predicted[j] = spread_prediction * tree.shares[j] + predicted.sum[j];
+    }
+    let difference = |room: &SelectScratch, j: usize| gathered.sum[j] - room.predicted[j];
+    room.kept.clear();
+    room.kept.resize(children.len(), false);
+    // What is left for the children that aren't kept, per share.
+    let mut left = room.stored[parent];
+    let mut share_left = 1.0f32;
+    let remainder = |left: Vec3A, share: f32| if share > 1e-6 { left / share } else { Vec3A::ZERO };
+    for _ in 1..children.len() {
+        let each = remainder(left, share_left);
+        let mut worst = (receiver.threshold, usize::MAX);
+        for (i, &c) in children.iter().enumerate() {
+            let j = sender(c);
+            if !room.kept[i] {
+                let unlike = strength(difference(room, j) - each * tree.shares[j], receiver.normal);
+                if unlike > worst.0 {
+                    worst = (unlike, i);
+                }
+            }
         }
+        let Some(&c) = children.get(worst.1) else {
+            break;
+        };
+        room.kept[worst.1] = true;
+        left -= difference(room, sender(c));
+        share_left -= tree.shares[sender(c)];
+    }
+    let each = remainder(left, share_left);
+    let mut stored_coefficients = Vec3A::ZERO;
+    let first = links.len();
+    for (i, &c) in children.iter().enumerate() {
+        let j = sender(c);
+        if room.kept[i] {
+            let stored = quantised(Vec3::from(difference(room, j) - each * tree.shares[j]));
+            stored_coefficients += Vec3A::from(stored);
+            links.push((j as u32, stored));
+        }
+    }
+    // What the links as stored give each child.
+    let spread = room.stored[parent] - stored_coefficients;
+    for &c in children {
+        room.stored[sender(c)] = spread * tree.shares[sender(c)];
+    }
+    for &(j, stored) in &links[first..] {
+        room.stored[j as usize] += Vec3A::from(stored);
     }
 }

@@ -4,10 +4,10 @@ use crate::bounces::bounce_operator;
 use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::SenderField;
+use crate::importance::importance;
 use crate::params::BakeParams;
 use crate::points::PointLevels;
 use crate::refine::{Refined, Refinement, refine};
-use crate::select::SenderTraits;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
@@ -17,7 +17,7 @@ use relight_transport::links::Links;
 use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
 use relight_transport::random::Stream;
 use relight_transport::sampling::{Frame, cosine_hemisphere};
-use relight_transport::senders::{PILOTS, SenderTree, Signed, nearest_seeds, openness};
+use relight_transport::senders::{PILOTS, SenderTree, Signed, nearest_seeds, weight};
 use relight_transport::sparse::Rows;
 
 /// All that the asset stores of a scene's transport.
@@ -61,6 +61,7 @@ pub fn levels_of(points: &PointLevels) -> Vec<Level> {
 pub fn transport(
     surfaces: &dyn Surfaces,
     points: PointLevels,
+    viewpoints: &[Vec3],
     params: &BakeParams,
     quantised: impl Fn(Vec3) -> Vec3 + Sync,
     step: impl Fn(usize) -> Result<(), BakeError> + Sync,
@@ -69,22 +70,8 @@ pub fn transport(
     let ranges = LevelRanges::new(levels.iter().map(Level::len));
     let parents = fine_from_coarse(&levels);
     let finest = &levels[levels.len() - 1];
-    let tree = sender_tree(surfaces, &points, params);
-    let albedo: Vec<Vec3> = points.levels[levels.len() - 1]
-        .points
-        .iter()
-        .map(|p| p.albedo)
-        .collect();
-    let traits = SenderTraits {
-        ranges: tree.ranges.clone(),
-        reflectance: tree
-            .pulled(&albedo)
-            .into_iter()
-            .flatten()
-            .map(|a| a.max_element())
-            .collect(),
-        coarse_positions: levels[0].positions.clone(),
-    };
+    let (importance, importance_rays) = importance(surfaces, finest, viewpoints, params.seed);
+    let tree = sender_tree(surfaces, &points, importance, params);
     let places: Vec<Candidate> = points
         .levels
         .iter()
@@ -101,7 +88,7 @@ pub fn transport(
             points: finest,
             tree: &tree,
         },
-        senders: &traits,
+        coarse_positions: &levels[0].positions,
         rays: params.rays,
         epsilon: params.epsilon,
         bounce_level,
@@ -125,10 +112,10 @@ pub fn transport(
         })
         .collect();
     let cluster_of_receiver: Vec<u32> = nearest.iter().map(|&p| cluster_of_point[p]).collect();
-    let openness: Vec<f32> = nearest.iter().map(|&p| openness(tree.seen[p])).collect();
+    let weights: Vec<f32> = nearest.iter().map(|&p| weight(tree.importance[p])).collect();
     let clusters = tree.ranges.range(bounce_level).len();
-    let bounce = bounce_operator(&bounce_rows, &cluster_of_receiver, &openness, clusters);
-    let rays = rays + points.rays;
+    let bounce = bounce_operator(&bounce_rows, &cluster_of_receiver, &weights, clusters);
+    let rays = rays + points.rays + importance_rays;
     Ok(Transport {
         points,
         tree,
@@ -198,7 +185,12 @@ fn signed(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) -> Vec
         .collect()
 }
 
-fn sender_tree(surfaces: &dyn Surfaces, points: &PointLevels, params: &BakeParams) -> SenderTree {
+fn sender_tree(
+    surfaces: &dyn Surfaces,
+    points: &PointLevels,
+    importance: Vec<u8>,
+    params: &BakeParams,
+) -> SenderTree {
     let pilots = pilots(surfaces, points, params.seed);
     let sending = params.sender_levels.min(points.levels.len());
     let finest = signed(surfaces, &points.levels[points.levels.len() - 1].points, &pilots);
@@ -212,9 +204,5 @@ fn sender_tree(surfaces: &dyn Surfaces, points: &PointLevels, params: &BakeParam
         .map(|l| nearest_seeds(&seeds[l], &seeds[l - 1], spacing(l - 1)))
         .collect();
     let counts: Vec<usize> = seeds.iter().map(Vec::len).collect();
-    let seen = finest
-        .iter()
-        .map(|place| place.signature.count_ones() as u8)
-        .collect();
-    SenderTree::new(&counts, leaf_of_point, parents, seen)
+    SenderTree::new(&counts, leaf_of_point, parents, importance)
 }

@@ -183,7 +183,7 @@ fn senders(levels: &[Level], sending: usize) -> Senders {
             .iter()
             .map(|l| l.positions.len() as u32)
             .collect(),
-        seen: (0..levels[levels.len() - 1].positions.len())
+        importance: (0..levels[levels.len() - 1].positions.len())
             .map(|p| (p / 40 % 65) as u8)
             .collect(),
         leaf_of_point: nearest(&levels[levels.len() - 1], &levels[sending - 1], 40),

@@ -253,9 +253,9 @@ pub struct Senders {
     pub counts: Vec<u32>,
     /// For each point of the finest level its cluster on the finest sender level (index on that level).
     pub leaf_of_point: Vec<u32>,
-    /// For each point of the finest level from how many of 64 places in open space it is seen, 0 to 64. Its
-    /// weight in its cluster's mean is (seen + 1)².
-    pub seen: Vec<u8>,
+    /// For each point of the finest level how much it counts: its weight in its cluster's mean is
+    /// (importance + 1)², relative to the others.
+    pub importance: Vec<u8>,
     /// For each sender level but the coarsest: for each cluster the one on the level above that holds it.
     pub parents: Vec<Vec<u32>>,
 }

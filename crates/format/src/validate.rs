@@ -339,7 +339,7 @@ impl Senders {
         let Senders {
             counts,
             leaf_of_point,
-            seen,
+            importance,
             parents,
         } = self;
         let (levels, most) = (counts.len(), points.len());
@@ -359,10 +359,7 @@ impl Senders {
             finest,
             counts[levels - 1],
         )?;
-        check_length(kind, "counts of sight, one per finest point", seen.len(), finest)?;
-        if let Some(i) = seen.iter().position(|&s| s > 64) {
-            check(false, kind, i, "a count of sight of at most 64", seen[i])?;
-        }
+        check_length(kind, "importances, one per finest point", importance.len(), finest)?;
         check_length(kind, "levels of parents", parents.len(), levels - 1)?;
         for (parents, pair) in parents.iter().zip(counts.windows(2)) {
             check_assignment("parents, one per cluster", parents, pair[1] as usize, pair[0])?;

@@ -184,7 +184,7 @@ fn sparse_rows(senders: u32) -> impl Strategy<Value = (Vec<u32>, Vec<u32>)> {
 fn one_level(clusters: u32, points: u32) -> Option<Senders> {
     Some(Senders {
         counts: vec![clusters],
-        seen: (0..points).map(|i| (i * 5 % 65) as u8).collect(),
+        importance: (0..points).map(|i| (i * 5 % 65) as u8).collect(),
         leaf_of_point: (0..points).map(|i| i * 7 % clusters).collect(),
         parents: Vec::new(),
     })

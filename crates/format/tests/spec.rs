@@ -171,7 +171,7 @@ fn example() -> Asset {
         senders: Some(Senders {
             counts: vec![2],
             leaf_of_point: vec![1, 1],
-            seen: vec![64, 3],
+            importance: vec![64, 3],
             parents: vec![],
         }),
         transfer: Some(Links {

@@ -59,7 +59,7 @@ impl Solution {
 }
 
 /// What a frame's transfer cost and how it converged. Milliseconds.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct TransferStats {
     /// Pull-push of the radiosity and the bounces.
     pub bounce_ms: f64,
@@ -123,50 +123,63 @@ impl Transfer {
     }
 
     /// Indirect vector irradiance at the finest points from direct irradiance there.
+    ///
+    /// The first bounce, which carries most of the light and all of its detail, is T's. Further bounces are
+    /// solved on clusters from that, and all together sent once more through T.
     pub fn indirect_from_direct(&self, direct: &[Vec3]) -> (Vec<VectorIrradiance>, TransferStats) {
-        let start = Instant::now();
+        let mut stats = TransferStats::default();
         let mut radiosity: Vec<Vec3> = direct.iter().zip(&self.albedo).map(|(e, a)| *e * *a).collect();
-        let pulled = self.senders.pulled(&radiosity);
-        let further = self.bounces.map(|n| n.saturating_sub(1));
-        let (irradiance, cluster_of_point, solve) = match &self.solution {
-            Some(solution) => {
-                let solve = Solve {
-                    iterations: 1,
-                    residual: 0.0,
-                };
-                (solution.apply(&pulled[solution.level]), &solution.cluster, solve)
-            }
-            None => {
-                let emitted = &pulled[self.bounce_level];
-                let (irradiance, solve) = bounce::solve(&self.bounce, emitted, &self.bounce_albedo, further);
-                (irradiance, &self.bounce_cluster, solve)
-            }
-        };
-        for (out, (cluster, a)) in radiosity
-            .iter_mut()
-            .zip(cluster_of_point.iter().zip(&self.albedo))
-        {
-            *out += irradiance[*cluster as usize] * *a;
+        if self.bounces != Some(1) {
+            let once = self.one_bounce(&radiosity, &mut stats);
+            let start = Instant::now();
+            self.add_bounces(&mut radiosity, &once, &mut stats);
+            stats.bounce_ms += milliseconds(start);
         }
-        let coefficients = self.senders.coefficients(&self.senders.pulled(&radiosity));
-        let bounce_ms = start.elapsed().as_secs_f64() * 1e3;
+        let values = self.one_bounce(&radiosity, &mut stats);
+        (values, stats)
+    }
+
+    /// Vector irradiance at the finest points that radiosity there causes by way of T.
+    fn one_bounce(&self, radiosity: &[Vec3], stats: &mut TransferStats) -> Vec<VectorIrradiance> {
+        let start = Instant::now();
+        let coefficients = self.senders.coefficients(&self.senders.pulled(radiosity));
+        stats.bounce_ms += milliseconds(start);
         let start = Instant::now();
         let (mut values, links_used) = self.links.apply(&coefficients);
-        let transfer_ms = start.elapsed().as_secs_f64() * 1e3;
+        stats.links_used = links_used;
+        stats.transfer_ms += milliseconds(start);
         let start = Instant::now();
         push(&mut values, &self.normals, &self.ranges, &self.fine_from_coarse);
         let range = self.ranges.range(self.ranges.levels() - 1);
         values.drain(..range.start);
-        let flatten_ms = start.elapsed().as_secs_f64() * 1e3;
-        (
-            values,
-            TransferStats {
-                bounce_ms,
-                transfer_ms,
-                flatten_ms,
-                links_used,
-                solve,
-            },
-        )
+        stats.flatten_ms += milliseconds(start);
+        values
     }
+
+    /// Adds what the first bounce, whose vector irradiance is `once`, and all further ones add to the radiosity
+    /// at the finest points.
+    fn add_bounces(&self, radiosity: &mut [Vec3], once: &[VectorIrradiance], stats: &mut TransferStats) {
+        let reflected: Vec<Vec3> = (once.iter().zip(&self.finest.normals))
+            .zip(&self.albedo)
+            .map(|((e, &normal), &albedo)| e.irradiance(normal).max(Vec3::ZERO) * albedo)
+            .collect();
+        let pulled = self.senders.pulled(&reflected);
+        let further = self.bounces.map(|n| n.saturating_sub(2));
+        let (irradiance, cluster_of_point) = match &self.solution {
+            Some(solution) => (solution.apply(&pulled[solution.level]), &solution.cluster),
+            None => {
+                let emitted = &pulled[self.bounce_level];
+                let (irradiance, solve) = bounce::solve(&self.bounce, emitted, &self.bounce_albedo, further);
+                stats.solve = solve;
+                (irradiance, &self.bounce_cluster)
+            }
+        };
+        for (i, out) in radiosity.iter_mut().enumerate() {
+            *out += reflected[i] + irradiance[cluster_of_point[i] as usize] * self.albedo[i];
+        }
+    }
+}
+
+fn milliseconds(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
 }

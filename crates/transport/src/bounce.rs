@@ -9,7 +9,7 @@ use crate::sparse::Rows;
 use glam::Vec3;
 
 /// How the bounce series was solved.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Solve {
     /// Products with the operator.
     pub iterations: u32,

@@ -28,8 +28,8 @@ pub struct SenderTree {
     pub parents: Vec<Vec<u32>>,
     /// For each sender its weight as a share of its parent's; 1 on the coarsest level.
     pub shares: Vec<f32>,
-    /// For each finest point from how many of the [`PILOTS`] it is seen.
-    pub seen: Vec<u8>,
+    /// For each finest point how much it counts in its clusters; see [`weight`].
+    pub importance: Vec<u8>,
     /// For each finest point its weight in its cluster's mean; the weights of a cluster sum to 1.
     weights: Vec<f32>,
     /// Finest points sorted by leaf.
@@ -59,39 +59,37 @@ fn sorted_by(keys: &[u32], count: usize) -> (Vec<u32>, Vec<u32>) {
 
 impl SenderTree {
     /// A tree from assignments. `counts`: clusters per sender level; `leaf_of_point` and `parents` as the
-    /// fields; `seen`: from how many
-    /// pilots each finest point is seen. Points stand for equal
-    /// areas: a maximal Poisson-disk set is even.
+    /// fields. Points stand for equal areas: a maximal Poisson-disk set is even.
     pub fn new(
         counts: &[usize],
         leaf_of_point: Vec<u32>,
         parents: Vec<Vec<u32>>,
-        seen: Vec<u8>,
+        importance: Vec<u8>,
     ) -> SenderTree {
-        let openness: Vec<f32> = seen.iter().map(|&s| openness(s)).collect();
+        let importances: Vec<f32> = importance.iter().map(|&i| weight(i)).collect();
         let ranges = LevelRanges::new(counts.iter().copied());
         let (points, leaf_starts) = sorted_by(&leaf_of_point, counts[counts.len() - 1]);
-        let mut areas: Vec<Vec<f32>> = vec![vec![0.0; counts[counts.len() - 1]]];
-        for (&leaf, open) in leaf_of_point.iter().zip(&openness) {
-            areas[0][leaf as usize] += open;
+        let mut masses: Vec<Vec<f32>> = vec![vec![0.0; counts[counts.len() - 1]]];
+        for (&leaf, importance) in leaf_of_point.iter().zip(&importances) {
+            masses[0][leaf as usize] += importance;
         }
         let weights = leaf_of_point
             .iter()
-            .zip(&openness)
-            .map(|(&leaf, open)| open / areas[0][leaf as usize])
+            .zip(&importances)
+            .map(|(&leaf, importance)| importance / masses[0][leaf as usize])
             .collect();
         for l in (0..parents.len()).rev() {
             let mut coarse = vec![0.0f32; counts[l]];
             for (child, &parent) in parents[l].iter().enumerate() {
-                coarse[parent as usize] += areas[0][child];
+                coarse[parent as usize] += masses[0][child];
             }
-            areas.insert(0, coarse);
+            masses.insert(0, coarse);
         }
         let mut shares = vec![1.0; counts[0]];
         for l in 1..counts.len() {
-            shares.extend(parents[l - 1].iter().zip(&areas[l]).map(|(&parent, area)| {
-                let whole = areas[l - 1][parent as usize];
-                if whole > 0.0 { area / whole } else { 0.0 }
+            shares.extend(parents[l - 1].iter().zip(&masses[l]).map(|(&parent, mass)| {
+                let whole = masses[l - 1][parent as usize];
+                if whole > 0.0 { mass / whole } else { 0.0 }
             }));
         }
         let children = (0..parents.len())
@@ -102,7 +100,7 @@ impl SenderTree {
             leaf_of_point,
             parents,
             shares,
-            seen,
+            importance,
             weights,
             points,
             leaf_starts,
@@ -183,14 +181,11 @@ pub struct Signed {
     pub signature: u64,
 }
 
-/// Weight of a finest point in its cluster's mean: the square of the number of pilots that see it.
-///
-/// What is seen from many places is what other places see of the cluster, and what lights reach. A mean by area
-/// alone counts in what lies hidden beside it and is too dark for nearly all who look: with the square, clusters
-/// give Sponza's first bounce to 0.3 %, by area to 2.5 % (docs/transfer.md). Constants are kept by any weights.
-pub fn openness(seen: u8) -> f32 {
-    let seen = f32::from(seen) + 1.0;
-    seen * seen
+/// Weight of a finest point in its cluster's mean. The square spreads a byte over five decades. Weights are
+/// relative; constants are kept by any.
+pub fn weight(importance: u8) -> f32 {
+    let root = f32::from(importance) + 1.0;
+    root * root
 }
 
 /// How many seed distances a complete disagreement of signatures counts for.

@@ -12,7 +12,7 @@ pub fn encode(senders: &Senders, out: &mut Vec<u8>) {
         out.extend_from_slice(&count.to_le_bytes());
     }
     recency::encode(&senders.leaf_of_point, out);
-    out.extend_from_slice(&senders.seen);
+    out.extend_from_slice(&senders.importance);
     senders
         .parents
         .iter()
@@ -30,7 +30,7 @@ pub fn decode(cursor: &mut Cursor<'_>) -> Result<Senders> {
         return Err(cursor.invalid("at least 1 sender level", 0));
     };
     let leaf_of_point = recency::decode(cursor, points, leaves)?;
-    let seen = cursor.take(points)?.to_vec();
+    let importance = cursor.take(points)?.to_vec();
     let mut parents = cursor.vec(levels - 1, 0)?;
     for pair in counts.windows(2) {
         parents.push(recency::decode(cursor, pair[1] as usize, pair[0])?);
@@ -38,7 +38,7 @@ pub fn decode(cursor: &mut Cursor<'_>) -> Result<Senders> {
     Ok(Senders {
         counts,
         leaf_of_point,
-        seen,
+        importance,
         parents,
     })
 }

@@ -96,7 +96,7 @@ pub fn small_asset() -> Asset {
         senders: Some(Senders {
             counts: vec![2, 3],
             leaf_of_point: vec![1, 2, 1],
-            seen: vec![0, 64, 17],
+            importance: vec![0, 64, 17],
             parents: vec![vec![0, 1, 0]],
         }),
         transfer: Some(Links {

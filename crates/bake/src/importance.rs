@@ -1,0 +1,79 @@
+//! How much each finest point counts in its clusters: as much as viewers get to see of the light it sends.
+//!
+//! A cluster sends one mean for all its points. Receivers in view see the points in the open, not those behind
+//! the column's foot, so a mean by area mixes in dark places and is too dark (docs/transfer.md). Weighted by
+//! the importance that reaches each point from the viewpoints over one or two surfaces, the mean is right for
+//! the sum over all that is in view: importance is the adjoint of light (Veach 1997, section 4.7).
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use relight_scene::rays::Ray;
+use relight_scene::surface::{Surfaces, ray_from};
+use relight_transport::basis::Level;
+use relight_transport::random::Stream;
+use relight_transport::sampling::{Frame, cosine_hemisphere, uniform_hemisphere};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Particles per finest point. Each lands on two points that count, so that a cluster of 40 knows its points
+/// to a fifth and their mean to a thirtieth.
+const PARTICLES_PER_POINT: usize = 10;
+
+/// Surfaces on which a particle lands: the first is in view and receives; light that the second and the third
+/// send reaches the viewer indirectly.
+const LANDINGS: usize = 3;
+
+/// Weight, relative to the mean, of a point that no particle met: it may come into view.
+const UNSEEN: f32 = 0.1;
+
+/// Largest weight relative to the mean that a byte holds.
+const LARGEST: f32 = 8.0;
+
+/// Stage number of the random stream.
+const STAGE: u32 = 5;
+
+/// Importance byte of each finest point (see [`relight_transport::senders::weight`]), and the number of rays
+/// cast.
+pub fn importance(
+    surfaces: &dyn Surfaces,
+    finest: &Level,
+    viewpoints: &[Vec3],
+    seed: u64,
+) -> (Vec<u8>, u64) {
+    let particles = finest.len() * PARTICLES_PER_POINT;
+    let met: Vec<AtomicU32> = (0..finest.len()).map(|_| AtomicU32::new(0)).collect();
+    let rays: u64 = (0..particles)
+        .into_par_iter()
+        .with_min_len(256)
+        .map(|particle| {
+            let start = viewpoints[particle % viewpoints.len()];
+            let mut s = Stream::new(seed, STAGE, particle as u64);
+            let mut ray = Ray {
+                origin: start,
+                direction: uniform_hemisphere(Vec2::new(2.0 * s.uniform() - 1.0, s.uniform())),
+                t_min: 0.0,
+                t_max: f32::INFINITY,
+            };
+            for landing in 0..LANDINGS {
+                let Some(hit) = surfaces.closest_hit(&ray) else {
+                    return landing as u64 + 1;
+                };
+                if landing > 0
+                    && let Some(point) = finest.nearest(hit.position, hit.normal)
+                {
+                    met[point as usize].fetch_add(1, Ordering::Relaxed);
+                }
+                let u = Vec2::new(s.uniform(), s.uniform());
+                let direction = Frame::around(hit.geometric_normal).world_from_local(cosine_hemisphere(u));
+                ray = ray_from(&hit, direction);
+            }
+            LANDINGS as u64
+        })
+        .sum();
+    let met: Vec<u32> = met.into_iter().map(AtomicU32::into_inner).collect();
+    let mean = (met.iter().map(|&m| u64::from(m)).sum::<u64>() as f32 / met.len().max(1) as f32).max(1e-3);
+    let bytes = met.iter().map(|&m| {
+        let relative = (m as f32 / mean + UNSEEN).min(LARGEST);
+        ((relative / LARGEST).sqrt() * 255.0).round() as u8
+    });
+    (bytes.collect(), rays)
+}
