@@ -289,7 +289,7 @@ fn signed(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) -> Vec
             signature: pilots
                 .iter()
                 .rev()
-                .fold(0, |bits, &pilot| bits << 1 | u64::from(sees(place, pilot))),
+                .fold(0, |bits, &pilot| bits << 1 | u128::from(sees(place, pilot))),
         })
         .collect()
 }

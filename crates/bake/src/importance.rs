@@ -33,12 +33,7 @@ const STAGE: u32 = 5;
 
 /// Importance byte of each finest point (see [`relight_transport::senders::weight`]), and the number of rays
 /// cast.
-pub fn importance(
-    surfaces: &dyn Surfaces,
-    finest: &Level,
-    viewpoints: &[Vec3],
-    seed: u64,
-) -> (Vec<u8>, u64) {
+pub fn importance(surfaces: &dyn Surfaces, finest: &Level, viewpoints: &[Vec3], seed: u64) -> (Vec<u8>, u64) {
     let particles = finest.len() * PARTICLES_PER_POINT;
     let met: Vec<AtomicU32> = (0..finest.len()).map(|_| AtomicU32::new(0)).collect();
     let rays: u64 = (0..particles)

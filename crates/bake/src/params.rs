@@ -41,7 +41,7 @@ impl BakeParams {
     pub fn preset(preset: Preset) -> BakeParams {
         let standard = BakeParams {
             levels: 6,
-            sender_levels: 3,
+            sender_levels: 4,
             coarse_radius: None,
             epsilon: 0.025,
             rays: 320,
@@ -53,13 +53,14 @@ impl BakeParams {
         match preset {
             Preset::Draft => BakeParams {
                 levels: 5,
+                sender_levels: 3,
                 rays: 256,
                 epsilon: 0.05,
                 ..standard
             },
             Preset::Standard => standard,
             Preset::Fine => BakeParams {
-                sender_levels: 4,
+                sender_levels: 5,
                 epsilon: 0.01,
                 rays: 1024,
                 ..standard

@@ -456,7 +456,15 @@ mod tests {
             .collect();
         let (low, high) = traced.bounds().unwrap();
         let middle = [low.midpoint(high)];
-        let baked = transport(&traced, placed, &middle, &BakeParams::default(), |v| v, |_| Ok(())).unwrap();
+        let baked = transport(
+            &traced,
+            placed,
+            &middle,
+            &BakeParams::default(),
+            |v| v,
+            |_| Ok(()),
+        )
+        .unwrap();
         let levels = levels_of(&baked.points);
         let ranges = LevelRanges::new(levels.iter().map(Level::len));
         let sent = baked.tree.coefficients(&baked.tree.pulled(&radiosity));

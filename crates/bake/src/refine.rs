@@ -10,7 +10,7 @@ use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::{RowScratch, SenderField, gather, scalar_row};
 use crate::select::{SelectScratch, Selection, select};
-use glam::{Vec3, Vec3A};
+use glam::{Mat3, Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;
 use relight_transport::links::Links;
@@ -65,13 +65,18 @@ pub struct Refined {
 /// Most rays a receiver gets: the coarsest rows are few, and all others rest on them.
 const MOST_RAYS: usize = 1 << 14;
 
+/// Entries of a reconstructed row below this share of ε are forgotten, except on the coarsest sender level, whose
+/// sum is the row's answer to even light. Rows would else hold half of all senders: a fiftieth takes half of the
+/// memory and a third of the time of the refinement and changes errors by 1 % (docs/transfer.md).
+const NEGLIGIBLE: f32 = 0.02;
+
 /// Stage number of the direction sets' stream.
 const STAGE: u32 = 3;
 
 /// One receiver's outcome.
 struct Receiver {
     links: Vec<(u32, Vec3)>,
-    /// Reconstructed row for the next level; empty on the finest.
+    /// Reconstructed row for finer levels; empty on the two finest.
     reconstructed: Vec<(u32, Vec3)>,
     bounce: Vec<(u32, f32)>,
     gathered: bool,
@@ -93,9 +98,11 @@ pub fn refine(
     };
     let lost = AtomicU64::new(0);
     let done = AtomicU64::new(0);
-    // Reconstructed rows and whether any link was kept, of all coarser levels.
-    let mut rows: Vec<Vec<(u32, Vec3)>> = Vec::with_capacity(r.ranges.total());
+    // Reconstructed rows of all but the two finest levels, and whether a row kept any link.
+    let mut rows: Vec<Vec<(u32, Vec3)>> = Vec::new();
     let mut keeps: Vec<bool> = Vec::with_capacity(r.ranges.total());
+    let coarse_senders = r.field.tree.ranges.range(0).len() as u32;
+    let negligible = (r.epsilon * NEGLIGIBLE).powi(2);
     for level in 0..levels {
         let coarser = levels - 1 - level;
         let count = (r.rays << coarser.min(20)).min(MOST_RAYS.max(r.rays));
@@ -119,12 +126,7 @@ pub fn refine(
                     let active = parents.is_empty() || parents.iter().any(|&(k, _)| keeps[k as usize]);
                     gathered.clear();
                     predicted.clear();
-                    for &(k, share) in parents {
-                        let carried = carry(r.places[k as usize].normal, r.places[i].normal) * share;
-                        for &(j, vector) in &rows[k as usize] {
-                            predicted.add(j, Vec3A::from(carried * vector));
-                        }
-                    }
+                    predict(r, i, &rows, &links, predicted);
                     let mut receiver = Receiver {
                         links: Vec::new(),
                         reconstructed: Vec::new(),
@@ -155,7 +157,7 @@ pub fn refine(
                             room,
                         );
                     }
-                    if level + 1 < levels {
+                    if level + 2 < levels {
                         for &(j, vector) in &receiver.links {
                             predicted.add(j, Vec3A::from(vector));
                         }
@@ -163,6 +165,7 @@ pub fn refine(
                             .touched
                             .iter()
                             .map(|&j| (j, Vec3::from(predicted.sum[j as usize])))
+                            .filter(|link| link.0 < coarse_senders || link.1.length_squared() > negligible)
                             .collect();
                     }
                     step(done.fetch_add(1, Ordering::Relaxed) as usize)?;
@@ -178,7 +181,9 @@ pub fn refine(
                 links.vectors.push(vector);
             }
             links.row_offsets.push(links.columns.len() as u32);
-            rows.push(receiver.reconstructed);
+            if level + 2 < levels {
+                rows.push(receiver.reconstructed);
+            }
             gathered += usize::from(receiver.gathered);
             if level == r.bounce_receivers {
                 refined.bounce_rows.push(receiver.bounce);
@@ -186,23 +191,56 @@ pub fn refine(
         }
         refined.gathered.push(gathered);
         refined.rays += gathered as u64 * directions.directions.len() as u64;
-        if level > 0 {
-            // Parents are on the next coarser level that covers a point, nearly always the one above; rows
-            // further up stay for the rest.
-            rows[r.ranges.range(level - 1)]
-                .iter_mut()
-                .for_each(|row| row.shrink_to_fit());
-        }
     }
     refined.links = links;
     refined.lost = lost.into_inner();
     Ok(refined)
 }
 
-/// Threshold on links of a receiver level that is `coarser` levels above the finest.
+/// The row of receiver `i` that its parents' rows give, as link coefficients.
 ///
-/// A receiver's function covers four times the area of one on the next finer level, so for the same squared
-/// error over the surface a link of half the size earns its place there: the threshold halves per level.
+/// Reconstructed rows are long, and three quarters of those that are needed are on the level above the finest.
+/// They are not stored: such a parent stands for its own links and its parents' rows.
+fn predict(r: &Refinement, i: usize, rows: &[Vec<(u32, Vec3)>], links: &Links, predicted: &mut RowScratch) {
+    let normal = |k: u32| r.places[k as usize].normal;
+    let carried = |k: u32, i: u32, share: f32| carry(normal(k), normal(i)) * share;
+    let mut terms: Vec<(u32, Mat3)> = Vec::new();
+    for &(k, share) in r.fine_from_coarse.row(i) {
+        let m = carried(k, i as u32, share);
+        if (k as usize) < rows.len() {
+            terms.push((k, m));
+            continue;
+        }
+        for (j, vector) in links.row(k as usize) {
+            predicted.add(j, Vec3A::from(m * vector));
+        }
+        let grandparents = r.fine_from_coarse.row(k as usize);
+        terms.extend(
+            grandparents
+                .iter()
+                .map(|&(g, share)| (g, m * carried(g, k, share))),
+        );
+    }
+    terms.sort_by_key(|term| term.0);
+    for same in terms.chunk_by(|a, b| a.0 == b.0) {
+        let m: Mat3 = same.iter().map(|term| term.1).sum();
+        for &(j, vector) in &rows[same[0].0 as usize] {
+            predicted.add(j, Vec3A::from(m * vector));
+        }
+    }
+}
+
+/// Reflectance that stands for every sender's in the threshold: ε is meant on reflectance times link (section
+/// 3.2), and links are tested without (see [`select`](crate::select)).
+const TYPICAL_REFLECTANCE: f32 = 0.7;
+
+/// Ratio of the thresholds of a level and the next coarser one. A coarser receiver's function covers four times
+/// the area, so that for the same squared error over the surface a link of half the size earns its place there.
+/// What a coarse row drops also errs to the same side in all rows below it, so more than half pays: of 2, 2.5 and
+/// 3, the higher keep the mean and the lower the detail (docs/transfer.md).
+const LEVEL_RATIO: f32 = 2.5;
+
+/// Threshold on links of a receiver level that is `coarser` levels above the finest.
 fn threshold(epsilon: f32, coarser: usize) -> f32 {
-    epsilon / (1u64 << coarser.min(40)) as f32
+    epsilon / TYPICAL_REFLECTANCE / LEVEL_RATIO.powi(coarser as i32)
 }

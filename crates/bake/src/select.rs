@@ -157,8 +157,7 @@ fn coarse_links(
     } else {
         for j in dropped {
             let distance = |k: u32| positions[k as usize].distance_squared(positions[j as usize]);
-            let nearest =
-                (0..kept.len()).min_by(|&a, &b| distance(kept[a]).total_cmp(&distance(kept[b])));
+            let nearest = (0..kept.len()).min_by(|&a, &b| distance(kept[a]).total_cmp(&distance(kept[b])));
             if let Some(slot) = nearest {
                 links[slot].1 += difference(j);
             }
@@ -172,7 +171,10 @@ fn coarse_links(
 ///
 /// A kept child's coefficient acts on its difference to the parent's mean, so it is its response less what
 /// the spread remainder already gives it.
-#[allow(clippy::too_many_arguments, reason = "the state of one row; a struct for one call says no more")]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "the state of one row; a struct for one call says no more"
+)]
 fn select_in_family(
     tree: &SenderTree,
     level: usize,
@@ -238,5 +240,127 @@ fn select_in_family(
     }
     for &(j, stored) in &links[first..] {
         room.stored[j as usize] += Vec3A::from(stored);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use relight_transport::random::Stream;
+
+    /// Three levels of 4, 12 and 40 clusters over 200 points of uneven importance.
+    fn tree(s: &mut Stream) -> SenderTree {
+        let mut pick = |n: usize| ((s.uniform() * n as f32) as usize).min(n - 1) as u32;
+        let leaves = (0..200).map(|i| if i < 40 { i } else { pick(40) }).collect();
+        let fine = (0..40).map(|i| if i < 12 { i } else { pick(12) }).collect();
+        let coarse = (0..12).map(|i| if i < 4 { i } else { pick(4) }).collect();
+        let importance = (0..200).map(|_| pick(256) as u8).collect();
+        SenderTree::new(&[4, 12, 40], leaves, vec![coarse, fine], importance)
+    }
+
+    /// A gather that sees a third of the leaves.
+    fn gathered(tree: &SenderTree, s: &mut Stream) -> RowScratch {
+        let mut row = RowScratch::new(tree.ranges.total());
+        for leaf in 0..40 {
+            if s.uniform() < 0.33 {
+                let vector = Vec3A::new(s.uniform() - 0.5, s.uniform(), s.uniform() - 0.5) * 0.1;
+                let (mut level, mut cluster) = (2, leaf);
+                row.add((tree.ranges.range(2).start + cluster) as u32, vector);
+                while level > 0 {
+                    cluster = tree.parents[level - 1][cluster] as usize;
+                    level -= 1;
+                    row.add((tree.ranges.range(level).start + cluster) as u32, vector);
+                }
+            }
+        }
+        row
+    }
+
+    /// What a row of link coefficients answers to a radiosity of 1 on one leaf only.
+    fn answer(tree: &SenderTree, row: &[Vec3A], leaf: usize) -> Vec3A {
+        let mut point_values = vec![Vec3::ZERO; tree.leaf_of_point.len()];
+        for (value, &of) in point_values.iter_mut().zip(&tree.leaf_of_point) {
+            *value = Vec3::splat(if of as usize == leaf { 1.0 } else { 0.0 });
+        }
+        let sent = tree.coefficients(&tree.pulled(&point_values));
+        row.iter().zip(&sent).map(|(v, c)| *v * c.x).sum()
+    }
+
+    fn sum_of(predicted: &RowScratch, links: &[(u32, Vec3)]) -> Vec<Vec3A> {
+        let mut row = predicted.sum.clone();
+        links.iter().for_each(|&(j, v)| row[j as usize] += Vec3A::from(v));
+        row
+    }
+
+    fn selected(tree: &SenderTree, threshold: f32, seed: u64) -> (RowScratch, RowScratch, Vec<(u32, Vec3)>) {
+        let mut s = Stream::new(seed, 0, 0);
+        let row = gathered(tree, &mut s);
+        let mut predicted = RowScratch::new(tree.ranges.total());
+        for j in 0..tree.ranges.total() as u32 {
+            if s.uniform() < 0.3 {
+                predicted.add(j, Vec3A::splat(s.uniform() - 0.3) * 0.05);
+            }
+        }
+        let positions = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+        let receiver = Selection {
+            normal: Vec3A::Y,
+            threshold,
+        };
+        let mut room = SelectScratch::new(tree);
+        let links = select(tree, &positions, &row, &predicted, receiver, |v| v, &mut room);
+        (row, predicted, links)
+    }
+
+    #[test]
+    fn with_no_threshold_every_cluster_is_answered_as_gathered_by_one_link_less_than_children() {
+        let tree = tree(&mut Stream::new(1, 0, 0));
+        for seed in 2..40 {
+            let (row, predicted, links) = selected(&tree, 0.0, seed);
+            let stored = sum_of(&predicted, &links);
+            for leaf in 0..40 {
+                let wanted = row.sum[tree.ranges.range(2).start + leaf];
+                // Rounding of sums of some fifty products below 1; a leaf's share may be a hundredth of its parent's.
+                let error = (answer(&tree, &stored, leaf) - wanted).length();
+                assert!(error < 1e-5, "leaf {leaf}: {error}");
+            }
+            // 4 + (12 − 4) + (40 − 12): each of 16 families needs one link less than it has children.
+            assert!(links.len() <= 40, "{}", links.len());
+        }
+    }
+
+    #[test]
+    fn whatever_is_dropped_the_answer_to_even_light_stays() {
+        let tree = tree(&mut Stream::new(1, 0, 0));
+        for seed in 2..40 {
+            let (row, predicted, links) = selected(&tree, 0.02, seed);
+            let coarse = tree.ranges.range(0);
+            let wanted: Vec3A = row.sum[coarse.clone()].iter().sum();
+            let stored: Vec3A = sum_of(&predicted, &links)[coarse].iter().sum();
+            assert!((stored - wanted).length() < 1e-6, "{stored} {wanted}");
+            assert!(links.windows(2).all(|w| w[0].0 < w[1].0), "ascending senders");
+        }
+    }
+
+    #[test]
+    fn a_lit_child_seen_alone_is_not_dimmed_by_its_dark_sibling() {
+        // Two points, two leaves under one cluster; the receiver sees the first only.
+        let tree = SenderTree::new(&[1, 2], vec![0, 1], vec![vec![0, 0]], vec![9, 9]);
+        let mut row = RowScratch::new(3);
+        for j in [0, 1] {
+            row.add(j, Vec3A::Y * 0.3);
+        }
+        let (none, receiver) = (
+            RowScratch::new(3),
+            Selection {
+                normal: Vec3A::Y,
+                threshold: 0.01,
+            },
+        );
+        let mut room = SelectScratch::new(&tree);
+        let links = select(&tree, &[Vec3::ZERO], &row, &none, receiver, |v| v, &mut room);
+        assert_eq!(links.len(), 2, "the cluster and one of its two children");
+        let stored = sum_of(&none, &links);
+        assert!((answer(&tree, &stored, 0) - Vec3A::Y * 0.3).length() < 1e-6);
+        assert!(answer(&tree, &stored, 1).length() < 1e-6);
     }
 }

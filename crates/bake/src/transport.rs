@@ -169,7 +169,7 @@ fn signed(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) -> Vec
                     t_max: 1.0,
                 }));
                 surfaces.occluded_packet(rays, occluded);
-                let mut signature = 0;
+                let mut signature = 0u128;
                 for (bit, (ray, dark)) in rays.iter().zip(occluded.iter()).enumerate() {
                     if !dark && ray.direction.dot(place.geometric_normal) > 0.0 {
                         signature |= 1 << bit;

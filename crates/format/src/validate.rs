@@ -359,7 +359,12 @@ impl Senders {
             finest,
             counts[levels - 1],
         )?;
-        check_length(kind, "importances, one per finest point", importance.len(), finest)?;
+        check_length(
+            kind,
+            "importances, one per finest point",
+            importance.len(),
+            finest,
+        )?;
         check_length(kind, "levels of parents", parents.len(), levels - 1)?;
         for (parents, pair) in parents.iter().zip(counts.windows(2)) {
             check_assignment("parents, one per cluster", parents, pair[1] as usize, pair[0])?;

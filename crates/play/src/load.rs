@@ -223,7 +223,12 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
     let tree = match senders {
         Some(senders) => {
             let counts: Vec<usize> = senders.counts.iter().map(|&c| c as usize).collect();
-            SenderTree::new(&counts, senders.leaf_of_point, senders.parents, senders.importance)
+            SenderTree::new(
+                &counts,
+                senders.leaf_of_point,
+                senders.parents,
+                senders.importance,
+            )
         }
         None => SenderTree::new(&[1], vec![0; albedo.len()], Vec::new(), vec![0; albedo.len()]),
     };

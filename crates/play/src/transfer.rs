@@ -161,7 +161,7 @@ impl Transfer {
     fn add_bounces(&self, radiosity: &mut [Vec3], once: &[VectorIrradiance], stats: &mut TransferStats) {
         let reflected: Vec<Vec3> = (once.iter().zip(&self.finest.normals))
             .zip(&self.albedo)
-            .map(|((e, &normal), &albedo)| e.irradiance(normal).max(Vec3::ZERO) * albedo)
+            .map(|((e, &normal), &albedo)| e.irradiance(normal) * albedo)
             .collect();
         let pulled = self.senders.pulled(&reflected);
         let further = self.bounces.map(|n| n.saturating_sub(2));

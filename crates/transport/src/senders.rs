@@ -14,8 +14,8 @@ use crate::pyramid::LevelRanges;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Number of places in open space whose visibility makes a point's signature: the bits of a `u64`.
-pub const PILOTS: usize = 64;
+/// Number of places in open space whose visibility makes a point's signature: the bits of a `u128`.
+pub const PILOTS: usize = 128;
 
 /// Clusters of finest points on several levels, coarsest first.
 #[derive(Clone, Debug, PartialEq)]
@@ -178,7 +178,7 @@ pub struct Signed {
     /// Unit normal.
     pub normal: Vec3,
     /// Which pilots see the place.
-    pub signature: u64,
+    pub signature: u128,
 }
 
 /// Weight of a finest point in its cluster's mean. The square spreads a byte over five decades. Weights are
