@@ -66,9 +66,9 @@ pub struct Refined {
 const MOST_RAYS: usize = 1 << 14;
 
 /// Entries of a reconstructed row below this share of ε are forgotten, except on the coarsest sender level, whose
-/// sum is the row's answer to even light. Rows would else hold half of all senders: a fiftieth takes half of the
-/// memory and a third of the time of the refinement and changes errors by 1 % (docs/transfer.md).
-const NEGLIGIBLE: f32 = 0.02;
+/// sum is the row's answer to even light. Rows would else hold half of all senders: forgetting 2 % takes half of the
+/// memory and a third of the time and changes errors by 1 %, 10 % of ε by 13 % (docs/transfer.md).
+const NEGLIGIBLE: f32 = 0.04;
 
 /// Stage number of the direction sets' stream.
 const STAGE: u32 = 3;
@@ -232,7 +232,7 @@ fn predict(r: &Refinement, i: usize, rows: &[Vec<(u32, Vec3)>], links: &Links, p
 
 /// Reflectance that stands for every sender's in the threshold: ε is meant on reflectance times link (section
 /// 3.2), and links are tested without (see [`select`](crate::select)).
-const TYPICAL_REFLECTANCE: f32 = 0.7;
+const TYPICAL_REFLECTANCE: f32 = 0.8;
 
 /// Ratio of the thresholds of a level and the next coarser one. A coarser receiver's function covers four times
 /// the area, so that for the same squared error over the surface a link of half the size earns its place there.
