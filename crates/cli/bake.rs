@@ -56,7 +56,7 @@ pub struct BakeArgs {
     /// Distance of the points of the coarsest level, metres [default: from the scene].
     #[arg(long, value_name = "R")]
     pub coarse_radius: Option<f32>,
-    /// Links below this strength (reflectance times link) are left out [standard: 0.025].
+    /// Links of the finest level below this strength, for a reflectance of 0.8, are left out [standard: 0.025].
     #[arg(long, value_name = "E")]
     pub epsilon: Option<f32>,
     /// Bounces of indirect light [default: to convergence].

@@ -11,7 +11,8 @@ pub struct BakeParams {
     pub sender_levels: usize,
     /// Poisson-disk radius of the coarsest level, scene units; `None`: from the scene.
     pub coarse_radius: Option<f32>,
-    /// Link threshold ε (section 3.2) on reflectance times link, at the finest level.
+    /// Link threshold ε (section 3.2) on reflectance times link, at the finest level; 0.8 stands for every
+    /// reflectance.
     pub epsilon: f32,
     /// Rays per receiver on the finest level; each coarser level takes twice as many.
     pub rays: usize,
