@@ -83,6 +83,24 @@ pub fn trace(
 
 fn trace_one(surfaces: &dyn Surfaces, start: Vec3, s: &mut Stream, landings: &mut Vec<Candidate>) -> u64 {
     let deposited = landings.len();
+    walk(surfaces, start, s, BOUNCES, |bounce, hit| {
+        if bounce == SKIPPED {
+            landings.truncate(deposited);
+        }
+        landings.push(Candidate::at(surfaces, hit));
+    })
+}
+
+/// Sends an importance particle from `start` in a uniform direction; it leaves each surface as a matt one
+/// reflects. Calls `landed` with the number and place of each of at most `most` landings; returns the number of
+/// rays cast.
+pub fn walk(
+    surfaces: &dyn Surfaces,
+    start: Vec3,
+    s: &mut Stream,
+    most: usize,
+    mut landed: impl FnMut(usize, &SurfaceHit),
+) -> u64 {
     let toward = {
         let u = Vec2::new(2.0 * s.uniform() - 1.0, s.uniform());
         relight_transport::sampling::uniform_hemisphere(u)
@@ -93,17 +111,14 @@ fn trace_one(surfaces: &dyn Surfaces, start: Vec3, s: &mut Stream, landings: &mu
         t_min: 0.0,
         t_max: f32::INFINITY,
     };
-    for bounce in 0..BOUNCES {
+    for landing in 0..most {
         let Some(hit) = surfaces.closest_hit(&ray) else {
-            return bounce as u64 + 1;
+            return landing as u64 + 1;
         };
-        if bounce == SKIPPED {
-            landings.truncate(deposited);
-        }
-        landings.push(Candidate::at(surfaces, &hit));
+        landed(landing, &hit);
         let u = Vec2::new(s.uniform(), s.uniform());
         let direction = Frame::around(hit.geometric_normal).world_from_local(cosine_hemisphere(u));
         ray = ray_from(&hit, direction);
     }
-    BOUNCES as u64
+    most as u64
 }

@@ -5,13 +5,12 @@
 //! the importance that reaches each point from the viewpoints over one or two surfaces, the mean is right for
 //! the sum over all that is in view: importance is the adjoint of light (Veach 1997, section 4.7).
 
-use glam::{Vec2, Vec3};
+use crate::candidates::walk;
+use glam::Vec3;
 use rayon::prelude::*;
-use relight_scene::rays::Ray;
-use relight_scene::surface::{Surfaces, ray_from};
+use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
 use relight_transport::random::Stream;
-use relight_transport::sampling::{Frame, cosine_hemisphere, uniform_hemisphere};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Particles per finest point. Each lands on two points that count, so that a cluster of 40 knows its points
@@ -42,26 +41,13 @@ pub fn importance(surfaces: &dyn Surfaces, finest: &Level, viewpoints: &[Vec3], 
         .map(|particle| {
             let start = viewpoints[particle % viewpoints.len()];
             let mut s = Stream::new(seed, STAGE, particle as u64);
-            let mut ray = Ray {
-                origin: start,
-                direction: uniform_hemisphere(Vec2::new(2.0 * s.uniform() - 1.0, s.uniform())),
-                t_min: 0.0,
-                t_max: f32::INFINITY,
-            };
-            for landing in 0..LANDINGS {
-                let Some(hit) = surfaces.closest_hit(&ray) else {
-                    return landing as u64 + 1;
-                };
+            walk(surfaces, start, &mut s, LANDINGS, |landing, hit| {
                 if landing > 0
                     && let Some(point) = finest.nearest(hit.position, hit.normal)
                 {
                     met[point as usize].fetch_add(1, Ordering::Relaxed);
                 }
-                let u = Vec2::new(s.uniform(), s.uniform());
-                let direction = Frame::around(hit.geometric_normal).world_from_local(cosine_hemisphere(u));
-                ray = ray_from(&hit, direction);
-            }
-            LANDINGS as u64
+            })
         })
         .sum();
     let met: Vec<u32> = met.into_iter().map(AtomicU32::into_inner).collect();

@@ -108,6 +108,7 @@ pub fn refine(
         let count = (r.rays << coarser.min(20)).min(MOST_RAYS.max(r.rays));
         let directions = DirectionSet::uniform(count, &mut Stream::new(r.seed, STAGE, level as u64));
         let threshold = threshold(r.epsilon, coarser);
+        let remembered = level + 2 < levels;
         let range = r.ranges.range(level);
         let receivers: Result<Vec<Receiver>, BakeError> = range
             .clone()
@@ -126,7 +127,9 @@ pub fn refine(
                     let active = parents.is_empty() || parents.iter().any(|&(k, _)| keeps[k as usize]);
                     gathered.clear();
                     predicted.clear();
-                    predict(r, i, &rows, &links, predicted);
+                    if active || remembered {
+                        predict(r, i, &rows, &links, predicted);
+                    }
                     let mut receiver = Receiver {
                         links: Vec::new(),
                         reconstructed: Vec::new(),
@@ -157,7 +160,7 @@ pub fn refine(
                             room,
                         );
                     }
-                    if level + 2 < levels {
+                    if remembered {
                         for &(j, vector) in &receiver.links {
                             predicted.add(j, Vec3A::from(vector));
                         }
@@ -181,7 +184,7 @@ pub fn refine(
                 links.vectors.push(vector);
             }
             links.row_offsets.push(links.columns.len() as u32);
-            if level + 2 < levels {
+            if remembered {
                 rows.push(receiver.reconstructed);
             }
             gathered += usize::from(receiver.gathered);
