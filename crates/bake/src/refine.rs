@@ -9,7 +9,7 @@
 use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::{RowScratch, SenderField, gather, scalar_row};
-use crate::select::{SelectScratch, Selection, select};
+use crate::select::{Row, SelectScratch, select};
 use glam::{Mat3, Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;
@@ -146,19 +146,15 @@ pub fn refine(
                         }
                     }
                     if active {
-                        let receiver_here = Selection {
+                        let row = Row {
+                            tree: r.field.tree,
+                            coarse_positions: r.coarse_positions,
+                            gathered,
+                            predicted,
                             normal: Vec3A::from(r.places[i].normal),
                             threshold,
                         };
-                        receiver.links = select(
-                            r.field.tree,
-                            r.coarse_positions,
-                            gathered,
-                            predicted,
-                            receiver_here,
-                            &quantised,
-                            room,
-                        );
+                        receiver.links = select(&row, &quantised, room);
                     }
                     if remembered {
                         for &(j, vector) in &receiver.links {

@@ -16,22 +16,39 @@ use crate::gather::RowScratch;
 use glam::{Vec3, Vec3A};
 use relight_transport::senders::SenderTree;
 
-/// What selection needs to know of a receiver.
+/// A receiver's row before selection.
 #[derive(Clone, Copy, Debug)]
-pub struct Selection {
-    /// Its normal.
+pub struct Row<'a> {
+    /// The senders.
+    pub tree: &'a SenderTree,
+    /// Positions of the senders of the coarsest level.
+    pub coarse_positions: &'a [Vec3],
+    /// Responses of the clusters, all levels.
+    pub gathered: &'a RowScratch,
+    /// Link coefficients that the receiver's parents predict.
+    pub predicted: &'a RowScratch,
+    /// The receiver's normal.
     pub normal: Vec3A,
-    /// Strength below which a link is dropped; see [`strength`].
+    /// Strength below which a link is dropped.
     pub threshold: f32,
 }
 
 /// How much of the part of a link along the surface counts: the sine of 20°, a strong normal map's tilt.
 const TANGENT_WEIGHT: f32 = 0.35;
 
-/// What a link can do to the irradiance of a surface whose shading normal lies near `normal`.
-fn strength(vector: Vec3A, normal: Vec3A) -> f32 {
-    let along = vector.dot(normal);
-    along.abs() + TANGENT_WEIGHT * (vector - normal * along).length()
+impl Row<'_> {
+    /// What a link can do to the irradiance of a surface whose shading normal lies near the receiver's.
+    fn strength(&self, vector: Vec3A) -> f32 {
+        let along = vector.dot(self.normal);
+        along.abs() + TANGENT_WEIGHT * (vector - self.normal * along).length()
+    }
+
+    /// Senders of a level that are gathered or predicted, each once or twice.
+    fn touched_on(&self, level: usize) -> impl Iterator<Item = u32> {
+        let range = self.tree.ranges.range(level);
+        let both = self.gathered.touched.iter().chain(&self.predicted.touched);
+        both.copied().filter(move |&j| range.contains(&(j as usize)))
+    }
 }
 
 /// Room to select in, for one thread.
@@ -61,36 +78,25 @@ impl SelectScratch {
     }
 }
 
-/// The links of a row to keep, by ascending sender: the difference between the `gathered` responses of the
-/// clusters and the link coefficients that the receiver's parents `predicted` (equation 17). `quantised` is
-/// what the file makes of a vector.
-pub fn select(
-    tree: &SenderTree,
-    coarse_positions: &[Vec3],
-    gathered: &RowScratch,
-    predicted: &RowScratch,
-    receiver: Selection,
-    quantised: impl Fn(Vec3) -> Vec3,
-    room: &mut SelectScratch,
-) -> Vec<(u32, Vec3)> {
-    let mut links = coarse_links(tree, coarse_positions, gathered, predicted, receiver);
+/// The links of a row to keep, by ascending sender: what is gathered less what is predicted (equation 17).
+/// `quantised` is what the file makes of a vector.
+pub fn select(row: &Row, quantised: impl Fn(Vec3) -> Vec3, room: &mut SelectScratch) -> Vec<(u32, Vec3)> {
+    let mut links = coarse_links(row);
     for link in &mut links {
         link.1 = quantised(link.1);
     }
-    open_families(tree, gathered, predicted, room);
-    let coarse = tree.ranges.range(0).len();
-    room.predicted[..coarse].copy_from_slice(&predicted.sum[..coarse]);
+    open_families(row, room);
+    let coarse = row.tree.ranges.range(0).len();
+    room.predicted[..coarse].copy_from_slice(&row.predicted.sum[..coarse]);
     room.stored[..coarse].fill(Vec3A::ZERO);
     for &(j, vector) in &links {
         room.stored[j as usize] = Vec3A::from(vector);
     }
-    for level in 0..tree.levels().saturating_sub(1) {
+    for level in 0..row.tree.levels().saturating_sub(1) {
         let families = std::mem::take(&mut room.families[level]);
         for &family in &families {
             room.is_open[family as usize] = false;
-            select_in_family(
-                tree, level, family, gathered, predicted, receiver, &quantised, room, &mut links,
-            );
+            select_in_family(row, level, family, &quantised, room, &mut links);
         }
         room.families[level] = families;
         room.families[level].clear();
@@ -100,25 +106,14 @@ pub fn select(
     links
 }
 
-/// Senders of a level that either row touches, each once or twice.
-fn touched_on<'a>(
-    tree: &'a SenderTree,
-    level: usize,
-    gathered: &'a RowScratch,
-    predicted: &'a RowScratch,
-) -> impl Iterator<Item = u32> + 'a {
-    let range = tree.ranges.range(level);
-    let both = gathered.touched.iter().chain(&predicted.touched);
-    both.copied().filter(move |&j| range.contains(&(j as usize)))
-}
-
-/// Lists, level by level, the clusters with a child or a further descendant that either row touches.
-fn open_families(tree: &SenderTree, gathered: &RowScratch, predicted: &RowScratch, room: &mut SelectScratch) {
+/// Lists, level by level, the clusters with a child or a further descendant that is gathered or predicted.
+fn open_families(row: &Row, room: &mut SelectScratch) {
+    let tree = row.tree;
     for level in (1..tree.levels()).rev() {
         let start = tree.ranges.range(level).start as u32;
         let above = tree.ranges.range(level - 1).start as u32;
         let (upper, lower) = room.families.split_at_mut(level);
-        for j in touched_on(tree, level, gathered, predicted).chain(lower[0].iter().copied()) {
+        for j in row.touched_on(level).chain(lower[0].iter().copied()) {
             let parent = above + tree.parents[level - 1][(j - start) as usize];
             if !room.is_open[parent as usize] {
                 room.is_open[parent as usize] = true;
@@ -129,24 +124,18 @@ fn open_families(tree: &SenderTree, gathered: &RowScratch, predicted: &RowScratc
 }
 
 /// Links of the coarsest sender level, by ascending sender.
-fn coarse_links(
-    tree: &SenderTree,
-    positions: &[Vec3],
-    gathered: &RowScratch,
-    predicted: &RowScratch,
-    receiver: Selection,
-) -> Vec<(u32, Vec3)> {
-    let mut senders: Vec<u32> = touched_on(tree, 0, gathered, predicted).collect();
+fn coarse_links(row: &Row) -> Vec<(u32, Vec3)> {
+    let mut senders: Vec<u32> = row.touched_on(0).collect();
     senders.sort_unstable();
     senders.dedup();
-    let difference = |j: u32| gathered.sum[j as usize] - predicted.sum[j as usize];
-    let strong = |&j: &u32| strength(difference(j), receiver.normal) > receiver.threshold;
+    let difference = |j: u32| row.gathered.sum[j as usize] - row.predicted.sum[j as usize];
+    let strong = |&j: &u32| row.strength(difference(j)) > row.threshold;
     let (kept, dropped): (Vec<u32>, Vec<u32>) = senders.into_iter().partition(strong);
     let mut links: Vec<(u32, Vec3A)> = kept.iter().map(|&j| (j, difference(j))).collect();
     if links.is_empty() {
         // A row's mean is worth a link at half of what a single one is: all that were dropped err to one side.
         let sum: Vec3A = dropped.iter().map(|&j| difference(j)).sum();
-        if strength(sum, receiver.normal) > 0.5 * receiver.threshold {
+        if row.strength(sum) > 0.5 * row.threshold {
             let along = |j: u32| difference(j).dot(sum);
             let strongest = dropped
                 .iter()
@@ -156,7 +145,8 @@ fn coarse_links(
         }
     } else {
         for j in dropped {
-            let distance = |k: u32| positions[k as usize].distance_squared(positions[j as usize]);
+            let position = |k: u32| row.coarse_positions[k as usize];
+            let distance = |k: u32| position(k).distance_squared(position(j));
             let nearest = (0..kept.len()).min_by(|&a, &b| distance(kept[a]).total_cmp(&distance(kept[b])));
             if let Some(slot) = nearest {
                 links[slot].1 += difference(j);
@@ -171,21 +161,20 @@ fn coarse_links(
 ///
 /// A kept child's coefficient acts on its difference to the parent's mean, so it is its response less what
 /// the spread remainder already gives it.
-#[allow(
-    clippy::too_many_arguments,
-    reason = "the state of one row; a struct for one call says no more"
-)]
 fn select_in_family(
-    tree: &SenderTree,
+    row: &Row,
     level: usize,
     family: u32,
-    gathered: &RowScratch,
-    predicted: &RowScratch,
-    receiver: Selection,
     quantised: &impl Fn(Vec3) -> Vec3,
     room: &mut SelectScratch,
     links: &mut Vec<(u32, Vec3)>,
 ) {
+    let Row {
+        tree,
+        gathered,
+        predicted,
+        ..
+    } = *row;
     let fine = tree.ranges.range(level + 1).start;
     let parent = family as usize;
     let children = tree.children(level, parent - tree.ranges.range(level).start);
@@ -205,11 +194,11 @@ fn select_in_family(
     let remainder = |left: Vec3A, share: f32| if share > 1e-6 { left / share } else { Vec3A::ZERO };
     for _ in 1..children.len() {
         let each = remainder(left, share_left);
-        let mut worst = (receiver.threshold, usize::MAX);
+        let mut worst = (row.threshold, usize::MAX);
         for (i, &c) in children.iter().enumerate() {
             let j = sender(c);
             if !room.kept[i] {
-                let unlike = strength(difference(room, j) - each * tree.shares[j], receiver.normal);
+                let unlike = row.strength(difference(room, j) - each * tree.shares[j]);
                 if unlike > worst.0 {
                     worst = (unlike, i);
                 }
@@ -302,12 +291,15 @@ mod tests {
             }
         }
         let positions = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
-        let receiver = Selection {
+        let before = Row {
+            tree,
+            coarse_positions: &positions,
+            gathered: &row,
+            predicted: &predicted,
             normal: Vec3A::Y,
             threshold,
         };
-        let mut room = SelectScratch::new(tree);
-        let links = select(tree, &positions, &row, &predicted, receiver, |v| v, &mut room);
+        let links = select(&before, |v| v, &mut SelectScratch::new(tree));
         (row, predicted, links)
     }
 
@@ -349,15 +341,16 @@ mod tests {
         for j in [0, 1] {
             row.add(j, Vec3A::Y * 0.3);
         }
-        let (none, receiver) = (
-            RowScratch::new(3),
-            Selection {
-                normal: Vec3A::Y,
-                threshold: 0.01,
-            },
-        );
-        let mut room = SelectScratch::new(&tree);
-        let links = select(&tree, &[Vec3::ZERO], &row, &none, receiver, |v| v, &mut room);
+        let none = RowScratch::new(3);
+        let before = Row {
+            tree: &tree,
+            coarse_positions: &[Vec3::ZERO],
+            gathered: &row,
+            predicted: &none,
+            normal: Vec3A::Y,
+            threshold: 0.01,
+        };
+        let links = select(&before, |v| v, &mut SelectScratch::new(&tree));
         assert_eq!(links.len(), 2, "the cluster and one of its two children");
         let stored = sum_of(&none, &links);
         assert!((answer(&tree, &stored, 0) - Vec3A::Y * 0.3).length() < 1e-6);
