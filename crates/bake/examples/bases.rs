@@ -13,7 +13,7 @@ use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
 use relight_scene::traced::{Shading, TracedScene};
-use relight_transport::basis::Level;
+use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::random::Stream;
 use relight_transport::sampling::{Frame, cosine_hemisphere};
 use relight_transport::senders::{PILOTS, Signed, nearest_seeds};
@@ -200,9 +200,10 @@ fn shepard(study: &Study, l: usize) -> (Rows, Rows) {
 
 fn nearest(study: &Study, l: usize) -> (Rows, Rows) {
     let level = &study.levels[l];
+    let nearest = NearestPoint::new(level);
     let rows = |places: Vec<(Vec3, Vec3)>| {
         Rows::build(places.len(), level.len(), |i, row| {
-            row.extend(level.nearest(places[i].0, places[i].1).map(|j| (j, 1.0)));
+            row.extend(nearest.at(places[i].0, places[i].1).map(|j| (j, 1.0)));
         })
     };
     (

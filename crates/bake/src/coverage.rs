@@ -4,7 +4,7 @@
 //! by surface samples, evenly by area.
 
 use relight_scene::traced::TracedScene;
-use relight_transport::basis::Level;
+use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::random::Stream;
 
 /// Surface samples: enough to see one per cent of the surface to within a tenth of itself.
@@ -32,6 +32,7 @@ pub fn coverage(scene: &TracedScene, finest: &Level, seed: u64) -> Coverage {
     if total <= 0.0 {
         return Coverage::default();
     }
+    let nearest = NearestPoint::new(finest);
     let (mut there, mut bare) = (0u64, 0u64);
     for i in 0..SAMPLES {
         let mut stream = Stream::new(seed, STAGE, i);
@@ -46,7 +47,7 @@ pub fn coverage(scene: &TracedScene, finest: &Level, seed: u64) -> Coverage {
         }
         there += 1;
         let hit = scene.surface_at(triangle, barycentric, true);
-        let covered = |normal| finest.nearest(hit.position, normal).is_some();
+        let covered = |normal| nearest.at(hit.position, normal).is_some();
         bare += u64::from(!covered(hit.normal) && !covered(-hit.normal));
     }
     let share = total / SAMPLES as f64;

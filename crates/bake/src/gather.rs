@@ -10,7 +10,7 @@ use crate::candidates::Candidate;
 use glam::{Vec3, Vec3A};
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
-use relight_transport::basis::Level;
+use relight_transport::basis::NearestPoint;
 use relight_transport::pyramid::LevelRanges;
 use relight_transport::sampling::{DirectionSet, Frame};
 use relight_transport::senders::SenderTree;
@@ -18,7 +18,7 @@ use relight_transport::senders::SenderTree;
 /// The senders as rays see them.
 pub struct SenderField<'a> {
     /// The finest receiver level.
-    pub points: &'a Level,
+    pub points: NearestPoint<'a>,
     /// Its points' clusters.
     pub tree: &'a SenderTree,
 }
@@ -90,7 +90,7 @@ pub fn gather(
         let Some(hit) = surfaces.closest_hit(&ray) else {
             continue;
         };
-        let Some(point) = field.points.nearest(hit.position, hit.normal) else {
+        let Some(point) = field.points.at(hit.position, hit.normal) else {
             lost += 1;
             continue;
         };

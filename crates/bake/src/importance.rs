@@ -9,7 +9,7 @@ use crate::candidates::walk;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;
-use relight_transport::basis::Level;
+use relight_transport::basis::NearestPoint;
 use relight_transport::random::Stream;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -31,10 +31,16 @@ const LARGEST: f32 = 8.0;
 const STAGE: u32 = 5;
 
 /// Importance byte of each finest point (see [`relight_transport::senders::weight`]), and the number of rays
-/// cast.
-pub fn importance(surfaces: &dyn Surfaces, finest: &Level, viewpoints: &[Vec3], seed: u64) -> (Vec<u8>, u64) {
-    let particles = finest.len() * PARTICLES_PER_POINT;
-    let met: Vec<AtomicU32> = (0..finest.len()).map(|_| AtomicU32::new(0)).collect();
+/// cast. `points`: how many there are.
+pub fn importance(
+    surfaces: &dyn Surfaces,
+    points: usize,
+    nearest: &NearestPoint,
+    viewpoints: &[Vec3],
+    seed: u64,
+) -> (Vec<u8>, u64) {
+    let particles = points * PARTICLES_PER_POINT;
+    let met: Vec<AtomicU32> = (0..points).map(|_| AtomicU32::new(0)).collect();
     let rays: u64 = (0..particles)
         .into_par_iter()
         .with_min_len(256)
@@ -43,7 +49,7 @@ pub fn importance(surfaces: &dyn Surfaces, finest: &Level, viewpoints: &[Vec3], 
             let mut s = Stream::new(seed, STAGE, particle as u64);
             walk(surfaces, start, &mut s, LANDINGS, |landing, hit| {
                 if landing > 0
-                    && let Some(point) = finest.nearest(hit.position, hit.normal)
+                    && let Some(point) = nearest.at(hit.position, hit.normal)
                 {
                     met[point as usize].fetch_add(1, Ordering::Relaxed);
                 }

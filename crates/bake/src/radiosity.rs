@@ -22,7 +22,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
-use relight_transport::basis::Level;
+use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
 use relight_transport::random::Stream;
 use relight_transport::sampling::{Frame, cosine_hemisphere, r2};
@@ -98,7 +98,7 @@ pub fn solve(
     let levels = levels_of(points);
     let ranges = LevelRanges::new(levels.iter().map(Level::len));
     let finest = check(&levels, &ranges, direct, params)?;
-    let Some(field) = levels.last() else {
+    let Some(field) = levels.last().map(NearestPoint::new) else {
         return Ok(Radiosity::default());
     };
     let parents = fine_from_coarse(&levels);
@@ -139,7 +139,7 @@ pub fn solve(
                     if hits.is_empty() {
                         *hits = cast(
                             surfaces,
-                            field,
+                            &field,
                             places[i].origin,
                             places[i].geometric_normal,
                             &directions,
@@ -247,7 +247,13 @@ fn cosine_directions(params: &RadiosityParams) -> Vec<Vec3> {
 }
 
 /// For each ray the nearest finest point to where it ends.
-fn cast(surfaces: &dyn Surfaces, field: &Level, origin: Vec3, normal: Vec3, directions: &[Vec3]) -> Vec<u32> {
+fn cast(
+    surfaces: &dyn Surfaces,
+    field: &NearestPoint,
+    origin: Vec3,
+    normal: Vec3,
+    directions: &[Vec3],
+) -> Vec<u32> {
     let frame = Frame::around(normal);
     directions
         .iter()
@@ -260,7 +266,7 @@ fn cast(surfaces: &dyn Surfaces, field: &Level, origin: Vec3, normal: Vec3, dire
                 t_max: f32::INFINITY,
             };
             match surfaces.closest_hit(&ray) {
-                Some(hit) => field.nearest(hit.position, hit.normal).unwrap_or(LOST),
+                Some(hit) => field.at(hit.position, hit.normal).unwrap_or(LOST),
                 None => MISSED,
             }
         })

@@ -17,6 +17,7 @@ use relight_transport::links::Links;
 use relight_transport::pyramid::{LevelRanges, carry};
 use relight_transport::random::Stream;
 use relight_transport::sampling::DirectionSet;
+use relight_transport::senders::SenderTree;
 use relight_transport::sparse::Rows;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -82,6 +83,33 @@ struct Receiver {
     gathered: bool,
 }
 
+/// Room to work in, for one thread.
+struct Room {
+    gathered: RowScratch,
+    predicted: RowScratch,
+    select: SelectScratch,
+}
+
+/// What the coarser levels came to.
+struct Coarser {
+    links: Links,
+    /// Reconstructed rows of all but the two finest levels.
+    rows: Vec<Vec<(u32, Vec3)>>,
+    /// Whether a row kept any link.
+    keeps: Vec<bool>,
+}
+
+/// One receiver level's sweep.
+struct Sweep<'a> {
+    refinement: &'a Refinement<'a>,
+    level: usize,
+    coarser: &'a Coarser,
+    directions: DirectionSet,
+    threshold: f32,
+    /// Whether finer levels need the reconstructed rows.
+    remembered: bool,
+}
+
 /// Runs the refinement. `step(receivers done)` reports progress and may stop the bake.
 pub fn refine(
     r: &Refinement,
@@ -90,98 +118,46 @@ pub fn refine(
 ) -> Result<Refined, BakeError> {
     let levels = r.ranges.levels();
     let mut refined = Refined::default();
-    let mut links = Links {
-        receivers: r.ranges.total() as u32,
-        senders: r.field.tree.ranges.total() as u32,
-        row_offsets: vec![0],
-        ..Links::default()
+    let senders = r.field.tree.ranges.total();
+    let mut coarser = Coarser {
+        links: Links {
+            receivers: r.ranges.total() as u32,
+            senders: senders as u32,
+            row_offsets: vec![0],
+            ..Links::default()
+        },
+        rows: Vec::new(),
+        keeps: Vec::with_capacity(r.ranges.total()),
     };
     let lost = AtomicU64::new(0);
     let done = AtomicU64::new(0);
-    // Reconstructed rows of all but the two finest levels, and whether a row kept any link.
-    let mut rows: Vec<Vec<(u32, Vec3)>> = Vec::new();
-    let mut keeps: Vec<bool> = Vec::with_capacity(r.ranges.total());
-    let coarse_senders = r.field.tree.ranges.range(0).len() as u32;
-    let negligible = (r.epsilon * NEGLIGIBLE).powi(2);
     for level in 0..levels {
-        let coarser = levels - 1 - level;
-        let count = (r.rays << coarser.min(20)).min(MOST_RAYS.max(r.rays));
-        let directions = DirectionSet::uniform(count, &mut Stream::new(r.seed, STAGE, level as u64));
-        let threshold = threshold(r.epsilon, coarser);
-        let remembered = level + 2 < levels;
-        let range = r.ranges.range(level);
-        let receivers: Result<Vec<Receiver>, BakeError> = range
-            .clone()
+        let sweep = Sweep::new(r, level, &coarser);
+        let receivers: Result<Vec<Receiver>, BakeError> = r
+            .ranges
+            .range(level)
             .into_par_iter()
             .with_min_len(16)
             .map_init(
-                || {
-                    (
-                        RowScratch::new(links.senders as usize),
-                        RowScratch::new(links.senders as usize),
-                        SelectScratch::new(r.field.tree),
-                    )
-                },
-                |(gathered, predicted, room), i| {
-                    let parents = r.fine_from_coarse.row(i);
-                    let active = parents.is_empty() || parents.iter().any(|&(k, _)| keeps[k as usize]);
-                    gathered.clear();
-                    predicted.clear();
-                    if active || remembered {
-                        predict(r, i, &rows, &links, predicted);
-                    }
-                    let mut receiver = Receiver {
-                        links: Vec::new(),
-                        reconstructed: Vec::new(),
-                        bounce: Vec::new(),
-                        gathered: active || level == r.bounce_receivers,
-                    };
-                    if receiver.gathered {
-                        let missed = gather(r.surfaces, &r.field, &r.places[i], &directions, gathered);
-                        lost.fetch_add(u64::from(missed), Ordering::Relaxed);
-                        if level == r.bounce_receivers {
-                            let normal = r.places[i].geometric_normal;
-                            receiver.bounce =
-                                scalar_row(gathered, &r.field.tree.ranges, r.bounce_level, normal);
-                        }
-                    }
-                    if active {
-                        let row = Row {
-                            tree: r.field.tree,
-                            coarse_positions: r.coarse_positions,
-                            gathered,
-                            predicted,
-                            normal: Vec3A::from(r.places[i].normal),
-                            threshold,
-                        };
-                        receiver.links = select(&row, &quantised, room);
-                    }
-                    if remembered {
-                        for &(j, vector) in &receiver.links {
-                            predicted.add(j, Vec3A::from(vector));
-                        }
-                        receiver.reconstructed = predicted
-                            .touched
-                            .iter()
-                            .map(|&j| (j, Vec3::from(predicted.sum[j as usize])))
-                            .filter(|link| link.0 < coarse_senders || link.1.length_squared() > negligible)
-                            .collect();
-                    }
+                || Room::new(r.field.tree),
+                |room, i| {
+                    let receiver = sweep.receiver(i, &quantised, room, &lost);
                     step(done.fetch_add(1, Ordering::Relaxed) as usize)?;
                     Ok(receiver)
                 },
             )
             .collect();
+        let (rays, remembered) = (sweep.directions.directions.len() as u64, sweep.remembered);
         let mut gathered = 0;
         for receiver in receivers? {
-            keeps.push(!receiver.links.is_empty());
+            coarser.keeps.push(!receiver.links.is_empty());
             for (j, vector) in receiver.links {
-                links.columns.push(j);
-                links.vectors.push(vector);
+                coarser.links.columns.push(j);
+                coarser.links.vectors.push(vector);
             }
-            links.row_offsets.push(links.columns.len() as u32);
+            coarser.links.row_offsets.push(coarser.links.columns.len() as u32);
             if remembered {
-                rows.push(receiver.reconstructed);
+                coarser.rows.push(receiver.reconstructed);
             }
             gathered += usize::from(receiver.gathered);
             if level == r.bounce_receivers {
@@ -189,18 +165,118 @@ pub fn refine(
             }
         }
         refined.gathered.push(gathered);
-        refined.rays += gathered as u64 * directions.directions.len() as u64;
+        refined.rays += gathered as u64 * rays;
     }
-    refined.links = links;
+    refined.links = coarser.links;
     refined.lost = lost.into_inner();
     Ok(refined)
+}
+
+impl Room {
+    fn new(tree: &SenderTree) -> Room {
+        let senders = tree.ranges.total();
+        Room {
+            gathered: RowScratch::new(senders),
+            predicted: RowScratch::new(senders),
+            select: SelectScratch::new(tree),
+        }
+    }
+}
+
+impl<'a> Sweep<'a> {
+    fn new(r: &'a Refinement, level: usize, coarser: &'a Coarser) -> Sweep<'a> {
+        let above_finest = r.ranges.levels() - 1 - level;
+        let count = (r.rays << above_finest.min(20)).min(MOST_RAYS.max(r.rays));
+        Sweep {
+            refinement: r,
+            level,
+            coarser,
+            directions: DirectionSet::uniform(count, &mut Stream::new(r.seed, STAGE, level as u64)),
+            threshold: threshold(r.epsilon, above_finest),
+            remembered: above_finest >= 2,
+        }
+    }
+
+    /// A row is looked at when one of its parents kept a link (figure 5).
+    fn is_active(&self, i: usize) -> bool {
+        let parents = self.refinement.fine_from_coarse.row(i);
+        parents.is_empty() || parents.iter().any(|&(k, _)| self.coarser.keeps[k as usize])
+    }
+
+    /// The outcome of receiver `i`.
+    fn receiver(
+        &self,
+        i: usize,
+        quantised: &impl Fn(Vec3) -> Vec3,
+        room: &mut Room,
+        lost: &AtomicU64,
+    ) -> Receiver {
+        let r = self.refinement;
+        let active = self.is_active(i);
+        let bounces = self.level == r.bounce_receivers;
+        let Room {
+            gathered,
+            predicted,
+            select: scratch,
+        } = room;
+        gathered.clear();
+        predicted.clear();
+        if active || self.remembered {
+            predict(r, i, self.coarser, predicted);
+        }
+        let mut receiver = Receiver {
+            links: Vec::new(),
+            reconstructed: Vec::new(),
+            bounce: Vec::new(),
+            gathered: active || bounces,
+        };
+        if receiver.gathered {
+            let missed = gather(r.surfaces, &r.field, &r.places[i], &self.directions, gathered);
+            lost.fetch_add(u64::from(missed), Ordering::Relaxed);
+        }
+        if bounces {
+            let normal = r.places[i].geometric_normal;
+            receiver.bounce = scalar_row(gathered, &r.field.tree.ranges, r.bounce_level, normal);
+        }
+        if active {
+            let row = Row {
+                tree: r.field.tree,
+                coarse_positions: r.coarse_positions,
+                gathered,
+                predicted,
+                normal: Vec3A::from(r.places[i].normal),
+                threshold: self.threshold,
+            };
+            receiver.links = select(&row, quantised, scratch);
+        }
+        if self.remembered {
+            receiver.reconstructed = self.reconstructed(predicted, &receiver.links);
+        }
+        receiver
+    }
+
+    /// The row as the file will have it: what the parents predict, and its own links.
+    fn reconstructed(&self, predicted: &mut RowScratch, links: &[(u32, Vec3)]) -> Vec<(u32, Vec3)> {
+        for &(j, vector) in links {
+            predicted.add(j, Vec3A::from(vector));
+        }
+        let coarse_senders = self.refinement.field.tree.ranges.range(0).len() as u32;
+        let negligible = (self.refinement.epsilon * NEGLIGIBLE).powi(2);
+        predicted
+            .touched
+            .iter()
+            .map(|&j| (j, Vec3::from(predicted.sum[j as usize])))
+            .filter(|link| link.0 < coarse_senders || link.1.length_squared() > negligible)
+            .collect()
+    }
 }
 
 /// The row of receiver `i` that its parents' rows give, as link coefficients.
 ///
 /// Reconstructed rows are long, and three quarters of those that are needed are on the level above the finest.
 /// They are not stored: such a parent stands for its own links and its parents' rows.
-fn predict(r: &Refinement, i: usize, rows: &[Vec<(u32, Vec3)>], links: &Links, predicted: &mut RowScratch) {
+fn predict(r: &Refinement, i: usize, coarser: &Coarser, predicted: &mut RowScratch) {
+    let Coarser { links, rows, .. } = coarser;
     let normal = |k: u32| r.places[k as usize].normal;
     let carried = |k: u32, i: u32, share: f32| carry(normal(k), normal(i)) * share;
     let mut terms: Vec<(u32, Mat3)> = Vec::new();

@@ -1,9 +1,9 @@
 //! How long rays take, measured on the bake's own rays.
 //!
-//! Method: one call in 64 of every thread is timed, less what the timer itself costs (calibrated at the start),
+//! Method: one call in 61 of every thread is timed, less what the timer itself costs (calibrated at the start),
 //! and the mean is scaled up to all rays. Timing every ray would take longer than many rays do; the sample is
 //! thousands of rays even in a small bake, so its mean is good to a few per cent. Calls during which the system
-//! gave the core to another process are left out, or one of them would count 64 times.
+//! gave the core to another process are left out, or one of them would count 61 times.
 
 use glam::Vec3;
 use relight_scene::rays::Ray;
@@ -12,8 +12,8 @@ use std::cell::Cell;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-/// One call in so many is timed.
-const EVERY: u32 = 64;
+/// One call in so many is timed: a prime, so that no place in the loops that cast rays is timed more often.
+const EVERY: u32 = 61;
 /// A call that takes longer was interrupted: rays take about a microsecond, through a million triangles and
 /// their textures some ten; a process that has lost its core waits for a millisecond and more.
 const INTERRUPTED_NANOS: u64 = 200_000;

@@ -12,7 +12,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
-use relight_transport::basis::Level;
+use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::links::Links;
 use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
 use relight_transport::random::Stream;
@@ -70,7 +70,9 @@ pub fn transport(
     let ranges = LevelRanges::new(levels.iter().map(Level::len));
     let parents = fine_from_coarse(&levels);
     let finest = &levels[levels.len() - 1];
-    let (importance, importance_rays) = importance(surfaces, finest, viewpoints, params.seed);
+    let nearest_point = NearestPoint::new(finest);
+    let (importance, importance_rays) =
+        importance(surfaces, finest.len(), &nearest_point, viewpoints, params.seed);
     let tree = sender_tree(surfaces, &points, importance, params);
     let places: Vec<Candidate> = points
         .levels
@@ -85,7 +87,7 @@ pub fn transport(
         ranges: &ranges,
         fine_from_coarse: &parents,
         field: SenderField {
-            points: finest,
+            points: nearest_point,
             tree: &tree,
         },
         coarse_positions: &levels[0].positions,
@@ -106,8 +108,10 @@ pub fn transport(
     let cluster_of_point = tree.cluster_of_point(bounce_level);
     let nearest: Vec<usize> = (0..receivers.len())
         .map(|i| {
-            finest
-                .nearest(receivers.positions[i], receivers.normals[i])
+            refinement
+                .field
+                .points
+                .at(receivers.positions[i], receivers.normals[i])
                 .unwrap_or(0) as usize
         })
         .collect();

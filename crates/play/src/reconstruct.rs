@@ -22,15 +22,16 @@ pub fn weights_at(finest: &Level, places: &[Option<(Vec3, Vec3)>]) -> Rows {
     })
 }
 
-/// Weights of the pixels' rows on the components of vector irradiance: row weight times the shading normal,
-/// carried back to each point's own frame. Same layout as the rows' entries.
+/// Weights of the pixels' rows on the components of vector irradiance: row weight times what the shading normal
+/// takes of each point's value once that is carried to the pixel. Same layout as the rows' entries.
 pub fn components(weights: &Rows, finest: &Level, normals: &[(Vec3, Vec3)]) -> Vec<Vec3> {
     let chunks: Vec<Vec<Vec3>> = (0..weights.rows())
         .into_par_iter()
         .with_min_len(1024)
         .map(|i| {
             let (smooth, shading) = normals[i];
-            let carried = |&(j, w): &(u32, f32)| carry(smooth, finest.normals[j as usize]) * shading * w;
+            let back = |j: u32| carry(finest.normals[j as usize], smooth).transpose();
+            let carried = |&(j, w): &(u32, f32)| back(j) * shading * w;
             weights.row(i).iter().map(carried).collect()
         })
         .collect();

@@ -4,7 +4,7 @@
 //! 10 (weights). The functions of a level sum to one wherever any of them is non-zero and vanish beyond the
 //! support radius.
 
-use crate::grid::PointGrid;
+use crate::grid::{DiskGrid, PointGrid};
 use crate::kernel;
 use glam::Vec3;
 
@@ -24,23 +24,18 @@ pub struct Level {
     /// Unit normals.
     pub normals: Vec<Vec3>,
     grid: PointGrid,
-    /// For [`Level::nearest`]: cells of the disk's size, because the nearest point of a maximal disk set is
-    /// within a disk radius.
-    near_grid: PointGrid,
 }
 
 impl Level {
     /// A level over the given points.
     pub fn new(positions: Vec<Vec3>, normals: Vec<Vec3>, disk_radius: f32, support_radius: f32) -> Level {
         let grid = PointGrid::new(&positions, &normals, support_radius);
-        let near_grid = PointGrid::new(&positions, &normals, disk_radius);
         Level {
             disk_radius,
             support_radius,
             positions,
             normals,
             grid,
-            near_grid,
         }
     }
 
@@ -86,40 +81,6 @@ impl Level {
         }
     }
 
-    /// The nearest point under the distance of equation 10 that faces the same way, if there is one within a
-    /// disk radius; else the nearest one within a support radius, whatever its normal. Ties go to the lower
-    /// index.
-    #[inline]
-    pub fn nearest(&self, x: Vec3, normal: Vec3) -> Option<u32> {
-        let mut best = (f32::INFINITY, u32::MAX);
-        self.near_grid.near(x, |entry| {
-            let squared = kernel::distance_squared(x - entry.position, entry.normal);
-            if (squared, entry.index) < best && entry.normal.dot(normal) > FACING {
-                best = (squared, entry.index);
-            }
-        });
-        if best.0 <= self.disk_radius * self.disk_radius {
-            return Some(best.1);
-        }
-        self.grid.near(x, |entry| {
-            let squared = kernel::distance_squared(x - entry.position, entry.normal);
-            if (squared, entry.index) < best && entry.normal.dot(normal) > FACING {
-                best = (squared, entry.index);
-            }
-        });
-        let support_squared = self.support_radius * self.support_radius;
-        if best.0 > support_squared {
-            best = (f32::INFINITY, u32::MAX);
-            self.grid.near(x, |entry| {
-                let squared = entry.position.distance_squared(x);
-                if (squared, entry.index) < best {
-                    best = (squared, entry.index);
-                }
-            });
-        }
-        (best.0 <= support_squared).then_some(best.1)
-    }
-
     /// As [`Level::functions_at`], but where no function covers the place, the nearest point within the support
     /// radius takes it all, whatever its normal. Appends nothing only where there is no point near at all.
     pub fn functions_or_nearest_at(&self, x: Vec3, normal: Vec3, out: &mut Vec<(u32, f32)>) {
@@ -139,23 +100,58 @@ impl Level {
             out.push((best.1, 1.0));
         }
     }
+}
 
-    /// Surface area that each point stands for, in squared scene units, up to a common factor near one.
-    ///
-    /// In a maximal Poisson-disk set the density is nearly even; what unevenness there is shows in the sum
-    /// of the weights at the point, its reciprocal being the classical volume estimate of particle methods.
-    /// On a plane of even density N per area that sum is N·∫K dA = N·(3π/10)·r², hence the factor.
-    pub fn areas(&self) -> Vec<f32> {
-        use rayon::prelude::*;
-        let unit = 0.3 * std::f32::consts::PI * self.support_radius * self.support_radius;
-        (0..self.len())
-            .into_par_iter()
-            .map(|i| {
-                let mut sum = 0.0;
-                self.weights_at(self.positions[i], self.normals[i], |_, w| sum += w);
-                unit / sum
-            })
-            .collect()
+/// Finds the nearest point of a level, again and again.
+#[derive(Clone, Debug)]
+pub struct NearestPoint<'a> {
+    level: &'a Level,
+    disks: DiskGrid,
+}
+
+impl<'a> NearestPoint<'a> {
+    /// Prepares the look-up. The nearest point of a maximal disk set is within a disk radius.
+    pub fn new(level: &'a Level) -> NearestPoint<'a> {
+        NearestPoint {
+            level,
+            disks: DiskGrid::new(&level.positions, &level.normals, level.disk_radius),
+        }
+    }
+
+    /// The nearest point under the distance of equation 10 that faces the same way, if there is one within a
+    /// support radius; else the nearest one within a support radius, whatever its normal. Ties go to the lower
+    /// index.
+    #[inline]
+    pub fn at(&self, x: Vec3, normal: Vec3) -> Option<u32> {
+        let mut best = (self.level.disk_radius * self.level.disk_radius, u32::MAX);
+        for entry in self.disks.covering(x) {
+            let squared = kernel::distance_squared(x - entry.position, entry.normal);
+            if (squared, entry.index) < best && entry.normal.dot(normal) > FACING {
+                best = (squared, entry.index);
+            }
+        }
+        if best.1 != u32::MAX {
+            return Some(best.1);
+        }
+        self.beyond_disks(x, normal)
+    }
+
+    /// As [`NearestPoint::at`] for places that no disk covers.
+    #[cold]
+    fn beyond_disks(&self, x: Vec3, normal: Vec3) -> Option<u32> {
+        let most = self.level.support_radius * self.level.support_radius;
+        let (mut facing, mut any) = ((most, u32::MAX), (most, u32::MAX));
+        self.level.grid.near(x, |entry| {
+            let offset = x - entry.position;
+            let squared = kernel::distance_squared(offset, entry.normal);
+            if entry.normal.dot(normal) > FACING && (squared, entry.index) < facing {
+                facing = (squared, entry.index);
+            }
+            if (offset.length_squared(), entry.index) < any {
+                any = (offset.length_squared(), entry.index);
+            }
+        });
+        [facing.1, any.1].into_iter().find(|&index| index != u32::MAX)
     }
 }
 
@@ -198,15 +194,5 @@ mod tests {
         row.clear();
         level.functions_at(Vec3::X, Vec3::NEG_X, &mut row);
         assert!(row.is_empty(), "the back of a surface is another place");
-    }
-
-    #[test]
-    fn point_areas_add_up_to_the_sphere() {
-        let areas = sphere_level(0.1).areas();
-        let sum: f64 = areas.iter().map(|a| f64::from(*a)).sum();
-        let exact = 4.0 * std::f64::consts::PI;
-        // The estimate is exact for an even density on a plane. Disk sets are even to a few per cent, and the
-        // sphere bends away by (r/2)² = 1 % within a support.
-        assert!((sum / exact - 1.0).abs() < 0.08, "{sum} against {exact}");
     }
 }
