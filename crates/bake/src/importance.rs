@@ -4,6 +4,9 @@
 //! the column's foot, so a mean by area mixes in dark places and is too dark (docs/transfer.md). Weighted by
 //! the importance that reaches each point from the viewpoints over one or two surfaces, the mean is right for
 //! the sum over all that is in view: importance is the adjoint of light (Veach 1997, section 4.7).
+//!
+//! Receivers near a cluster have links to its children and don't ask for its mean. So the places that look at
+//! corners and crevices from close by don't count.
 
 use crate::candidates::walk;
 use glam::Vec3;
@@ -30,12 +33,13 @@ const LARGEST: f32 = 8.0;
 /// Stage number of the random stream.
 const STAGE: u32 = 5;
 
-/// Importance byte of each finest point (see [`relight_transport::senders::weight`]), and the number of rays
-/// cast. `points`: how many there are.
+/// Importance byte of each of `points` finest points (see [`relight_transport::senders::weight`]), and the number
+/// of rays cast. Ways shorter than `near` don't count.
 pub fn importance(
     surfaces: &dyn Surfaces,
     points: usize,
     nearest: &NearestPoint,
+    near: f32,
     viewpoints: &[Vec3],
     seed: u64,
 ) -> (Vec<u8>, u64) {
@@ -47,8 +51,12 @@ pub fn importance(
         .map(|particle| {
             let start = viewpoints[particle % viewpoints.len()];
             let mut s = Stream::new(seed, STAGE, particle as u64);
+            let mut last = start;
             walk(surfaces, start, &mut s, LANDINGS, |landing, hit| {
+                let from_afar = hit.position.distance_squared(last) > near * near;
+                last = hit.position;
                 if landing > 0
+                    && from_afar
                     && let Some(point) = nearest.at(hit.position, hit.normal)
                 {
                     met[point as usize].fetch_add(1, Ordering::Relaxed);

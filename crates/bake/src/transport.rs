@@ -57,6 +57,11 @@ pub fn levels_of(points: &PointLevels) -> Vec<Level> {
         .collect()
 }
 
+/// Length, in distances of the coarsest points, of the ways from receiver to sender that count in clusters' means.
+/// At 1 a cluster of the coarsest level fills some tenth of a hemisphere, and its children have links of their own.
+/// Of 0, 0.5 and 1 the bias of sibenik_points is −2.4, −2.0 and −1.5 % (docs/transfer.md).
+const NEAR: f32 = 1.0;
+
 /// Computes the operators over given points.
 pub fn transport(
     surfaces: &dyn Surfaces,
@@ -71,8 +76,15 @@ pub fn transport(
     let parents = fine_from_coarse(&levels);
     let finest = &levels[levels.len() - 1];
     let nearest_point = NearestPoint::new(finest);
-    let (importance, importance_rays) =
-        importance(surfaces, finest.len(), &nearest_point, viewpoints, params.seed);
+    let near = NEAR * levels[0].disk_radius;
+    let (importance, importance_rays) = importance(
+        surfaces,
+        finest.len(),
+        &nearest_point,
+        near,
+        viewpoints,
+        params.seed,
+    );
     let tree = sender_tree(surfaces, &points, importance, params);
     let places: Vec<Candidate> = points
         .levels
