@@ -1,7 +1,7 @@
 //! Closed enclosures, whose light is known in closed form: direct ρ, indirect ρ²/(1 − ρ), where walls that emit
 //! radiance 1 reflect ρ; and in a sphere E_ind = ⟨ρ E_d⟩/(1 − ⟨ρ⟩), whatever ρ and E_d.
 
-use crate::stage::{bake_glb, light, lights, mean, shot, through_file};
+use crate::stage::{bake_glb, light, light_sampled, lights, mean, shot, through_file};
 use glam::{DVec3, Vec3};
 use relight_bake::params::{BakeParams, Preset};
 use relight_data_generate::furnace::{VARYING_INTENSITY, VARYING_LIGHT, varying_albedo};
@@ -34,11 +34,13 @@ fn quick() -> BakeParams {
 fn furnace(glb: &Glb, albedo: f32) -> Errors {
     let params = quick();
     let loaded = through_file(&bake_glb(glb, &params));
-    let lit = light(
+    // Four times the command line's rays per point: in a corner a few points' noise shows in a pixel.
+    let lit = light_sampled(
         &loaded,
         &shot(&loaded, 64),
         &lights("furnace.lights.json").lights,
         false,
+        16,
     );
     let rho = f64::from(albedo);
     let worst = |values: &[Vec3], truth: f64| {
@@ -66,7 +68,8 @@ fn check(glb: fn([f32; 3]) -> Glb, albedo: f32) {
     assert!(found.direct.abs() < 0.01, "{found:?}");
     // A sample's share is at most π/2 times the truth: no firefly is possible.
     assert!(found.worst_direct < 1.0, "{found:?}");
-    assert!(found.worst_indirect < 0.1, "{found:?}");
+    // Noise of the emitters at the points (above), which falls with the number of them that a pixel sees.
+    assert!(found.worst_indirect < 0.05, "{found:?}");
 }
 
 #[test]

@@ -70,11 +70,22 @@ pub fn shot(loaded: &Loaded, size: usize) -> Shot {
 
 /// Lights a shot with the command line's numbers of samples.
 pub fn light(loaded: &Loaded, shot: &Shot, tracks: &[LightTrack], per_light: bool) -> Lit {
+    light_sampled(loaded, shot, tracks, per_light, 4)
+}
+
+/// As [`light`], with the direct light at each point from `point_samples` rays.
+pub fn light_sampled(
+    loaded: &Loaded,
+    shot: &Shot,
+    tracks: &[LightTrack],
+    per_light: bool,
+    point_samples: u32,
+) -> Lit {
     let emitters = SceneEmitters::new(&loaded.player.scene);
     let lights = LightSet::new(&emitters, tracks, 0.0).unwrap();
     let settings = LightingSettings {
         pixel_samples: 8,
-        point_samples: 4,
+        point_samples,
         seed: 0,
         per_light,
     };

@@ -9,7 +9,7 @@
 use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::{RowScratch, SenderField, gather, scalar_row};
-use crate::select::{Row, SelectScratch, select};
+use crate::select::{Row, SelectScratch, TypicalLight, select};
 use glam::{Mat3, Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;
@@ -33,6 +33,8 @@ pub struct Refinement<'a> {
     pub fine_from_coarse: &'a Rows,
     /// What rays see.
     pub field: SenderField<'a>,
+    /// What is lit how well in the mean.
+    pub typical: &'a TypicalLight,
     /// Positions of the senders of the coarsest level.
     pub coarse_positions: &'a [Vec3],
     /// Rays per receiver of the finest level.
@@ -241,6 +243,7 @@ impl<'a> Sweep<'a> {
         if active {
             let row = Row {
                 tree: r.field.tree,
+                typical: r.typical,
                 coarse_positions: r.coarse_positions,
                 gathered,
                 predicted,

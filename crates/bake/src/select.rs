@@ -6,7 +6,9 @@
 //! Nothing that is dropped is lost. A dropped link of the coarsest sender level is given to the nearest kept
 //! one. In a family, the children of one cluster, what the kept children don't account for is spread over the
 //! others in proportion to their shares: the kept ones are left out of their parent's mean. So every row keeps
-//! its response to constant radiosity, and in a family of n children n − 1 links say everything.
+//! its response to constant radiosity, and in a family of n children n − 1 links say everything. What typical
+//! light, which favours the open, loses all the same is then made up on the kept links of the coarsest level.
+//! Where everything is lit alike, that is nothing.
 //!
 //! Deviation: links are tested without the sender's reflectance. Weighted by it, what a row sees of a black
 //! lamp or door would be dropped and given to the bright wall beside it, and reflectances stay editable
@@ -21,6 +23,8 @@ use relight_transport::senders::SenderTree;
 pub struct Row<'a> {
     /// The senders.
     pub tree: &'a SenderTree,
+    /// What is lit how well in the mean.
+    pub typical: &'a TypicalLight,
     /// Positions of the senders of the coarsest level.
     pub coarse_positions: &'a [Vec3],
     /// Responses of the clusters, all levels.
@@ -31,6 +35,28 @@ pub struct Row<'a> {
     pub normal: Vec3A,
     /// Strength below which a link is dropped.
     pub threshold: f32,
+}
+
+/// Radiosity in typical light, from a lamp anywhere in the open: a row is to answer to it as gathered.
+#[derive(Clone, Debug)]
+pub struct TypicalLight {
+    /// For each sender the mean over its points.
+    pub means: Vec<f32>,
+    /// For each sender its coefficient (see [`SenderTree::coefficients`]).
+    pub coefficients: Vec<f32>,
+}
+
+impl TypicalLight {
+    /// From radiosity at the finest points.
+    pub fn new(tree: &SenderTree, at_points: &[f32]) -> TypicalLight {
+        let at_points: Vec<Vec3> = at_points.iter().map(|&b| Vec3::splat(b)).collect();
+        let pulled = tree.pulled(&at_points);
+        let red = |v: &Vec3| v.x;
+        TypicalLight {
+            coefficients: tree.coefficients(&pulled).iter().map(red).collect(),
+            means: pulled.iter().flatten().map(red).collect(),
+        }
+    }
 }
 
 /// How much of the part of a link along the surface counts: the sine of 20°, a strong normal map's tilt.
@@ -101,9 +127,43 @@ pub fn select(row: &Row, quantised: impl Fn(Vec3) -> Vec3, room: &mut SelectScra
         room.families[level] = families;
         room.families[level].clear();
     }
+    correct(row, &quantised, &mut links);
     links.retain(|link| link.1 != Vec3::ZERO);
     links.sort_unstable_by_key(|link| link.0);
     links
+}
+
+/// Makes up on the kept links of the coarsest sender level for what typical light loses by all that was dropped.
+///
+/// Each drop is small, but all err to the dark side: receivers and lamps share the open, so that what a receiver
+/// sees of a cluster is what is lit of it.
+fn correct(row: &Row, quantised: &impl Fn(Vec3) -> Vec3, links: &mut [(u32, Vec3)]) {
+    let TypicalLight { means, coefficients } = row.typical;
+    let leaves = row.tree.ranges.range(row.tree.levels() - 1);
+    let coarse = row.tree.ranges.range(0).len() as u32;
+    let mut lost = Vec3A::ZERO;
+    for &j in &row.gathered.touched {
+        if leaves.contains(&(j as usize)) {
+            lost += row.gathered.sum[j as usize] * means[j as usize];
+        }
+    }
+    for &j in &row.predicted.touched {
+        lost -= row.predicted.sum[j as usize] * coefficients[j as usize];
+    }
+    for &(j, vector) in links.iter() {
+        lost -= Vec3A::from(vector) * coefficients[j as usize];
+    }
+    let kept = |link: &&mut (u32, Vec3)| link.0 < coarse;
+    let answer: f32 = links
+        .iter()
+        .filter(|link| link.0 < coarse)
+        .map(|link| link.1.length() * means[link.0 as usize])
+        .sum();
+    if answer > 0.0 {
+        for link in links.iter_mut().filter(kept) {
+            link.1 = quantised(link.1 + Vec3::from(lost) * (link.1.length() / answer));
+        }
+    }
 }
 
 /// Lists, level by level, the clusters with a child or a further descendant that is gathered or predicted.
@@ -281,7 +341,13 @@ mod tests {
         row
     }
 
-    fn selected(tree: &SenderTree, threshold: f32, seed: u64) -> (RowScratch, RowScratch, Vec<(u32, Vec3)>) {
+    /// What is gathered, what is predicted, and the links selected so that the answer to `light` stays.
+    fn selected(
+        tree: &SenderTree,
+        light: &[f32],
+        threshold: f32,
+        seed: u64,
+    ) -> (RowScratch, RowScratch, Vec<(u32, Vec3)>) {
         let mut s = Stream::new(seed, 0, 0);
         let row = gathered(tree, &mut s);
         let mut predicted = RowScratch::new(tree.ranges.total());
@@ -293,6 +359,7 @@ mod tests {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
         let before = Row {
             tree,
+            typical: &TypicalLight::new(tree, light),
             coarse_positions: &positions,
             gathered: &row,
             predicted: &predicted,
@@ -307,7 +374,7 @@ mod tests {
     fn with_no_threshold_every_cluster_is_answered_as_gathered_by_one_link_less_than_children() {
         let tree = tree(&mut Stream::new(1, 0, 0));
         for seed in 2..40 {
-            let (row, predicted, links) = selected(&tree, 0.0, seed);
+            let (row, predicted, links) = selected(&tree, &[1.0; 200], 0.0, seed);
             let stored = sum_of(&predicted, &links);
             for leaf in 0..40 {
                 let wanted = row.sum[tree.ranges.range(2).start + leaf];
@@ -324,12 +391,38 @@ mod tests {
     fn whatever_is_dropped_the_answer_to_even_light_stays() {
         let tree = tree(&mut Stream::new(1, 0, 0));
         for seed in 2..40 {
-            let (row, predicted, links) = selected(&tree, 0.02, seed);
+            let (row, predicted, links) = selected(&tree, &[1.0; 200], 0.02, seed);
             let coarse = tree.ranges.range(0);
             let wanted: Vec3A = row.sum[coarse.clone()].iter().sum();
             let stored: Vec3A = sum_of(&predicted, &links)[coarse].iter().sum();
             assert!((stored - wanted).length() < 1e-6, "{stored} {wanted}");
             assert!(links.windows(2).all(|w| w[0].0 < w[1].0), "ascending senders");
+        }
+    }
+
+    #[test]
+    fn whatever_is_dropped_the_answer_to_typical_light_stays() {
+        let mut s = Stream::new(1, 0, 0);
+        let tree = tree(&mut s);
+        let light: Vec<f32> = (0..200).map(|_| 0.1 + s.uniform()).collect();
+        let at_points: Vec<Vec3> = light.iter().map(|&b| Vec3::splat(b)).collect();
+        let pulled = tree.pulled(&at_points);
+        let sent = tree.coefficients(&pulled);
+        for seed in 2..40 {
+            let (row, predicted, links) = selected(&tree, &light, 0.03, seed);
+            assert!(
+                links.iter().any(|link| link.0 < 4),
+                "a coarse link carries what is made up"
+            );
+            let leaves = &row.sum[tree.ranges.range(2)];
+            let wanted: Vec3A = leaves.iter().zip(&pulled[2]).map(|(v, b)| *v * b.x).sum();
+            let stored: Vec3A = sum_of(&predicted, &links)
+                .iter()
+                .zip(&sent)
+                .map(|(v, c)| *v * c.x)
+                .sum();
+            // Rounding of some hundred products below 0.1.
+            assert!((stored - wanted).length() < 1e-5, "{stored} {wanted}");
         }
     }
 
@@ -344,6 +437,7 @@ mod tests {
         let none = RowScratch::new(3);
         let before = Row {
             tree: &tree,
+            typical: &TypicalLight::new(&tree, &[1.0, 0.2]),
             coarse_positions: &[Vec3::ZERO],
             gathered: &row,
             predicted: &none,
