@@ -33,16 +33,16 @@ const LARGEST: f32 = 8.0;
 /// Stage number of the random stream.
 const STAGE: u32 = 5;
 
-/// Importance byte of each of `points` finest points (see [`relight_transport::senders::weight`]), and the number
+/// Importance byte of each finest point (see [`relight_transport::senders::weight`]), and the number
 /// of rays cast. Ways shorter than `near` don't count.
 pub fn importance(
     surfaces: &dyn Surfaces,
-    points: usize,
-    nearest: &NearestPoint,
+    finest: &NearestPoint,
     near: f32,
     viewpoints: &[Vec3],
     seed: u64,
 ) -> (Vec<u8>, u64) {
+    let points = finest.level.len();
     let particles = points * PARTICLES_PER_POINT;
     let met: Vec<AtomicU32> = (0..points).map(|_| AtomicU32::new(0)).collect();
     let rays: u64 = (0..particles)
@@ -57,7 +57,7 @@ pub fn importance(
                 last = hit.position;
                 if landing > 0
                     && from_afar
-                    && let Some(point) = nearest.at(hit.position, hit.normal)
+                    && let Some(point) = finest.at(hit.position, hit.normal)
                 {
                     met[point as usize].fetch_add(1, Ordering::Relaxed);
                 }

@@ -108,6 +108,7 @@ impl SelectScratch {
 /// `quantised` is what the file makes of a vector.
 pub fn select(row: &Row, quantised: impl Fn(Vec3) -> Vec3, room: &mut SelectScratch) -> Vec<(u32, Vec3)> {
     let mut links = coarse_links(row);
+    let coarse_kept = links.len();
     for link in &mut links {
         link.1 = quantised(link.1);
     }
@@ -127,20 +128,20 @@ pub fn select(row: &Row, quantised: impl Fn(Vec3) -> Vec3, room: &mut SelectScra
         room.families[level] = families;
         room.families[level].clear();
     }
-    correct(row, &quantised, &mut links);
+    correct(row, coarse_kept, &quantised, &mut links);
     links.retain(|link| link.1 != Vec3::ZERO);
     links.sort_unstable_by_key(|link| link.0);
     links
 }
 
-/// Makes up on the kept links of the coarsest sender level for what typical light loses by all that was dropped.
+/// Makes up on the kept links of the coarsest sender level, the first `coarse_kept`, for what typical light loses by
+/// all that was dropped.
 ///
 /// Each drop is small, but all err to the dark side: receivers and lamps share the open, so that what a receiver
 /// sees of a cluster is what is lit of it.
-fn correct(row: &Row, quantised: &impl Fn(Vec3) -> Vec3, links: &mut [(u32, Vec3)]) {
+fn correct(row: &Row, coarse_kept: usize, quantised: &impl Fn(Vec3) -> Vec3, links: &mut [(u32, Vec3)]) {
     let TypicalLight { means, coefficients } = row.typical;
     let leaves = row.tree.ranges.range(row.tree.levels() - 1);
-    let coarse = row.tree.ranges.range(0).len() as u32;
     let mut lost = Vec3A::ZERO;
     for &j in &row.gathered.touched {
         if leaves.contains(&(j as usize)) {
@@ -153,14 +154,13 @@ fn correct(row: &Row, quantised: &impl Fn(Vec3) -> Vec3, links: &mut [(u32, Vec3
     for &(j, vector) in links.iter() {
         lost -= Vec3A::from(vector) * coefficients[j as usize];
     }
-    let kept = |link: &&mut (u32, Vec3)| link.0 < coarse;
-    let answer: f32 = links
+    let kept = &mut links[..coarse_kept];
+    let answer: f32 = kept
         .iter()
-        .filter(|link| link.0 < coarse)
         .map(|link| link.1.length() * means[link.0 as usize])
         .sum();
     if answer > 0.0 {
-        for link in links.iter_mut().filter(kept) {
+        for link in kept {
             link.1 = quantised(link.1 + Vec3::from(lost) * (link.1.length() / answer));
         }
     }

@@ -82,14 +82,7 @@ pub fn transport(
     let finest = &levels[levels.len() - 1];
     let nearest_point = NearestPoint::new(finest);
     let near = NEAR * levels[0].disk_radius;
-    let (importance, importance_rays) = importance(
-        surfaces,
-        finest.len(),
-        &nearest_point,
-        near,
-        viewpoints,
-        params.seed,
-    );
+    let (importance, importance_rays) = importance(surfaces, &nearest_point, near, viewpoints, params.seed);
     let (tree, typical) = sender_tree(surfaces, &points, importance, params);
     let places: Vec<Candidate> = points
         .levels

@@ -89,23 +89,27 @@ impl Level {
         if out.len() > start {
             return;
         }
+        out.extend(self.nearest_of_any_normal(x).map(|index| (index, 1.0)));
+    }
+
+    /// The nearest point within a support radius, whatever its normal. Ties go to the lower index.
+    fn nearest_of_any_normal(&self, x: Vec3) -> Option<u32> {
         let mut best = (self.support_radius * self.support_radius, u32::MAX);
         self.grid.near(x, |entry| {
             let squared = entry.position.distance_squared(x);
-            if squared < best.0 || (squared == best.0 && entry.index < best.1) {
+            if (squared, entry.index) < best {
                 best = (squared, entry.index);
             }
         });
-        if best.1 != u32::MAX {
-            out.push((best.1, 1.0));
-        }
+        (best.1 != u32::MAX).then_some(best.1)
     }
 }
 
 /// Finds the nearest point of a level, again and again.
 #[derive(Clone, Debug)]
 pub struct NearestPoint<'a> {
-    level: &'a Level,
+    /// The points.
+    pub level: &'a Level,
     disks: DiskGrid,
 }
 
@@ -139,19 +143,17 @@ impl<'a> NearestPoint<'a> {
     /// As [`NearestPoint::at`] for places that no disk covers.
     #[cold]
     fn beyond_disks(&self, x: Vec3, normal: Vec3) -> Option<u32> {
-        let most = self.level.support_radius * self.level.support_radius;
-        let (mut facing, mut any) = ((most, u32::MAX), (most, u32::MAX));
+        let mut best = (self.level.support_radius * self.level.support_radius, u32::MAX);
         self.level.grid.near(x, |entry| {
-            let offset = x - entry.position;
-            let squared = kernel::distance_squared(offset, entry.normal);
-            if entry.normal.dot(normal) > FACING && (squared, entry.index) < facing {
-                facing = (squared, entry.index);
-            }
-            if (offset.length_squared(), entry.index) < any {
-                any = (offset.length_squared(), entry.index);
+            let squared = kernel::distance_squared(x - entry.position, entry.normal);
+            if (squared, entry.index) < best && entry.normal.dot(normal) > FACING {
+                best = (squared, entry.index);
             }
         });
-        [facing.1, any.1].into_iter().find(|&index| index != u32::MAX)
+        match best.1 {
+            u32::MAX => self.level.nearest_of_any_normal(x),
+            index => Some(index),
+        }
     }
 }
 
