@@ -143,11 +143,12 @@ const FLAT: f32 = 1.0 - 1e-6;
 /// Vector irradiance holds what arrives above its own surface's horizon only. Dotted with the normal of a
 /// neighbour that faces elsewhere it is always too small, because light from below the one horizon and above
 /// the other is missing. So E is turned round with the surface, which leaves n·E as it was and is right for even
-/// light, and gains along `to` what the tilt towards or away from E's part along the surface changes: `to`·E less
-/// its share of n·E. For light from one direction at α between the normals the answer is off by
-/// (1 − cos α) of n·E, against sin α of the part along the surface when it is only turned: folds, columns and
-/// arches keep their shading (docs/transfer.md). It is the first-order rotation gradient of Ward and Heckbert 1992
-/// with the light's own colour.
+/// light, and gains along `to` what the tilt towards or away from E's part along the surface changes: x = `to`·E
+/// less its share of n·E, times cos α for α between the normals, so that far tilts, where light from below the new
+/// horizon would count as negative, fade out. For light from one direction the answer is off by
+/// (1 − cos α)(n·E − x), against x when it is only turned: folds, columns and arches keep their shading
+/// (docs/transfer.md). It is the first-order rotation gradient of Ward and Heckbert 1992 with the light's own
+/// colour.
 ///
 /// Source of the rotation: Möller and Hughes 1999, without the trigonometry. Opposite vectors, which no basis
 /// function connects, are taken to each other by a half turn about some axis.
@@ -165,7 +166,7 @@ pub fn carry(from: Vec3, to: Vec3) -> Mat3 {
         Vec3::new(v.x * v.y * k - v.z, v.y * v.y * k + cosine, v.z * v.y * k + v.x),
         Vec3::new(v.x * v.z * k + v.y, v.y * v.z * k - v.x, v.z * v.z * k + cosine),
     );
-    let tilt = to - from * cosine;
+    let tilt = (to - from * cosine) * cosine.max(0.0);
     turned + Mat3::from_cols(to * tilt.x, to * tilt.y, to * tilt.z)
 }
 
@@ -256,8 +257,9 @@ mod tests {
             assert!((m * from - to).length() < 2e-3);
             let (cosine, above) = (from.dot(to), from.dot(lamp));
             if cosine > 0.0 && above > 0.0 && to.dot(lamp) > 0.0 {
+                let tilted = to.dot(lamp) - cosine * above;
                 let error = to.dot(m * lamp) - to.dot(lamp);
-                assert!((error - (1.0 - cosine) * above).abs() < 1e-5);
+                assert!((error - (1.0 - cosine) * (above - tilted)).abs() < 1e-5);
             }
         }
     }
