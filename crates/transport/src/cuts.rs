@@ -36,6 +36,37 @@ impl<'a> Cut<'a> {
     }
 }
 
+/// Cuts of many sites through one tree, one after another.
+#[derive(Clone, Debug, Default)]
+pub struct SiteCuts {
+    /// Start of each site's nodes, and the end of the last: sites + 1 entries.
+    pub offsets: Vec<u32>,
+    /// Height of each node.
+    pub heights: Vec<u8>,
+    /// Mean over each node.
+    pub values: Vec<f32>,
+}
+
+impl SiteCuts {
+    /// Number of sites.
+    pub fn sites(&self) -> usize {
+        self.offsets.len().saturating_sub(1)
+    }
+
+    /// The cut of a site.
+    ///
+    /// # Panics
+    /// `site` is not below [`SiteCuts::sites`].
+    #[inline]
+    pub fn cut(&self, site: usize) -> Cut<'_> {
+        let range = self.offsets[site] as usize..self.offsets[site + 1] as usize;
+        Cut {
+            heights: &self.heights[range.clone()],
+            values: &self.values[range],
+        }
+    }
+}
+
 /// Whether heights are those of a cut: the nodes start at multiples of their sizes and tile all 2^`tree_height`
 /// leaves.
 pub fn is_cut(heights: &[u8], tree_height: u8) -> bool {
@@ -183,7 +214,8 @@ impl Ord for Open {
 impl Selector {
     /// Appends a cut through `leaves` to `heights` and `values`: the node of largest error |C|·var is split until all
     /// are within `sigma`², or the cut has `most` nodes. Leaves that are NaN count for nothing: no node is split for
-    /// them, and a node of nothing else has the value 0.
+    /// them, and a node of nothing else has the value 0. Returns the number of leaves that count and the sum of their
+    /// squared differences to the cut.
     ///
     /// # Panics
     /// The number of leaves is no power of two.
@@ -194,7 +226,7 @@ impl Selector {
         most: usize,
         heights: &mut Vec<u8>,
         values: &mut Vec<f32>,
-    ) {
+    ) -> (f64, f64) {
         assert!(leaves.len().is_power_of_two());
         self.sum_up(leaves);
         let limit = sigma * sigma;
@@ -212,11 +244,14 @@ impl Selector {
             }
         }
         self.nodes.sort_unstable_by_key(|node| node.first());
+        let mut left = 0.0;
         for &node in &self.nodes {
             let [count, sum, _] = self.sums[node.slot(self.height)];
             heights.push(node.height);
             values.push(if count > 0.0 { sum / count } else { 0.0 });
+            left += f64::from(self.error(node));
         }
+        (f64::from(self.sums[1][0]), left)
     }
 
     fn offer(&mut self, node: Node, limit: f32) {
