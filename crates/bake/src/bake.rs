@@ -189,6 +189,8 @@ pub fn bake(
             .then(|| bounce(transport.bounce_level, &transport.bounce)),
         solution: solved.filter(|_| lit).map(|s| stored_solution(&s)),
         estimates: None,
+        light_tree: None,
+        cuts: None,
     };
     clock.lap("prune");
     let threads = rayon::current_num_threads();
