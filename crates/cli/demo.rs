@@ -128,6 +128,7 @@ fn play_args(asset: &Path, data: &Path, folder: &Path, name: &str) -> Result<Pla
     Ok(PlayArgs {
         asset: asset.to_path_buf(),
         lights: Some(data.join(SEQUENCE)),
+        materials: None,
         output: frames::parse_pattern(&output.display().to_string()).map_err(Failure::Usage)?,
         integrator: Integrator::Auto,
         size: Some((640, 360)),

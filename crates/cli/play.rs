@@ -9,6 +9,7 @@ use crate::words;
 use clap::{Args, ValueEnum};
 use glam::Vec3;
 use relight_play::brute::{self, BruteSettings};
+use relight_play::edited::Editor;
 use relight_play::frame::{Distant, FrameTimes, LightingSettings, Lit};
 use relight_play::layers::{RenderSize, Watch};
 use relight_play::load::{Loaded, check_kept, load};
@@ -36,7 +37,13 @@ use std::time::Instant;
 #[command(after_help = "\
 The JSON of --json: frames, an array of {frame, total, direct_points, bounces, transfer, flatten, direct_pixels,
 reconstruct, resolve, write} in milliseconds (brute and path: {frame, total, render, write}); once_per_shot, what
-is done once: load, expose, weigh (with a moving camera expose and weigh are in the frames).")]
+is done once: load, expose, weigh (with a moving camera expose and weigh are in the frames). With --materials a
+frame also has edit, the milliseconds of evaluating changed materials again.
+
+Models and parameters for --materials: metallic_roughness (metallic, roughness, metallic_roughness_texture),
+lambert, phong (specular, specular_texture, exponent or roughness), ward (specular, specular_texture, roughness or
+roughness_u and roughness_v, rotation_deg); all: base_color, base_color_texture, normal_texture, normal_scale,
+bump_texture with bump_scale (metres), emission.")]
 pub struct PlayArgs {
     /// Asset to play.
     #[arg(value_name = "ASSET.relight")]
@@ -44,6 +51,10 @@ pub struct PlayArgs {
     /// Lighting sequence; without it the scene's own lights play.
     #[arg(long, value_name = "SEQ.json")]
     pub lights: Option<PathBuf>,
+    /// Material edits: models and parameters, with keys where they change from frame to frame, of the asset's
+    /// materials by name; no new bake (see data/table_materials.json).
+    #[arg(long, value_name = "EDITS.json")]
+    pub materials: Option<PathBuf>,
     /// Frames to write: #### or %04d stands for the frame number.
     #[arg(short, long, value_name = "out/frame_####.exr", value_parser = frames::parse_pattern)]
     pub output: Pattern,
@@ -178,28 +189,39 @@ pub fn play(
     console.begin("Reading the asset", None);
     let given = args.lights.as_deref().map(read_sequence).transpose()?;
     let with_operators = !matches!(args.integrator, Integrator::Brute | Integrator::Path);
-    let loaded = load(&args.asset, with_operators)?;
+    let mut loaded = load(&args.asset, with_operators)?;
     signals::go_on()?;
     check_kept(&loaded, given.as_ref())?;
-    let sequence = given.as_ref().unwrap_or(&loaded.scene.sequence);
+    let mut editor = (args.materials.as_deref())
+        .map(|file| Editor::new(file, &args.asset, &loaded))
+        .transpose()?;
     let integrator = integrator(args, &loaded)?;
-    let track = camera(args, &loaded.scene, sequence)?;
+    let scene = loaded.scene.clone();
+    let sequence = given.as_ref().unwrap_or(&scene.sequence);
+    let track = camera(args, &scene, sequence)?;
     let (width, height) = args.size.unwrap_or_else(|| default_size(&track));
     let range = frame_range(args, sequence)?;
-    let emitters = SceneEmitters::new(&loaded.player.scene);
+    if let Some(editor) = &mut editor {
+        editor.apply(range.first.into(), &mut loaded.player)?;
+    }
+    // What shines does not move with the materials: emission has no keys.
+    let shining = loaded.player.scene.clone();
+    let emitters = SceneEmitters::new(&shining);
     let rig = LightRig::new(&emitters, &sequence.lights)?;
     for frame in range.iter().take(1) {
         output::prepare_output(&args.output.file(frame))?;
     }
     let load_ms = milliseconds(start);
+    let hash = loaded.hash;
 
     let by_cuts = by_cuts(integrator, args, &loaded, sequence);
     console.note(choice(integrator, by_cuts, &loaded));
     let mut session = Session {
         args,
-        loaded: &loaded,
-        rig: &rig,
         splits: by_cuts.then(|| splits(&rig, &loaded, sequence.lights.len())),
+        loaded: &mut loaded,
+        editor,
+        rig: &rig,
         integrator,
         seed,
         width,
@@ -216,12 +238,14 @@ pub fn play(
     for (done, frame) in range.iter().enumerate() {
         signals::go_on()?;
         let start = Instant::now();
+        let edit_ms = session.edit(frame)?;
         let (all, mut frame_times) = session.render(frame, &track.at(frame.into()), console)?;
         signals::go_on()?;
         seen(frame, &all);
+        frame_times.extend(edit_ms.map(|ms| ("edit".to_owned(), ms.into())));
         let write = Instant::now();
         let header = ExrHeader {
-            asset_hash: Some(format!("{:016x}", loaded.hash)),
+            asset_hash: Some(format!("{hash:016x}")),
             seed: Some(seed),
             frames_per_second: Some(sequence.fps),
             frame: Some(frame),
@@ -252,7 +276,7 @@ pub fn play(
         "schema": SCHEMA,
         "command": "play",
         "asset": args.asset.display().to_string(),
-        "asset_hash": format!("{:016x}", loaded.hash),
+        "asset_hash": format!("{hash:016x}"),
         "integrator": integrator.to_possible_value().map(|v| v.get_name().to_owned()),
         "width": width,
         "height": height,
@@ -445,7 +469,8 @@ fn chosen(all: &Layers, wanted: &[LayerName]) -> Layers {
 /// What lasts from frame to frame.
 struct Session<'a> {
     args: &'a PlayArgs,
-    loaded: &'a Loaded,
+    loaded: &'a mut Loaded,
+    editor: Option<Editor>,
     rig: &'a LightRig<'a>,
     /// The parts of each light's environment, where visibility cuts take it.
     splits: Option<Vec<Option<Arc<Split>>>>,
@@ -463,6 +488,21 @@ struct Session<'a> {
 type Rendered = (Layers, Map<String, Value>);
 
 impl Session<'_> {
+    /// Materials of a frame, and what a standing camera sees of them; milliseconds, if there are edits.
+    fn edit(&mut self, frame: u32) -> Result<Option<f64>, Failure> {
+        let Some(editor) = &mut self.editor else {
+            return Ok(None);
+        };
+        let start = Instant::now();
+        editor.apply(frame.into(), &mut self.loaded.player)?;
+        if let Some(shot) = &mut self.shot
+            && self.fixed
+        {
+            editor.reshade(&self.loaded.player, shot);
+        }
+        Ok(Some(milliseconds(start)))
+    }
+
     fn render(&mut self, frame: u32, camera: &Camera, console: &Console) -> Result<Rendered, Failure> {
         match self.integrator {
             Integrator::Transfer | Integrator::Cuts | Integrator::Auto => self.relit(frame, camera, console),
@@ -531,6 +571,9 @@ impl Session<'_> {
             }
             if self.splits.is_some() {
                 shot.choose_sites();
+            }
+            if let Some(editor) = &self.editor {
+                editor.reshade(player, &mut shot);
             }
             let weighed = milliseconds(start);
             let keep = if self.fixed {

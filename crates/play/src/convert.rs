@@ -61,6 +61,7 @@ pub fn material(material: format::Material) -> Material {
         double_sided: material.double_sided,
         unlit: material.unlit,
         name: material.name,
+        ..Material::default()
     }
 }
 

@@ -2,13 +2,14 @@
 //!
 //! The way of the light: direct [`lighting`] of points and pixels, [`transfer`] of what the points reflect to
 //! all others, [`reconstruct`]ion at the fragments of a [`shot`]; [`frame`] runs them in order. Beside it stand
-//! the references: [`path`] traces paths, [`brute`] casts a shadow ray per light.
+//! the references: [`path`] traces paths, [`brute`] casts a shadow ray per light. [`edited`] changes materials.
 #![forbid(unsafe_code)]
 
 pub mod brute;
 pub mod convert;
 pub mod cuts;
 mod direct;
+pub mod edited;
 pub mod frame;
 pub mod layers;
 pub mod lighting;

@@ -199,17 +199,22 @@ impl Shot {
             .map(|hit| hit.as_ref().map(|h| (h.position, h.normal)))
             .collect();
         self.weights = reconstruct::weights_at(finest, &places);
-        let normals: Vec<(Vec3, Vec3)> = (self.points.iter())
-            .map(|p| {
-                p.as_ref()
-                    .map_or((Vec3::Z, Vec3::Z), |p| (p.normal, p.shading_normal))
-            })
-            .collect();
         self.albedo = (self.points.par_iter().with_min_len(256))
             .map(|p| match p {
                 Some(p) if p.lambert => p.diffuse,
                 Some(p) => bsdf::hemispherical_albedo(p),
                 None => Vec3::ZERO,
+            })
+            .collect();
+        self.weigh_components(finest);
+    }
+
+    /// The part of [`Shot::weigh`] that depends on shading normals.
+    pub(crate) fn weigh_components(&mut self, finest: &Level) {
+        let normals: Vec<(Vec3, Vec3)> = (self.points.iter())
+            .map(|p| {
+                p.as_ref()
+                    .map_or((Vec3::Z, Vec3::Z), |p| (p.normal, p.shading_normal))
             })
             .collect();
         self.components = reconstruct::components(&self.weights, finest, &normals);

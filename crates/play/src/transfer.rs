@@ -112,6 +112,12 @@ impl Transfer {
         }
     }
 
+    /// Other reflectances at the finest points, one each. A baked solution keeps those that it was solved with.
+    pub fn set_albedo(&mut self, albedo: Vec<Vec3>) {
+        self.bounce_albedo = self.senders.pulled(&albedo).swap_remove(self.bounce_level);
+        self.albedo = albedo;
+    }
+
     /// Bounces come from a baked solution on sender level `level` from now on: one matrix, or one for red,
     /// green and blue each.
     pub fn use_solution(&mut self, level: usize, channels: Vec<Rows>) {

@@ -1,6 +1,7 @@
-//! Reflection: Lambert, and the metallic-roughness BRDF of glTF 2.0 appendix B.
+//! Reflection: Lambert, the metallic-roughness BRDF of glTF 2.0 appendix B, and, for edited materials, modified
+//! [`phong`] and [`ward`].
 //!
-//! With h half way between the directions wo and wi, both away from the surface, n the shading normal and α
+//! Metallic-roughness: with h half way between the directions wo and wi, both away from the surface, n the shading normal and α
 //! roughness squared:
 //!
 //! * F = f0 + (1 − f0)(1 − wo·h)⁵ (Schlick), f0 between 0.04 and the base colour by metallic,
@@ -21,14 +22,23 @@
 //! Dupuy and Benyoub 2023), the diffuse one by cosine. The density is that of the mixture.
 
 pub mod albedo;
+mod frame;
+mod lobe;
+mod mixture;
+#[cfg(test)]
+mod model_tests;
+mod phong;
 #[cfg(test)]
 mod tests;
+mod ward;
 
 use crate::shading::ShadingPoint;
 use glam::Vec3;
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 
 pub use albedo::hemispherical_albedo;
+pub use lobe::{Lobe, lobe};
+pub use phong::{MAX_EXPONENT, exponent_of_alpha};
 
 /// Directions with a smaller cosine count as below the horizon: their light is beyond what f32 resolves, and
 /// V, which grows as 1/cosine, would overflow.
@@ -54,6 +64,9 @@ pub fn eval(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> Vec3 {
     if point.lambert {
         return point.diffuse * FRAC_1_PI;
     }
+    if let Some(lobe) = mixture::Lobe::of(point) {
+        return lobe.eval(point, wo, wi);
+    }
     let half = Half::new(point.shading_normal, wo, wi);
     reflect(point, cos_o, cos_i, &half)
 }
@@ -63,6 +76,9 @@ pub fn pdf(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> f32 {
     let Some((cos_o, cos_i)) = cosines(point, wo, wi) else {
         return 0.0;
     };
+    if let Some(lobe) = mixture::Lobe::of(point) {
+        return lobe.pdf(point, wo, wi, (cos_o, cos_i));
+    }
     let half = Half::new(point.shading_normal, wo, wi);
     density(point, cos_o, cos_i, &half, specular_probability(point, cos_o))
 }
@@ -77,6 +93,17 @@ pub fn sample(point: &ShadingPoint, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample>
     }
     if point.diffuse == Vec3::ZERO && point.f0 == Vec3::ZERO {
         return None;
+    }
+    if let Some(lobe) = mixture::Lobe::of(point) {
+        let wi = lobe.direction(point, wo, u);
+        let cosines = cosines(point, wo, wi)?;
+        let pdf = lobe.pdf(point, wo, wi, cosines);
+        let weight = lobe.eval(point, wo, wi) * (cosines.1 / pdf);
+        return (pdf > 0.0 && pdf.is_finite() && weight.is_finite()).then_some(BsdfSample {
+            wi,
+            weight,
+            pdf,
+        });
     }
     let (tangent, bitangent) = n.any_orthonormal_pair();
     let world = |local: Vec3| tangent * local.x + bitangent * local.y + n * local.z;

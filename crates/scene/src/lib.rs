@@ -19,6 +19,7 @@ pub mod isosurface;
 pub mod light;
 pub mod light_set;
 pub mod material;
+pub mod material_edits;
 pub mod rays;
 pub mod scene;
 pub mod sequence;

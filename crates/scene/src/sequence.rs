@@ -1,6 +1,6 @@
 //! Lighting sequences: what shines at which frame, seen by which camera (design section 4), and their JSON.
 
-mod fields;
+pub(crate) mod fields;
 mod json_in;
 mod json_out;
 

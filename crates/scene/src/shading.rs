@@ -5,13 +5,15 @@
 //! the normal map's coordinates and made perpendicular to the smooth normal, not smoothed over vertices as
 //! MikkTSpace does it.
 
+use crate::bsdf::{MAX_EXPONENT, exponent_of_alpha};
+use crate::material::{Bump, Material, Model};
 use crate::surface::SurfaceHit;
 use crate::texture::ColorSpace;
 use crate::traced::{Corner, Shading, TracedScene};
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 /// Reflectance of a dielectric at normal incidence: index of refraction 1.5 (glTF 2.0 appendix B).
-const DIELECTRIC_F0: f32 = 0.04;
+pub(crate) const DIELECTRIC_F0: f32 = 0.04;
 
 /// Smallest GGX alpha: below it the distribution's peak, 1/(πα²), leaves what f32 resolves around a half
 /// vector (some 1e-7 per component).
@@ -20,6 +22,25 @@ pub const MIN_ALPHA: f32 = 1e-4;
 /// Smallest cosine between a bent shading normal and the geometric normal or the viewer: a tenth of a degree
 /// above the horizon, enough for sampling to work.
 const MIN_BENT_COSINE: f32 = 2e-3;
+
+/// Shape of the specular lobe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Gloss {
+    /// Metallic-roughness: GGX of [`ShadingPoint::alpha`] with Schlick's Fresnel term over `f0`.
+    Ggx,
+    /// `f0` times a normalised Phong lobe.
+    Phong {
+        /// From 0 to [`crate::bsdf::MAX_EXPONENT`].
+        exponent: f32,
+    },
+    /// `f0` times Ward's lobe.
+    Ward {
+        /// Along and across the tangent, each from [`MIN_ALPHA`] to 1.
+        alpha: [f32; 2],
+        /// World space, about perpendicular to the shading normal.
+        tangent: Vec3,
+    },
+}
 
 /// A surface point as BRDFs see it. All vectors are in world space and unit vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,10 +57,13 @@ pub struct ShadingPoint {
     pub base_color: Vec3,
     /// Albedo of the Lambert part (glTF's c_diff), linear RGB in 0..=1.
     pub diffuse: Vec3,
-    /// Reflectance of the specular part at normal incidence, linear RGB in 0..=1.
+    /// Reflectance of the specular part at normal incidence, linear RGB in 0..=1. With a [`Gloss`] other than
+    /// GGX, `diffuse` + `f0` is at most 1 in each channel.
     pub f0: Vec3,
     /// GGX α, from [`MIN_ALPHA`] to 1.
     pub alpha: f32,
+    /// Shape of the specular part.
+    pub gloss: Gloss,
     /// Whether the Lambert part is all there is; `f0` is then zero.
     pub lambert: bool,
     /// Radiance towards the side the ray came from, W/(m² sr). Zero on the back of materials that are not
@@ -61,6 +85,7 @@ impl ShadingPoint {
             diffuse: albedo,
             f0: Vec3::ZERO,
             alpha: 1.0,
+            gloss: Gloss::Ggx,
             lambert: true,
             emission: Vec3::ZERO,
             material: 0,
@@ -99,7 +124,7 @@ impl TracedScene {
     /// The hit is from another scene with more triangles.
     pub fn shading_point(&self, hit: &SurfaceHit) -> ShadingPoint {
         let (index, corner) = self.corner_of(hit.primitive, hit.barycentric);
-        let material = &self.scene().materials[index as usize];
+        let material = &self.materials()[index as usize];
         let base_color = self.base_color(index, &corner).truncate();
         let mut point = ShadingPoint {
             base_color,
@@ -116,18 +141,76 @@ impl TracedScene {
         if self.shading() == Shading::Lambert {
             return point;
         }
-        let rough_metal =
-            self.texture_value(&material.metallic_roughness_texture, &corner, ColorSpace::Linear);
-        let metallic = unit_interval(material.metallic * rough_metal.z);
-        let roughness = unit_interval(material.roughness * rough_metal.y);
-        point.diffuse = base_color * (1.0 - metallic);
-        point.f0 = Vec3::splat(DIELECTRIC_F0 * (1.0 - metallic)) + base_color * metallic;
-        point.alpha = (roughness * roughness).max(MIN_ALPHA);
-        point.lambert = false;
         if let Some(normal) = self.mapped_normal(hit, &corner) {
             point.shading_normal = bend_towards(normal, hit.geometric_normal);
         }
+        if let Some(bump) = &material.bump
+            && let Some(normal) = self.bumped_normal(bump, hit, &corner, point.shading_normal)
+        {
+            point.shading_normal = bend_towards(normal, hit.geometric_normal);
+        }
+        self.reflection(material, hit, &corner, &mut point);
         point
+    }
+
+    /// Fills in how the point reflects, by its material's model.
+    fn reflection(
+        &self,
+        material: &Material,
+        hit: &SurfaceHit,
+        corner: &Corner<'_>,
+        point: &mut ShadingPoint,
+    ) {
+        let rough_metal = |factor: f32, channel: usize| {
+            let texture =
+                self.texture_value(&material.metallic_roughness_texture, corner, ColorSpace::Linear);
+            unit_interval(factor * texture[channel])
+        };
+        let alpha = |roughness: f32| {
+            let roughness = rough_metal(roughness, 1);
+            (roughness * roughness).max(MIN_ALPHA)
+        };
+        match material.model {
+            Model::Lambert => {}
+            Model::MetallicRoughness => {
+                let metallic = rough_metal(material.metallic, 2);
+                point.diffuse = point.base_color * (1.0 - metallic);
+                point.f0 = Vec3::splat(DIELECTRIC_F0 * (1.0 - metallic)) + point.base_color * metallic;
+                point.alpha = alpha(material.roughness);
+                point.lambert = false;
+            }
+            Model::Phong { specular, exponent } => {
+                self.balance(material, specular, corner, point);
+                let exponent = match exponent {
+                    Some(exponent) if exponent.is_nan() => 0.0,
+                    Some(exponent) => exponent.clamp(0.0, MAX_EXPONENT),
+                    None => exponent_of_alpha(alpha(material.roughness)),
+                };
+                point.gloss = Gloss::Phong { exponent };
+            }
+            Model::Ward {
+                specular,
+                roughness,
+                rotation,
+            } => {
+                self.balance(material, specular, corner, point);
+                let (x, y) = self.tangents(hit, corner, material);
+                let (sin, cos) = rotation.sin_cos();
+                point.gloss = Gloss::Ward {
+                    alpha: roughness.map(alpha),
+                    tangent: x * cos + y * sin,
+                };
+            }
+        }
+    }
+
+    /// Specular factor of Phong and Ward, and the diffuse albedo that it leaves.
+    fn balance(&self, material: &Material, specular: Vec3, corner: &Corner<'_>, point: &mut ShadingPoint) {
+        let texture = self.texture_value(&material.specular_texture, corner, ColorSpace::Srgb);
+        let specular = specular * texture.truncate();
+        point.f0 = Vec3::from(specular.to_array().map(unit_interval));
+        point.diffuse = point.base_color.min(Vec3::ONE - point.f0);
+        point.lambert = false;
     }
 
     /// Radiance that a point of a triangle emits from its front (and back, if double-sided), not scaled by
@@ -141,7 +224,7 @@ impl TracedScene {
     }
 
     fn emitted(&self, index: u32, corner: &Corner<'_>) -> Vec3 {
-        let material = &self.scene().materials[index as usize];
+        let material = &self.materials()[index as usize];
         if material.unlit {
             return self.base_color(index, corner).truncate();
         }
@@ -150,6 +233,45 @@ impl TracedScene {
         }
         let texture = self.texture_value(&material.emission_texture, corner, ColorSpace::Srgb);
         (material.emission * texture.truncate()).max(Vec3::ZERO)
+    }
+
+    /// Tangent along rising u and bitangent for anisotropic lobes, on the ray's side: of the mesh, else of the
+    /// coordinates that the material looks its textures up with, else any.
+    fn tangents(&self, hit: &SurfaceHit, corner: &Corner<'_>, material: &Material) -> (Vec3, Vec3) {
+        let any = || hit.normal.any_orthonormal_pair();
+        if let Some((tangent, handedness)) = self.authored_tangent(hit.primitive, corner) {
+            let side = if hit.front { 1.0 } else { -1.0 };
+            return match tangent.reject_from_normalized(hit.normal).try_normalize() {
+                Some(tangent) => (tangent, (hit.normal * side).cross(tangent) * handedness),
+                None => any(),
+            };
+        }
+        let uvs = match material.any_texture() {
+            Some(usage) => {
+                (corner.vertex_uvs(usage.uv_set)).map(|uv| usage.texture_from_mesh.transform_point2(uv))
+            }
+            None => corner.vertex_uvs(0),
+        };
+        derived_tangents(&self.triangle_positions(hit.primitive), uvs, hit.normal).unwrap_or_else(any)
+    }
+
+    /// `normal` leaned by the slope of a height map, on the ray's side (Blinn 1978); `None` where there are no
+    /// usable coordinates.
+    fn bumped_normal(
+        &self,
+        bump: &Bump,
+        hit: &SurfaceHit,
+        corner: &Corner<'_>,
+        normal: Vec3,
+    ) -> Option<Vec3> {
+        let side = if hit.front { 1.0 } else { -1.0 };
+        let slope = self.texture_slope(&bump.texture, corner)? * bump.scale;
+        let usage = &bump.texture;
+        let uvs = (corner.vertex_uvs(usage.uv_set)).map(|uv| usage.texture_from_mesh.transform_point2(uv));
+        let gradient = surface_gradient(&self.triangle_positions(hit.primitive), uvs, slope)?;
+        // The height rises from the front; seen from behind it sinks.
+        let leaned = (normal * side).as_dvec3() - gradient;
+        leaned.try_normalize().map(|leaned| leaned.as_vec3() * side)
     }
 
     /// Normal of the normal map, on the ray's side; `None` without a map or where there are no usable
@@ -217,6 +339,19 @@ fn derived_tangents(vertices: &[Vec3; 3], uvs: [Vec2; 3], normal: Vec3) -> Optio
         bitangent
     };
     Some((tangent, up))
+}
+
+/// Gradient on a triangle, per metre, of a function whose derivatives by the coordinates are `slope`; `None`
+/// where the coordinates span nothing.
+fn surface_gradient(vertices: &[Vec3; 3], uvs: [Vec2; 3], slope: Vec2) -> Option<DVec3> {
+    let [a, b, c] = vertices.map(|vertex| vertex.as_dvec3());
+    let [ua, ub, uc] = uvs.map(|uv| uv.as_dvec2());
+    let (e1, e2, slope) = (b - a, c - a, slope.as_dvec2());
+    // What the function rises by along both edges, and from there the vector in their plane that does so.
+    let (rise1, rise2) = (slope.dot(ub - ua), slope.dot(uc - ua));
+    let normal = e1.cross(e2);
+    let gradient = (e2.cross(normal) * rise1 + normal.cross(e1) * rise2) / normal.length_squared();
+    ((ub - ua).perp_dot(uc - ua) != 0.0 && gradient.is_finite()).then_some(gradient)
 }
 
 /// Clamps to 0..=1; NaN becomes 0.

@@ -85,18 +85,21 @@ struct TracedInstance {
     opaque: bool,
 }
 
-/// A [`Scene`] prepared for rendering. See the module's description.
+/// A [`Scene`] prepared for rendering. See the module's description. Clones share all but the materials.
+#[derive(Clone)]
 pub struct TracedScene {
     scene: Arc<Scene>,
     shading: Shading,
-    bvh: TriangleBvh,
-    instances: Vec<TracedInstance>,
+    /// The scene's, or what [`TracedScene::set_materials`] has put in their place.
+    materials: Vec<Material>,
+    bvh: Arc<TriangleBvh>,
+    instances: Arc<[TracedInstance]>,
     /// Per world triangle the instance it belongs to.
-    instance_of_triangle: Vec<u32>,
-    /// Per texture of the scene its texels, where a material uses it.
-    textures: Vec<Option<DecodedTexture>>,
+    instance_of_triangle: Arc<[u32]>,
+    /// Per texture of the scene its texels, where a material uses or has used it.
+    textures: Vec<Option<Arc<DecodedTexture>>>,
     /// World indices of triangles whose material can emit.
-    emissive: Vec<u32>,
+    emissive: Arc<[u32]>,
     /// All instances are opaque.
     opaque: bool,
 }
@@ -109,6 +112,22 @@ impl TracedScene {
     /// A texture cannot be decoded, or the scene contradicts itself (see [`TracedSceneError`]).
     pub fn new(scene: Arc<Scene>, shading: Shading) -> Result<TracedScene, TracedSceneError> {
         prepare::prepare(scene, shading)
+    }
+
+    /// Puts other materials in the place of the scene's, in the same order, and decodes the textures that they
+    /// newly use. Rays keep passing where they passed before: alpha modes, base colours' alpha and, where alpha
+    /// matters, base colour textures must be those of the scene.
+    ///
+    /// # Errors
+    /// There are fewer materials than in the scene, one uses a texture that does not exist, or a texture cannot
+    /// be decoded.
+    pub fn set_materials(&mut self, materials: Vec<Material>) -> Result<(), TracedSceneError> {
+        prepare::set_materials(self, materials)
+    }
+
+    /// The materials in use: the scene's, or those set in their place.
+    pub fn materials(&self) -> &[Material] {
+        &self.materials
     }
 
     /// The scene as it was given.
@@ -158,12 +177,12 @@ impl TracedScene {
         self.traced_instance(triangle).material
     }
 
-    /// A triangle's material as the scene has it.
+    /// A triangle's material.
     ///
     /// # Panics
     /// As [`TracedScene::instance_of`].
     pub fn material(&self, triangle: u32) -> &Material {
-        &self.scene.materials[self.material_of(triangle) as usize]
+        &self.materials[self.material_of(triangle) as usize]
     }
 
     /// World-space vertices of a triangle, counter-clockwise seen from its front; NaN for triangles that are

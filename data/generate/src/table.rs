@@ -568,5 +568,19 @@ pub fn sequences() -> Vec<(&'static str, Vec<u8>)> {
         ),
         ("table_spot.lights.json", sequence(24, None, &[spot, fill, glow])),
         ("table_window.lights.json", sequence(1, None, &[surroundings])),
+        ("table_materials.json", MATERIAL_EDITS.as_bytes().to_vec()),
     ]
 }
+
+/// Edits of the table's materials over the 24 frames of its spot light: every model, keys, a bump map, a texture
+/// taken away. Texture 0 of an asset is the bricks' colour.
+const MATERIAL_EDITS: &str = r#"{ "relight_materials": 1, "edits": [
+  { "material": "Blue ceramic", "model": "phong", "base_color": [0.30, 0.03, 0.03], "specular": 0.25,
+    "exponent": {"keys": [[0, 30], [23, 400]]} },
+  { "material": "Hammered copper", "model": "ward", "base_color": [0.05, 0.03, 0.02], "specular": [0.85, 0.55, 0.42],
+    "normal_texture": null, "roughness_u": 0.25, "roughness_v": 0.6, "rotation_deg": 30 },
+  { "material": "Chrome", "roughness": {"keys": [[0, 0.05], [23, 0.5]], "interpolation": "linear"} },
+  { "material": "Porcelain", "model": "lambert", "base_color": [0.20, 0.45, 0.25] },
+  { "material": "Brick", "base_color_texture": null, "base_color": 0.7, "normal_texture": null,
+    "bump_texture": 0, "bump_scale": 0.006 } ] }
+"#;

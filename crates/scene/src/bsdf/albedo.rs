@@ -8,7 +8,7 @@
 //! Errors (tested against quadrature of the BRDF): directional albedos within 3e-3, hemispherical ones within
 //! 1e-2.
 
-use super::{sample_visible_normal, smith_root};
+use super::{mixture, sample_visible_normal, smith_root};
 use crate::shading::{MIN_ALPHA, ShadingPoint};
 use glam::Vec3;
 use std::f32::consts::TAU;
@@ -157,11 +157,14 @@ pub(super) fn diffuse_scale(point: &ShadingPoint, cos: f32) -> Vec3 {
 /// Share of the light that a point reflects in all, averaged over cosine-weighted directions of arrival: RGB in
 /// 0..=1. The albedo for bounces (design section 6), so that metals and glossy surfaces send light, too.
 ///
-/// Exact for Lambert; otherwise within 1e-2 of the BRDF's own integral. The double integral of the diffuse part
+/// Exact for Lambert; Phong and Ward within 5e-3; otherwise within 1e-2 of the BRDF's own integral. The double integral of the diffuse part
 /// is taken as a product of single ones, since K hardly depends on the angle.
 pub fn hemispherical_albedo(point: &ShadingPoint) -> Vec3 {
     if point.lambert {
         return point.diffuse;
+    }
+    if let Some(lobe) = mixture::Lobe::of(point) {
+        return lobe.hemispherical_albedo(point);
     }
     let (mut reflected, mut printed, mut scaled) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
     for k in 0..AVERAGE_NODES {

@@ -3,7 +3,7 @@
 //! combined by the balance heuristic) and a transcription of appendix B of the glTF 2.0 specification in f64.
 
 use super::*;
-use crate::shading::MIN_ALPHA;
+use crate::shading::{Gloss, MIN_ALPHA};
 use glam::DVec3;
 use proptest::prelude::*;
 
@@ -22,6 +22,7 @@ fn material(base: Vec3, metallic: f32, alpha: f32) -> ShadingPoint {
         f0: Vec3::splat(0.04 * (1.0 - metallic)) + base * metallic,
         alpha,
         lambert: false,
+        gloss: Gloss::Ggx,
         emission: Vec3::ZERO,
         material: 0,
     }

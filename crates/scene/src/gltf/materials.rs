@@ -224,6 +224,7 @@ fn parse_material(at: &At, textures: usize, notes: &mut Notes) -> Material {
         alpha_mode,
         double_sided: at.flag("doubleSided"),
         unlit: at.extension("KHR_materials_unlit").is_some(),
+        ..Material::default()
     }
 }
 

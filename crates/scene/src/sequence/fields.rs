@@ -43,16 +43,16 @@ pub enum SequenceError {
 
 /// What is wrong at which path; the sequence's name is added at the end.
 #[derive(Debug)]
-pub(super) struct FieldError {
+pub(crate) struct FieldError {
     pub path: String,
     pub message: String,
 }
 
 /// Result of reading a field.
-pub(super) type Field<T> = Result<T, FieldError>;
+pub(crate) type Field<T> = Result<T, FieldError>;
 
 /// A complaint about the field at `path`.
-pub(super) fn complain<T>(path: &str, message: impl Into<String>) -> Field<T> {
+pub(crate) fn complain<T>(path: &str, message: impl Into<String>) -> Field<T> {
     let path = if path.is_empty() { "the sequence" } else { path };
     Err(FieldError {
         path: path.into(),
@@ -61,12 +61,12 @@ pub(super) fn complain<T>(path: &str, message: impl Into<String>) -> Field<T> {
 }
 
 /// A complaint that names what was expected and shows what is there.
-pub(super) fn expected<T>(path: &str, what: &str, found: &Value) -> Field<T> {
+pub(crate) fn expected<T>(path: &str, what: &str, found: &Value) -> Field<T> {
     complain(path, format!("expected {what}, found {}", show(found)))
 }
 
 /// A value as the message shows it, at most some 60 characters of it.
-pub(super) fn show(value: &Value) -> String {
+pub(crate) fn show(value: &Value) -> String {
     let text = value.to_string();
     if text.chars().count() <= 60 {
         return text;
@@ -75,7 +75,7 @@ pub(super) fn show(value: &Value) -> String {
 }
 
 /// The path of a field of an object.
-pub(super) fn join(path: &str, field: &str) -> String {
+pub(crate) fn join(path: &str, field: &str) -> String {
     if path.is_empty() {
         field.into()
     } else {
@@ -84,7 +84,7 @@ pub(super) fn join(path: &str, field: &str) -> String {
 }
 
 /// An object whose fields are all among `known`.
-pub(super) fn object<'a>(value: &'a Value, path: &str, known: &[&str]) -> Field<&'a Map<String, Value>> {
+pub(crate) fn object<'a>(value: &'a Value, path: &str, known: &[&str]) -> Field<&'a Map<String, Value>> {
     let Value::Object(map) = value else {
         return expected(path, "an object", value);
     };
@@ -98,7 +98,7 @@ pub(super) fn object<'a>(value: &'a Value, path: &str, known: &[&str]) -> Field<
 }
 
 /// A field that must be there.
-pub(super) fn required<'a>(map: &'a Map<String, Value>, path: &str, field: &str) -> Field<&'a Value> {
+pub(crate) fn required<'a>(map: &'a Map<String, Value>, path: &str, field: &str) -> Field<&'a Value> {
     match map.get(field) {
         Some(value) => Ok(value),
         None => complain(&join(path, field), "missing; it is required here"),
@@ -106,7 +106,7 @@ pub(super) fn required<'a>(map: &'a Map<String, Value>, path: &str, field: &str)
 }
 
 /// A text.
-pub(super) fn text(value: &Value, path: &str) -> Field<String> {
+pub(crate) fn text(value: &Value, path: &str) -> Field<String> {
     match value {
         Value::String(text) => Ok(text.clone()),
         _ => expected(path, "a text", value),
@@ -115,7 +115,7 @@ pub(super) fn text(value: &Value, path: &str) -> Field<String> {
 
 /// Which numbers a field accepts.
 #[derive(Clone, Copy)]
-pub(super) enum Range {
+pub(crate) enum Range {
     /// Every finite number.
     Any,
     /// Zero and above.
@@ -151,7 +151,7 @@ impl Range {
 }
 
 /// A finite number in `range`. JSON has no NaN or infinity; texts such as `"NaN"` are refused by name.
-pub(super) fn number(value: &Value, path: &str, range: Range) -> Field<f64> {
+pub(crate) fn number(value: &Value, path: &str, range: Range) -> Field<f64> {
     match value.as_f64() {
         Some(number) if number.is_finite() && range.contains(number) => Ok(number),
         _ => expected(path, &range.describe(), value),
@@ -159,7 +159,7 @@ pub(super) fn number(value: &Value, path: &str, range: Range) -> Field<f64> {
 }
 
 /// A number in `range` that fits 32 bits.
-pub(super) fn scalar(value: &Value, path: &str, range: Range) -> Field<f32> {
+pub(crate) fn scalar(value: &Value, path: &str, range: Range) -> Field<f32> {
     let wide = number(value, path, range)?;
     let narrow = wide as f32;
     if !narrow.is_finite() {
@@ -181,7 +181,7 @@ pub(super) fn scalar(value: &Value, path: &str, range: Range) -> Field<f32> {
 }
 
 /// Three numbers in `range`.
-pub(super) fn vector(value: &Value, path: &str, range: Range) -> Field<Vec3> {
+pub(crate) fn vector(value: &Value, path: &str, range: Range) -> Field<Vec3> {
     match value.as_array() {
         Some(list) if list.len() == 3 && list.iter().all(Value::is_number) => {
             let mut out = [0.0; 3];
@@ -195,7 +195,7 @@ pub(super) fn vector(value: &Value, path: &str, range: Range) -> Field<Vec3> {
 }
 
 /// A direction: three numbers, not all zero.
-pub(super) fn direction(value: &Value, path: &str) -> Field<Vec3> {
+pub(crate) fn direction(value: &Value, path: &str) -> Field<Vec3> {
     let direction = vector(value, path, Range::Any)?;
     if direction == Vec3::ZERO {
         return expected(path, "a direction (3 numbers, not all 0)", value);
@@ -204,7 +204,7 @@ pub(super) fn direction(value: &Value, path: &str) -> Field<Vec3> {
 }
 
 /// A factor: one number for all channels, or RGB.
-pub(super) fn factor(value: &Value, path: &str) -> Field<Vec3> {
+pub(crate) fn factor(value: &Value, path: &str) -> Field<Vec3> {
     if value.is_number() {
         return Ok(Vec3::splat(scalar(value, path, Range::NonNegative)?));
     }
@@ -215,7 +215,7 @@ pub(super) fn factor(value: &Value, path: &str) -> Field<Vec3> {
 }
 
 /// A constant, or `{"keys": [[frame, value], …], "interpolation": "step|linear|cubic"}` (linear if left out).
-pub(super) fn animated<T>(
+pub(crate) fn animated<T>(
     value: &Value,
     path: &str,
     read: impl Fn(&Value, &str) -> Field<T>,

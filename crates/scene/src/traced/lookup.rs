@@ -79,9 +79,26 @@ impl TracedScene {
         }
     }
 
+    /// How fast a height texture (mean of red, green and blue) rises with the texture's coordinates u and v, from
+    /// one texel to the next; `None` where the texture is not decoded.
+    pub(crate) fn texture_slope(&self, usage: &TextureUse, corner: &Corner<'_>) -> Option<Vec2> {
+        let texture = self.textures[usage.texture as usize].as_ref()?;
+        let uv = usage.texture_from_mesh.transform_point2(corner.uv(usage.uv_set));
+        let (width, height) = texture.size();
+        let size = Vec2::new(width as f32, height as f32);
+        let level = |offset: Vec2| {
+            let value = texture.sample(uv + offset / size, ColorSpace::Linear);
+            value.truncate().element_sum() / 3.0
+        };
+        Some(Vec2::new(
+            (level(Vec2::new(0.5, 0.0)) - level(Vec2::new(-0.5, 0.0))) * size.x,
+            (level(Vec2::new(0.0, 0.5)) - level(Vec2::new(0.0, -0.5))) * size.y,
+        ))
+    }
+
     /// Base colour and alpha: factor × texture × vertex colour, clamped to what a surface can reflect.
     pub(crate) fn base_color(&self, material: u32, corner: &Corner<'_>) -> Vec4 {
-        let material = &self.scene.materials[material as usize];
+        let material = &self.materials[material as usize];
         let texture = self.texture_value(&material.base_color_texture, corner, ColorSpace::Srgb);
         let color = material.base_color * texture * corner.color();
         // NaN becomes 0.

@@ -19,26 +19,60 @@ pub(super) fn prepare(scene: Arc<Scene>, shading: Shading) -> Result<TracedScene
         instance_of_triangle,
     } = expand(&scene, &textures)?;
     let bvh = TriangleBvh::build(&positions, &triangles);
-    let emissive = (0..triangles.len() as u32)
-        .filter(|&triangle| {
-            let instance = &instances[instance_of_triangle[triangle as usize] as usize];
-            can_emit(&scene.materials[instance.material as usize])
-                && triangles[triangle as usize]
-                    .iter()
-                    .all(|&vertex| positions[vertex as usize].is_finite())
-        })
-        .collect();
     let opaque = instances.iter().all(|instance| instance.opaque);
-    Ok(TracedScene {
+    let mut traced = TracedScene {
+        materials: scene.materials.clone(),
         scene,
         shading,
-        bvh,
-        instances,
-        instance_of_triangle,
+        bvh: Arc::new(bvh),
+        instances: instances.into(),
+        instance_of_triangle: instance_of_triangle.into(),
         textures,
-        emissive,
+        emissive: Arc::default(),
         opaque,
-    })
+    };
+    traced.emissive = emissive(&traced);
+    Ok(traced)
+}
+
+/// World indices, rising, of the triangles whose material can emit and whose vertices are finite.
+fn emissive(scene: &TracedScene) -> Arc<[u32]> {
+    (0..scene.triangle_count() as u32)
+        .filter(|&triangle| can_emit(scene.material(triangle)) && scene.bvh.triangle(triangle).is_some())
+        .collect()
+}
+
+/// See [`TracedScene::set_materials`].
+pub(super) fn set_materials(
+    scene: &mut TracedScene,
+    materials: Vec<Material>,
+) -> Result<(), TracedSceneError> {
+    let count = scene.scene.materials.len();
+    check(
+        || "the last instance".into(),
+        "material",
+        count.saturating_sub(1) as u32,
+        materials.len().max(usize::from(count == 0)),
+    )?;
+    for (at, material) in materials.iter().enumerate() {
+        check_textures(at, material, &scene.scene)?;
+    }
+    for mesh in &scene.scene.meshes {
+        for index in used_textures(&materials[mesh.material as usize], scene.shading) {
+            let slot = &mut scene.textures[index as usize];
+            if slot.is_none() {
+                let texture = &scene.scene.textures[index as usize];
+                *slot = Some(Arc::new(decode_texture(texture, index as usize)?));
+            }
+        }
+    }
+    let emits = |materials: &[Material]| -> Vec<bool> { materials.iter().map(can_emit).collect() };
+    let others_emit = emits(&materials) != emits(&scene.materials);
+    scene.materials = materials;
+    if others_emit {
+        scene.emissive = emissive(scene);
+    }
+    Ok(())
 }
 
 fn can_emit(material: &Material) -> bool {
@@ -96,14 +130,19 @@ fn check_references(scene: &Scene) -> Result<(), TracedSceneError> {
         }
     }
     for (at, material) in scene.materials.iter().enumerate() {
-        for usage in used_textures(material, Shading::Full) {
-            check(
-                || format!("material {at} ('{}')", material.name),
-                "texture",
-                usage,
-                scene.textures.len(),
-            )?;
-        }
+        check_textures(at, material, scene)?;
+    }
+    Ok(())
+}
+
+fn check_textures(at: usize, material: &Material, scene: &Scene) -> Result<(), TracedSceneError> {
+    for usage in used_textures(material, Shading::Full) {
+        check(
+            || format!("material {at} ('{}')", material.name),
+            "texture",
+            usage,
+            scene.textures.len(),
+        )?;
     }
     Ok(())
 }
@@ -111,7 +150,12 @@ fn check_references(scene: &Scene) -> Result<(), TracedSceneError> {
 /// Textures that evaluating a material looks up.
 fn used_textures(material: &Material, shading: Shading) -> impl Iterator<Item = u32> {
     let always = [material.base_color_texture, material.emission_texture];
-    let full = [material.metallic_roughness_texture, material.normal_texture];
+    let full = [
+        material.metallic_roughness_texture,
+        material.normal_texture,
+        material.specular_texture,
+        material.bump.map(|bump| bump.texture),
+    ];
     let full = full.into_iter().filter(move |_| shading == Shading::Full);
     always
         .into_iter()
@@ -123,7 +167,7 @@ fn used_textures(material: &Material, shading: Shading) -> impl Iterator<Item = 
 fn decode_used_textures(
     scene: &Scene,
     shading: Shading,
-) -> Result<Vec<Option<DecodedTexture>>, TracedSceneError> {
+) -> Result<Vec<Option<Arc<DecodedTexture>>>, TracedSceneError> {
     let mut used = vec![false; scene.textures.len()];
     for mesh in &scene.meshes {
         for texture in used_textures(&scene.materials[mesh.material as usize], shading) {
@@ -135,7 +179,10 @@ fn decode_used_textures(
         .par_iter()
         .zip(&used)
         .enumerate()
-        .map(|(index, (texture, &used))| used.then(|| decode_texture(texture, index)).transpose())
+        .map(|(index, (texture, &used))| {
+            used.then(|| decode_texture(texture, index).map(Arc::new))
+                .transpose()
+        })
         .collect();
     // The first error in order, whichever thread found one first.
     Ok(decoded.into_iter().collect::<Result<_, _>>()?)
@@ -148,7 +195,7 @@ struct Expanded {
     instance_of_triangle: Vec<u32>,
 }
 
-fn expand(scene: &Scene, textures: &[Option<DecodedTexture>]) -> Result<Expanded, TracedSceneError> {
+fn expand(scene: &Scene, textures: &[Option<Arc<DecodedTexture>>]) -> Result<Expanded, TracedSceneError> {
     let count = |of: fn(&Mesh) -> usize| -> Result<usize, TracedSceneError> {
         let total: u64 = scene
             .instances
@@ -213,7 +260,7 @@ fn normal_from_mesh(world_from_mesh: &Affine3A) -> Mat3A {
 }
 
 /// Whether alpha lets no ray through anywhere on the mesh, whatever the material calls itself.
-fn is_opaque(mesh: &Mesh, material: &Material, textures: &[Option<DecodedTexture>]) -> bool {
+fn is_opaque(mesh: &Mesh, material: &Material, textures: &[Option<Arc<DecodedTexture>>]) -> bool {
     let needed = match material.alpha_mode {
         AlphaMode::Opaque => return true,
         AlphaMode::Mask { cutoff } => cutoff,
