@@ -80,7 +80,7 @@ pub fn irradiance_at_sites(cuts: &VisibilityCuts, light: &Illumination, normals:
             let mut sum = Vec3::ZERO;
             merge([cuts.cuts.cut(site), illumination], |node, [seen, _]| {
                 let slot = node.slot(tree.height);
-                let cosine = normal.dot(tree.means[slot]).max(0.0);
+                let cosine = normal.dot(tree.directions[slot]).max(0.0) * tree.lengths[slot];
                 sum += light.flux[slot] * (seen * cosine);
             });
             sum
@@ -127,11 +127,14 @@ struct Merged {
     /// Nodes before dark ones were dropped.
     nodes: u64,
     slots: Vec<u32>,
-    /// Visibility of the node from each site.
+    /// Visibility of the node from each site, times the length of the mean of its directions: by so much the mean of
+    /// their cosines is smaller than the cosine of their mean.
     seen: [Vec<f32>; SITES],
-    /// Mean directions (shorter than 1) and flux; visibility between the sites of the fragment at hand.
+    /// Angular radii of the nodes.
+    radii: Vec<f32>,
+    /// The nodes with visibility between the sites of the fragment at hand.
     whole: Columns,
-    /// Unit directions, nodes that are wider than the lobe of the fragment at hand split.
+    /// Parts of nodes that are wider than the lobe of the fragment at hand.
     split: Columns,
 }
 
@@ -141,6 +144,7 @@ impl Merged {
         self.nodes = 0;
         self.slots.clear();
         self.seen.iter_mut().for_each(Vec::clear);
+        self.radii.clear();
         self.whole.clear();
         // A site that is not there sees nothing, and costs nothing: its only node is the root.
         let root = [tree.height];
@@ -165,10 +169,12 @@ impl Merged {
                 return;
             }
             self.slots.push(slot as u32);
+            let length = tree.lengths[slot];
             for (column, &value) in self.seen.iter_mut().zip(values) {
-                column.push(value);
+                column.push(value * length);
             }
-            self.whole.push(tree.means[slot], 0.0, flux);
+            self.radii.push(tree.radii[slot]);
+            self.whole.push(tree.directions[slot], 0.0, flux);
         });
     }
 
@@ -183,12 +189,27 @@ impl Merged {
         }
     }
 
-    /// Fills `split` for a lobe.
+    /// Moves the nodes that are wider than a lobe which they overlap to `split`, in parts.
     fn split_for(&mut self, tree: &DirectionTree, light: &Illumination, lobe: &Lobe) {
         self.split.clear();
-        for (&slot, &seen) in self.slots.iter().zip(&self.whole.visibility) {
-            if seen > 0.0 {
-                push_split(tree, light, lobe, slot as usize, seen, &mut self.split);
+        let Columns {
+            direction: [x, y, z],
+            visibility,
+            ..
+        } = &mut self.whole;
+        for (i, seen) in visibility.iter_mut().enumerate() {
+            let direction = Vec3::new(x[i], y[i], z[i]);
+            if *seen > 0.0 && is_too_wide(lobe, direction, self.radii[i]) {
+                let slot = self.slots[i] as usize;
+                push_parts(
+                    tree,
+                    light,
+                    lobe,
+                    slot,
+                    *seen / tree.lengths[slot],
+                    &mut self.split,
+                );
+                *seen = 0.0;
             }
         }
     }
@@ -198,8 +219,14 @@ impl Merged {
 /// 90 % of the lobe.
 const RESOLUTION: f32 = 1.0 / 3.0;
 
-/// Appends a node, or, where it is wider than the lobe and overlaps it, its descendants.
-fn push_split(
+fn is_too_wide(lobe: &Lobe, direction: Vec3, radius: f32) -> bool {
+    // Between unit vectors |a − b|² = 2 − 2 cos, and a chord is never longer than its arc.
+    let reach = radius + lobe.width;
+    2.0 * radius > RESOLUTION * lobe.width && reach * reach > 2.0 - 2.0 * direction.dot(lobe.direction)
+}
+
+/// Appends a node of visibility `seen`, or, where it is too wide for the lobe, its descendants.
+fn push_parts(
     tree: &DirectionTree,
     light: &Illumination,
     lobe: &Lobe,
@@ -211,18 +238,13 @@ fn push_split(
     if flux == Vec3::ZERO {
         return;
     }
-    let (direction, radius) = (tree.directions[slot], tree.radii[slot]);
-    if slot < tree.leaves() && 2.0 * radius > RESOLUTION * lobe.width {
-        // Between unit vectors |a − b|² = 2 − 2 cos, and a chord is never longer than its arc.
-        let reach = radius + lobe.width;
-        if reach * reach > 2.0 - 2.0 * direction.dot(lobe.direction) {
-            push_split(tree, light, lobe, 2 * slot, seen, out);
-            push_split(tree, light, lobe, 2 * slot + 1, seen, out);
-            return;
-        }
+    let direction = tree.directions[slot];
+    if slot < tree.leaves() && is_too_wide(lobe, direction, tree.radii[slot]) {
+        push_parts(tree, light, lobe, 2 * slot, seen, out);
+        push_parts(tree, light, lobe, 2 * slot + 1, seen, out);
+    } else {
+        out.push(direction, seen * tree.lengths[slot], flux);
     }
-    // A mean of directions is shorter than 1: so much smaller is the mean of their cosines.
-    out.push(direction, seen * tree.means[slot].length(), flux);
 }
 
 fn reflected(
@@ -243,7 +265,8 @@ fn reflected(
     match bsdf::lobe(&point, view) {
         Some(lobe) => {
             merged.split_for(tree, light, &lobe);
-            bsdf::integrate(&point, view, &merged.split.incident())
+            bsdf::integrate(&point, view, &merged.whole.incident())
+                + bsdf::integrate(&point, view, &merged.split.incident())
         }
         // Matt by its parameters, or seen from below its horizon.
         None => bsdf::integrate(&point, view, &merged.whole.incident()),

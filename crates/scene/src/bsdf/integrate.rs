@@ -95,8 +95,26 @@ struct Ggx<'a> {
     unscaled: f32,
 }
 
-/// Cosines at which s(wi) is asked for, until it is 1: it grows with the cosine.
-const SCALE_STEPS: usize = 16;
+/// Halvings of the range of cosines in search of where s(wi) becomes 1.
+const HALVINGS: usize = 5;
+
+/// A cosine from which s is 1 on: it grows with the cosine. Infinite where it never is.
+fn unscaled_from(point: &ShadingPoint) -> f32 {
+    let is_one = |cosine: f32| albedo::diffuse_scale(point, cosine).min_element() >= 1.0;
+    if !is_one(1.0) {
+        return f32::INFINITY;
+    }
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if is_one(middle) {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    high
+}
 
 impl<'a> Ggx<'a> {
     /// `None` where the viewer is below a horizon.
@@ -105,16 +123,10 @@ impl<'a> Ggx<'a> {
         if !(cos_o > MIN_COSINE && point.geometric_normal.dot(wo) > 0.0) {
             return None;
         }
-        let scaled = |cosine: f32| albedo::diffuse_scale(point, cosine).min_element() < 1.0;
         let unscaled = if point.diffuse == Vec3::ZERO {
             0.0
         } else {
-            (1..=SCALE_STEPS)
-                .rev()
-                .map(|k| k as f32 / SCALE_STEPS as f32)
-                .take_while(|&cosine| !scaled(cosine))
-                .last()
-                .unwrap_or(f32::INFINITY)
+            unscaled_from(point)
         };
         Some(Ggx {
             point,
