@@ -69,15 +69,16 @@ pub struct BakeArgs {
     /// Visibility cuts, for hard shadows and glossy reflections of what stands far away: none, or environment.
     #[arg(long, value_enum, default_value_t = CutsName::None)]
     pub cuts: CutsName,
-    /// Even directions that the cuts cluster: a power of two, 256 to 1048576.
-    #[arg(long, value_name = "N", default_value_t = CutParams::default().lights)]
-    pub cut_lights: u32,
-    /// Threshold of a cut's nodes for 32768 lights, 1.5 to 3: larger makes cuts shorter and shadows coarser.
-    #[arg(long, value_name = "S", default_value_t = CutParams::default().sigma)]
-    pub sigma: f32,
-    /// What the tree of directions minds: 1 geometry alone, 0 visibility alone.
-    #[arg(long, value_name = "B", default_value_t = CutParams::default().beta)]
-    pub beta: f32,
+    /// Even directions that the cuts cluster: a power of two, 256 to 1048576 [default: 32768].
+    #[arg(long, value_name = "N")]
+    pub cut_lights: Option<u32>,
+    /// Threshold of a cut's nodes, for 32768 directions: 1.5 to 3 is usual; larger makes cuts shorter and shadows
+    /// coarser [default: 1.5].
+    #[arg(long, value_name = "S")]
+    pub sigma: Option<f32>,
+    /// What the tree of directions minds: 1 geometry alone, 0 visibility alone [default: 0.45].
+    #[arg(long, value_name = "B")]
+    pub beta: Option<f32>,
     /// A place from which the scene is looked at: surfaces that light cannot carry to it get no points. May be
     /// given several times [default: the scene's cameras, or a place in open space].
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
@@ -152,16 +153,34 @@ pub fn params(args: &BakeArgs, seed: u64) -> Result<BakeParams, Failure> {
     params.epsilon = args.epsilon.unwrap_or(params.epsilon);
     params.bounces = args.bounces;
     params.solution = args.solution;
-    params.cuts = (args.cuts == CutsName::Environment).then(|| CutParams {
-        lights: args.cut_lights,
-        sigma: args.sigma,
-        beta: args.beta,
-        ..CutParams::default()
-    });
+    params.cuts = cut_params(args)?;
     params.viewpoints = args.viewpoint.clone();
     params.seed = seed;
     relight_bake::settings::validate(&params).map_err(|error| Failure::Usage(error.to_string()))?;
     Ok(params)
+}
+
+fn cut_params(args: &BakeArgs) -> Result<Option<CutParams>, Failure> {
+    let given = [
+        ("--cut-lights", args.cut_lights.is_some()),
+        ("--sigma", args.sigma.is_some()),
+        ("--beta", args.beta.is_some()),
+    ];
+    if args.cuts == CutsName::None {
+        return match given.iter().find(|option| option.1) {
+            None => Ok(None),
+            Some((option, _)) => Err(Failure::Usage(format!(
+                "{option} belongs to visibility cuts, which --cuts environment bakes"
+            ))),
+        };
+    }
+    let defaults = CutParams::default();
+    Ok(Some(CutParams {
+        lights: args.cut_lights.unwrap_or(defaults.lights),
+        sigma: args.sigma.unwrap_or(defaults.sigma),
+        beta: args.beta.unwrap_or(defaults.beta),
+        ..defaults
+    }))
 }
 
 /// Runs the command.

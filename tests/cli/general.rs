@@ -56,6 +56,23 @@ fn parameters_out_of_range_are_wrong_usage_and_name_their_option() {
         );
         assert!(text.contains(option), "{text}");
     }
+    for (option, value) in [
+        ("--cut-lights", "128"),
+        ("--cut-lights", "30000"),
+        ("--cut-lights", "2097152"),
+        ("--sigma", "0"),
+        ("--sigma", "inf"),
+        ("--beta", "-0.1"),
+        ("--beta", "nan"),
+    ] {
+        let option_value = format!("{option}={value}");
+        let bake = ["bake", "a.glb", "-o", "a.relight", &option_value];
+        let text = complaint(relight().args(bake).args(["--cuts", "environment"]), 2);
+        assert!(text.contains(option), "{text}");
+        // Without cuts it would do nothing.
+        let text = complaint(relight().args(bake), 2);
+        assert!(text.contains(option) && text.contains("--cuts"), "{text}");
+    }
 }
 
 #[test]

@@ -6,6 +6,7 @@
 mod bad_input;
 mod bake;
 mod compare;
+mod cuts;
 mod general;
 mod inspect;
 mod play;

@@ -2,7 +2,8 @@
 //!
 //! Source: Cheslack-Postava et al. 2008, sections 3.2 (selection) and 4.1.
 //!
-//! Deviations. What lies below a site's own horizon counts for nothing: its BRDF is zero there, and a cut that had
+//! Deviations. σ² is relative to the share of its hemisphere that a site sees: where light comes in through a small window,
+//! a few directions more or less are much of it (docs/cuts.md). What lies below a site's own horizon counts for nothing: its BRDF is zero there, and a cut that had
 //! zeros there would darken the neighbours that a pixel interpolates with and follow the horizon with small nodes.
 //! And not every light gets a ray: see [`Sampler`].
 
@@ -52,7 +53,7 @@ pub fn environment_cuts(
                     part.rays += sampler.sample(surfaces, site);
                     let (count, squares) = selector.select(
                         &sampler.seen,
-                        params.sigma(),
+                        params.sigma() * sampler.share_seen().sqrt(),
                         params.most,
                         &mut part.heights,
                         &mut part.values,
@@ -170,6 +171,16 @@ impl<'a> Sampler<'a> {
             std::mem::swap(&mut self.open, &mut self.next);
         }
         cast
+    }
+
+    /// Share of the lights above the horizon that are seen.
+    fn share_seen(&self) -> f32 {
+        let (mut above, mut seen) = (0.0, 0.0);
+        for light in self.seen.iter().filter(|s| !s.is_nan()) {
+            above += 1.0;
+            seen += light;
+        }
+        if above > 0.0 { seen / above } else { 0.0 }
     }
 
     /// Chooses a light that gets a ray in each part of the open nodes that has none yet.

@@ -1,0 +1,253 @@
+//! Visibility cuts: baked on demand, played where they are, refused where they are not.
+
+use crate::stage::{TINY, complaint, cornell, data, folder, json, relight};
+use relight_scene::image::{FloatImage, Layers, Limits, read_exr};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use tempfile::TempDir;
+
+/// Few lights, few points: fractions of a second.
+const FEW: [&str; 6] = ["--cuts", "environment", "--cut-lights", "1024", "--sigma", "6"];
+
+/// The table of objects with cuts, baked once for all tests, and what the bake said.
+fn table() -> (&'static Path, &'static Value) {
+    static ASSET: OnceLock<(TempDir, PathBuf, Value)> = OnceLock::new();
+    let (_, asset, said) = ASSET.get_or_init(|| {
+        let folder = folder();
+        let asset = folder.path().join("table.relight");
+        let said = bake(&asset, &[]);
+        (folder, asset, said)
+    });
+    (asset, said)
+}
+
+fn bake(asset: &Path, more: &[&str]) -> Value {
+    let run = relight()
+        .arg("bake")
+        .arg(data("table.glb"))
+        .arg("-o")
+        .arg(asset)
+        .args([
+            "--levels",
+            "2",
+            "--sender-levels",
+            "1",
+            "--coarse-radius",
+            "0.1",
+            "--json",
+        ])
+        .args(FEW)
+        .args(more)
+        .assert()
+        .success();
+    json(&run.get_output().stdout)
+}
+
+fn direct(frame: &Path) -> FloatImage {
+    let layers: Layers = read_exr(frame, &Limits::default()).unwrap();
+    layers.rgb("direct").unwrap()
+}
+
+fn play(asset: &Path, lights: &Path, frame: &Path, more: &[&str]) -> assert_cmd::assert::Assert {
+    relight()
+        .arg("play")
+        .arg(asset)
+        .arg("--lights")
+        .arg(lights)
+        .arg("-o")
+        .arg(frame)
+        .args(["--size", "96x54", "--float"])
+        .args(more)
+        .assert()
+        .success()
+}
+
+#[test]
+fn the_json_of_a_bake_says_what_cuts_there_are_and_what_they_cost() {
+    let (_, said) = table();
+    let cuts = &said["cuts"];
+    assert_eq!(
+        (&cuts["mode"], &cuts["lights"]),
+        (&"environment".into(), &1024.into())
+    );
+    let finest = said["points"].as_array().unwrap().last().unwrap();
+    assert_eq!(&cuts["sites"], finest);
+    let number = |key: &str| cuts[key].as_f64().unwrap();
+    assert!((number("elements") / number("sites") - number("mean_length")).abs() < 1e-6);
+    // σ = 6 at 32 768 lights is 1.06 at 1024: no node may hold more than 1.13 of squared error, and none more than a
+    // variance of a quarter.
+    assert!(number("rms_error") > 0.0 && number("rms_error") < 0.5);
+    let stored = said["bytes"]["cuts"]["stored"].as_f64().unwrap();
+    assert!(stored / number("elements") < 1.5, "bytes an element");
+    assert!(said["seconds"]["cuts"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn without_cuts_an_asset_has_no_section_for_them() {
+    let run = relight()
+        .arg("inspect")
+        .arg(cornell())
+        .arg("--json")
+        .assert()
+        .success();
+    let said = json(&run.get_output().stdout);
+    assert!(said["cuts"].is_null());
+    assert!(said["bytes"].get("cuts").is_none() && said["bytes"].get("light_tree").is_none());
+    let folder = folder();
+    let frame = folder.path().join("f.exr");
+    let text = complaint(
+        relight()
+            .arg("play")
+            .arg(cornell())
+            .args(["--integrator", "cuts", "-o"])
+            .arg(&frame),
+        1,
+    );
+    assert!(text.contains("--cuts environment"), "{text}");
+}
+
+#[test]
+fn cuts_light_like_paths() {
+    let (asset, _) = table();
+    let folder = folder();
+    let frame = |name: &str, more: &[&str]| {
+        let frame = folder.path().join(name);
+        play(asset, &data("table_window.lights.json"), &frame, more);
+        direct(&frame)
+    };
+    let cuts = frame("cuts.exr", &["--integrator", "cuts"]);
+    let path = frame(
+        "path.exr",
+        &["--integrator", "path", "--spp", "64", "--max-bounces", "1"],
+    );
+    let mean = |image: &FloatImage| {
+        let sum: f64 = image.pixels.iter().flatten().map(|&v| f64::from(v)).sum();
+        sum / image.pixels.len() as f64
+    };
+    // Directions 6° apart and points 5 cm apart blur shadows, but all of the light is there.
+    let ratio = mean(&cuts) / mean(&path);
+    assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
+    assert!(cuts.pixels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
+}
+
+#[test]
+fn auto_takes_environments_by_cuts_and_says_so() {
+    let (asset, _) = table();
+    let folder = folder();
+    let frame = folder.path().join("f.exr");
+    let run = play(asset, &data("table_window.lights.json"), &frame, &["--json"]);
+    let words = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    assert!(
+        words.contains("visibility cuts") && words.contains("transfer"),
+        "{words}"
+    );
+    let said = json(&run.get_output().stdout);
+    for time in ["illumination_cut", "shade"] {
+        assert!(said["frames"][0][time].as_f64().unwrap() >= 0.0);
+    }
+    assert_eq!(said["frames"][0]["illumination_cut_nodes"], 256);
+
+    // A lamp is no environment.
+    let run = play(
+        asset,
+        &data("table.lights.json"),
+        &frame,
+        &["--frames", "0", "--json"],
+    );
+    let words = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    assert!(words.contains("shadow rays (no environment shines)"), "{words}");
+    assert!(json(&run.get_output().stdout)["frames"][0].get("shade").is_none());
+}
+
+#[test]
+fn assets_and_frames_with_cuts_do_not_depend_on_threads() {
+    let (asset, _) = table();
+    let folder = folder();
+    let one = folder.path().join("one.relight");
+    bake(&one, &["--threads", "1"]);
+    assert!(
+        std::fs::read(&one).unwrap() == std::fs::read(asset).unwrap(),
+        "assets differ"
+    );
+    let bytes = |threads: &str| {
+        let frame = folder.path().join(format!("{threads}.exr"));
+        play(
+            asset,
+            &data("table_window.lights.json"),
+            &frame,
+            &["--threads", threads, "--spp", "2"],
+        );
+        std::fs::read(frame).unwrap()
+    };
+    assert!(bytes("1") == bytes("2"), "frames differ");
+}
+
+/// A Radiance map of flat RGBE scanlines.
+fn map(folder: &Path, name: &str, width: usize, height: usize, rgbe: impl Fn(usize) -> [u8; 4]) -> PathBuf {
+    let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
+    bytes.extend((0..width * height).flat_map(rgbe));
+    std::fs::write(folder.join(name), bytes).unwrap();
+    let lights = folder.join(format!("{name}.json"));
+    let sequence = format!(
+        r#"{{ "relight_sequence": 1, "lights": [ {{ "name": "sky", "type": "environment", "file": "{name}" }} ] }}"#
+    );
+    std::fs::write(&lights, sequence).unwrap();
+    lights
+}
+
+#[test]
+fn maps_of_any_kind_shine_or_stay_dark_but_never_break() {
+    let (asset, _) = table();
+    let folder = folder();
+    let lit = |lights: &Path, integrator: &str| {
+        let frame = folder.path().join("f.exr");
+        play(
+            asset,
+            lights,
+            &frame,
+            &["--integrator", integrator, "--spp", "16"],
+        );
+        let image = direct(&frame);
+        assert!(image.pixels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
+        image.pixels.iter().flatten().map(|&v| f64::from(v)).sum::<f64>()
+    };
+    let grey = |_: usize| [128, 128, 128, 129];
+    let single = map(folder.path(), "one.hdr", 1, 1, grey);
+    let (cuts, rays) = (lit(&single, "cuts"), lit(&single, "brute"));
+    // Even light: brute force has the noise of 16 × 16 rays, cuts that of edges.
+    assert!(cuts > 0.0 && (cuts / rays - 1.0).abs() < 0.05, "{cuts} {rays}");
+    let wide = map(folder.path(), "wide.hdr", 32_768, 2, grey);
+    assert!((lit(&wide, "cuts") / cuts - 1.0).abs() < 1e-3);
+    let black = map(folder.path(), "black.hdr", 8, 4, |_| [0; 4]);
+    assert_eq!(lit(&black, "cuts"), 0.0);
+    // One pixel of 10⁶ in a map of 64 × 32: a sun, which is not left to directions 6° apart.
+    let sun = map(folder.path(), "sun.hdr", 64, 32, |i| {
+        if i == 10 * 64 + 32 {
+            [244, 244, 244, 148]
+        } else {
+            [1, 2, 1, 120]
+        }
+    });
+    let (cuts, rays) = (lit(&sun, "cuts"), lit(&sun, "brute"));
+    assert!(cuts > 0.0 && (cuts / rays - 1.0).abs() < 0.05, "{cuts} {rays}");
+}
+
+#[test]
+fn a_tiny_bake_with_cuts_of_the_cornell_box_sees_its_opening() {
+    // The box is open to the front only: its sites see a share of the directions.
+    let folder = folder();
+    let asset = folder.path().join("a.relight");
+    let run = relight()
+        .arg("bake")
+        .arg(data("cornell.glb"))
+        .arg("-o")
+        .arg(&asset)
+        .args(TINY)
+        .args(FEW)
+        .arg("--json")
+        .assert()
+        .success();
+    let said = json(&run.get_output().stdout);
+    assert!(said["cuts"]["mean_length"].as_f64().unwrap() > 10.0);
+}
