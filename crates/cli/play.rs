@@ -425,7 +425,9 @@ type Rendered = (Layers, Map<String, Value>);
 impl Session<'_> {
     /// Materials of a frame, and what a standing camera sees of them; milliseconds, if there are edits.
     fn edit(&mut self, frame: u32) -> Result<Option<f64>, Failure> {
-        let Some(editor) = &mut self.editor else { return Ok(None) };
+        let Some(editor) = &mut self.editor else {
+            return Ok(None);
+        };
         let start = Instant::now();
         editor.apply(frame.into(), &mut self.loaded.player)?;
         if let Some(shot) = &mut self.shot

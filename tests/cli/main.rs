@@ -8,6 +8,7 @@ mod bake;
 mod compare;
 mod general;
 mod inspect;
+mod materials;
 mod play;
 mod signals;
 mod stage;

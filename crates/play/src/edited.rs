@@ -83,7 +83,9 @@ impl Editor {
         {
             return Err(error.into());
         }
-        let moves = (0..loaded.scene.materials.len() as u32).map(|i| edits.moves(i)).collect();
+        let moves = (0..loaded.scene.materials.len() as u32)
+            .map(|i| edits.moves(i))
+            .collect();
         Ok(Editor {
             edits,
             asset: asset.into(),
@@ -115,9 +117,8 @@ impl Editor {
             })?;
         let all = !self.begun;
         self.begun = true;
-        let wanted = |index: u32| {
-            self.edits.touches(index) && (all || self.moves.get(index as usize) == Some(&true))
-        };
+        let wanted =
+            |index: u32| self.edits.touches(index) && (all || self.moves.get(index as usize) == Some(&true));
         let Player {
             scene,
             transfer,
@@ -185,7 +186,9 @@ impl Editor {
                     *albedo = bsdf::hemispherical_albedo(point);
                 }
             });
-        let bends = (0u32..).zip(&self.moves).any(|(i, &m)| m && self.edits.moves_normals(i));
+        let bends = (0u32..)
+            .zip(&self.moves)
+            .any(|(i, &m)| m && self.edits.moves_normals(i));
         if bends && let Some(transfer) = &player.transfer {
             shot.weigh_components(&transfer.finest);
         }

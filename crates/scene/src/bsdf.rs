@@ -99,7 +99,11 @@ pub fn sample(point: &ShadingPoint, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample>
         let cosines = cosines(point, wo, wi)?;
         let pdf = lobe.pdf(point, wo, wi, cosines);
         let weight = lobe.eval(point, wo, wi) * (cosines.1 / pdf);
-        return (pdf > 0.0 && pdf.is_finite() && weight.is_finite()).then_some(BsdfSample { wi, weight, pdf });
+        return (pdf > 0.0 && pdf.is_finite() && weight.is_finite()).then_some(BsdfSample {
+            wi,
+            weight,
+            pdf,
+        });
     }
     let (tangent, bitangent) = n.any_orthonormal_pair();
     let world = |local: Vec3| tangent * local.x + bitangent * local.y + n * local.z;

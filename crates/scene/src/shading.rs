@@ -154,7 +154,13 @@ impl TracedScene {
     }
 
     /// Fills in how the point reflects, by its material's model.
-    fn reflection(&self, material: &Material, hit: &SurfaceHit, corner: &Corner<'_>, point: &mut ShadingPoint) {
+    fn reflection(
+        &self,
+        material: &Material,
+        hit: &SurfaceHit,
+        corner: &Corner<'_>,
+        point: &mut ShadingPoint,
+    ) {
         let rough_metal = |factor: f32, channel: usize| {
             let texture =
                 self.texture_value(&material.metallic_roughness_texture, corner, ColorSpace::Linear);
@@ -241,8 +247,9 @@ impl TracedScene {
             };
         }
         let uvs = match material.any_texture() {
-            Some(usage) => (corner.vertex_uvs(usage.uv_set))
-                .map(|uv| usage.texture_from_mesh.transform_point2(uv)),
+            Some(usage) => {
+                (corner.vertex_uvs(usage.uv_set)).map(|uv| usage.texture_from_mesh.transform_point2(uv))
+            }
             None => corner.vertex_uvs(0),
         };
         derived_tangents(&self.triangle_positions(hit.primitive), uvs, hit.normal).unwrap_or_else(any)

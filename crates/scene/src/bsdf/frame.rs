@@ -22,7 +22,11 @@ impl Frame {
     }
 
     pub(super) fn local(&self, world: Vec3) -> Vec3 {
-        Vec3::new(self.tangent.dot(world), self.bitangent.dot(world), self.normal.dot(world))
+        Vec3::new(
+            self.tangent.dot(world),
+            self.bitangent.dot(world),
+            self.normal.dot(world),
+        )
     }
 
     pub(super) fn world(&self, local: Vec3) -> Vec3 {

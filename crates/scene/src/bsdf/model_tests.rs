@@ -42,7 +42,9 @@ fn ward(u: f32, v: f32) -> Gloss {
 }
 
 fn glosses() -> Vec<Gloss> {
-    let mut all = [0.0, 0.5, 1.0, 7.0, 40.0, 1e3, 3e4, MAX_EXPONENT].map(phong).to_vec();
+    let mut all = [0.0, 0.5, 1.0, 7.0, 40.0, 1e3, 3e4, MAX_EXPONENT]
+        .map(phong)
+        .to_vec();
     all.extend(
         [
             (MIN_ALPHA, MIN_ALPHA),
@@ -78,7 +80,9 @@ fn random(index: u32) -> [f32; 3] {
 
 /// Coordinates of a direction along tangent, bitangent and normal.
 fn local(gloss: Gloss, d: DVec3) -> DVec3 {
-    let Gloss::Ward { tangent, .. } = gloss else { return d };
+    let Gloss::Ward { tangent, .. } = gloss else {
+        return d;
+    };
     let t = tangent.as_dvec3();
     DVec3::new(t.dot(d), DVec3::Z.cross(t).dot(d), d.z)
 }
@@ -90,7 +94,11 @@ fn lobe_density(gloss: Gloss, wo: DVec3, wi: DVec3) -> f64 {
             let mirror = DVec3::new(-wo.x, -wo.y, wo.z);
             let n = f64::from(exponent);
             let cos = mirror.dot(wi);
-            if cos > 0.0 { (n + 1.0) / TAU64 * cos.powf(n) } else { 0.0 }
+            if cos > 0.0 {
+                (n + 1.0) / TAU64 * cos.powf(n)
+            } else {
+                0.0
+            }
         }
         Gloss::Ward { alpha, .. } => {
             let h = local(gloss, (wo + wi).normalize());
@@ -114,7 +122,10 @@ fn lobe_direction(gloss: Gloss, wo: DVec3, a: f64, b: f64) -> DVec3 {
         }
         Gloss::Ward { alpha, tangent } => {
             let r = (-(1.0 - a).ln()).sqrt();
-            let (x, y) = (f64::from(alpha[0]) * r * (TAU64 * b).cos(), f64::from(alpha[1]) * r * (TAU64 * b).sin());
+            let (x, y) = (
+                f64::from(alpha[0]) * r * (TAU64 * b).cos(),
+                f64::from(alpha[1]) * r * (TAU64 * b).sin(),
+            );
             let t = tangent.as_dvec3();
             let h = (t * x + DVec3::Z.cross(t) * y + DVec3::Z).normalize();
             2.0 * wo.dot(h) * h - wo
@@ -136,7 +147,10 @@ fn directional_albedo(point: &ShadingPoint, wo: Vec3, n: usize) -> f64 {
         }
     };
     for k in 0..n {
-        let (a, b) = ((k as f64 + 0.5) / n as f64, (k as f64 * 0.618_033_988_749_894_9).fract());
+        let (a, b) = (
+            (k as f64 + 0.5) / n as f64,
+            (k as f64 * 0.618_033_988_749_894_9).fract(),
+        );
         let (sin, cos) = (TAU64 * b).sin_cos();
         add(DVec3::new(a.sqrt() * cos, a.sqrt() * sin, (1.0 - a).sqrt()));
         add(lobe_direction(point.gloss, wo64, a, b));
@@ -223,7 +237,10 @@ fn the_specular_factor_is_what_is_reflected_at_normal_incidence() {
 #[test]
 fn the_hemispherical_albedo_is_right_to_its_stated_error() {
     let mut worst = 0.0f64;
-    for gloss in glosses().into_iter().chain([ward(0.17, 0.55), ward(0.8, 0.8), phong(3.0)]) {
+    for gloss in glosses()
+        .into_iter()
+        .chain([ward(0.17, 0.55), ward(0.8, 0.8), phong(3.0)])
+    {
         let p = point(0.2, 0.8, gloss);
         let (nodes, turns) = (24, 8);
         let mut truth = 0.0;
@@ -269,7 +286,14 @@ fn sample_weights_average_to_the_albedo() {
 /// The density integrates to at most 1, and to what share of the samples is above the horizon.
 #[test]
 fn densities_integrate_to_the_share_of_samples_above_the_horizon() {
-    for gloss in [phong(0.0), phong(9.0), phong(100.0), ward(0.2, 0.2), ward(0.7, 0.2), ward(1.0, 1.0)] {
+    for gloss in [
+        phong(0.0),
+        phong(9.0),
+        phong(100.0),
+        ward(0.2, 0.2),
+        ward(0.7, 0.2),
+        ward(1.0, 1.0),
+    ] {
         let p = point(0.4, 0.6, gloss);
         for cos in [0.1, 0.5, 0.95] {
             let wo = at_cosine(cos, 0.7);
@@ -277,7 +301,10 @@ fn densities_integrate_to_the_share_of_samples_above_the_horizon() {
             let mut total = 0.0;
             let n = 1 << 15;
             for k in 0..n {
-                let (a, b) = ((k as f64 + 0.5) / f64::from(n), (k as f64 * 0.618_033_988_749_894_9).fract());
+                let (a, b) = (
+                    (k as f64 + 0.5) / f64::from(n),
+                    (k as f64 * 0.618_033_988_749_894_9).fract(),
+                );
                 let (sin, cos) = (TAU64 * b).sin_cos();
                 let even = DVec3::new(a.sqrt() * cos, a.sqrt() * sin, (1.0 - a).sqrt());
                 for wi in [even, lobe_direction(gloss, wo64, a, b)] {
@@ -287,8 +314,14 @@ fn densities_integrate_to_the_share_of_samples_above_the_horizon() {
                     }
                 }
             }
-            let above = (0..40_000).filter(|&k| sample(&p, wo, random(k)).is_some()).count() as f64 / 40_000.0;
-            assert!(total <= 1.0 + 1e-3 && (total - above).abs() < 0.012, "{gloss:?} {cos}: {total} {above}");
+            let above = (0..40_000)
+                .filter(|&k| sample(&p, wo, random(k)).is_some())
+                .count() as f64
+                / 40_000.0;
+            assert!(
+                total <= 1.0 + 1e-3 && (total - above).abs() < 0.012,
+                "{gloss:?} {cos}: {total} {above}"
+            );
         }
     }
 }
@@ -311,10 +344,22 @@ fn samples_agree_with_eval_and_pdf() {
 /// Independent of the orientation of an isotropic lobe's tangent; an anisotropic one is wide along its wide axis.
 #[test]
 fn the_tangent_matters_to_anisotropic_lobes_only() {
-    let turned = |u, v, tangent| point(0.0, 1.0, Gloss::Ward { alpha: [u, v], tangent });
+    let turned = |u, v, tangent| {
+        point(
+            0.0,
+            1.0,
+            Gloss::Ward {
+                alpha: [u, v],
+                tangent,
+            },
+        )
+    };
     let wo = at_cosine(0.8, 0.0);
     let wi = Vec3::new(-wo.x, 0.3, wo.z).normalize();
-    let (a, b) = (turned(0.2, 0.2, Vec3::X), turned(0.2, 0.2, Vec3::new(0.6, 0.8, 0.0)));
+    let (a, b) = (
+        turned(0.2, 0.2, Vec3::X),
+        turned(0.2, 0.2, Vec3::new(0.6, 0.8, 0.0)),
+    );
     assert!((eval(&a, wo, wi).x / eval(&b, wo, wi).x - 1.0).abs() < 1e-4);
     // wi deviates along Y.
     let (along, across) = (turned(0.05, 0.5, Vec3::X), turned(0.5, 0.05, Vec3::X));
@@ -337,13 +382,22 @@ fn lobes_of_equal_alpha_are_equally_wide() {
         };
         let gaussian = alpha * 2f32.ln().sqrt();
         let found = half_angle(&point(0.0, 1.0, ward(alpha, alpha)));
-        assert!((found / gaussian - 1.0).abs() < 0.05, "Ward {alpha}: {found} {gaussian}");
+        assert!(
+            (found / gaussian - 1.0).abs() < 0.05,
+            "Ward {alpha}: {found} {gaussian}"
+        );
         let found = half_angle(&point(0.0, 1.0, phong(exponent_of_alpha(alpha))));
-        assert!((found / gaussian - 1.0).abs() < 0.05, "Phong {alpha}: {found} {gaussian}");
+        assert!(
+            (found / gaussian - 1.0).abs() < 0.05,
+            "Phong {alpha}: {found} {gaussian}"
+        );
         let mut ggx = point(0.0, 1.0, Gloss::Ggx);
         ggx.alpha = alpha;
         let found = half_angle(&ggx);
-        assert!((found / (alpha * 0.6436) - 1.0).abs() < 0.05, "GGX {alpha}: {found}");
+        assert!(
+            (found / (alpha * 0.6436) - 1.0).abs() < 0.05,
+            "GGX {alpha}: {found}"
+        );
     }
 }
 
@@ -365,10 +419,14 @@ fn nothing_is_reflected_through_the_surface() {
 }
 
 /// At least 90 % of the specular energy comes from within the lobe that [`lobe`] states, for all models; and the
-/// lobe is no wider than it need be: one of half the width holds less than 95 %.
+/// lobe is no wider than it need be: one of half the width holds less than 95 %, but for anisotropic lobes, whose
+/// circle is as wide as their wider axis.
 #[test]
 fn the_stated_lobe_holds_nine_tenths_of_the_energy() {
-    let mut all: Vec<ShadingPoint> = glosses().into_iter().map(|gloss| point(0.0, 1.0, gloss)).collect();
+    let mut all: Vec<ShadingPoint> = glosses()
+        .into_iter()
+        .map(|gloss| point(0.0, 1.0, gloss))
+        .collect();
     for alpha in [MIN_ALPHA, 1e-3, 0.01, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0] {
         for f0 in [0.04, 1.0] {
             let mut p = point(0.0, f0, Gloss::Ggx);
@@ -385,7 +443,9 @@ fn the_stated_lobe_holds_nine_tenths_of_the_energy() {
             assert!(found.direction.is_normalized() && found.width > 0.0 && found.width <= 1.6);
             let (mut all, mut within, mut core) = (0.0f64, 0.0f64, 0.0f64);
             for k in 0..20_000 {
-                let Some(s) = sample(p, wo, random(k)) else { continue };
+                let Some(s) = sample(p, wo, random(k)) else {
+                    continue;
+                };
                 let weight = f64::from(s.weight.x);
                 // From the chord: cosines of small angles have lost their digits.
                 let angle = 2.0 * (0.5 * s.wi.distance(found.direction)).min(1.0).asin();
@@ -397,13 +457,21 @@ fn the_stated_lobe_holds_nine_tenths_of_the_energy() {
             if within / all < least.0 {
                 least = (within / all, label.clone());
             }
-            if within / all < 0.9 || core / all > 0.95 {
-                wrong.push(format!("{label}: {:.3} within {found:?}, {:.3} in its core", within / all, core / all));
+            let isotropic = !matches!(p.gloss, Gloss::Ward { alpha: [u, v], .. } if u != v);
+            if within / all < 0.9 || (isotropic && core / all > 0.95) {
+                wrong.push(format!(
+                    "{label}: {:.3} within {found:?}, {:.3} in its core",
+                    within / all,
+                    core / all
+                ));
             }
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    println!("least energy within the stated lobe: {:.3} ({})", least.0, least.1);
+    println!(
+        "least energy within the stated lobe: {:.3} ({})",
+        least.0, least.1
+    );
     let mut matt = point(0.5, 0.0, phong(3.0));
     assert_eq!(lobe(&matt, Vec3::Z), None);
     matt.lambert = true;

@@ -15,7 +15,11 @@ pub const MAX_EXPONENT: f32 = 1e6;
 /// cosⁿθ ≈ exp(−nθ²/2) equals exp(−θ_h²/α²) where n = 1/(2α²). Less ½, so that α = 1 is n = 0.
 pub fn exponent_of_alpha(alpha: f32) -> f32 {
     let n = 0.5 / (alpha * alpha) - 0.5;
-    if n.is_nan() { 0.0 } else { n.clamp(0.0, MAX_EXPONENT) }
+    if n.is_nan() {
+        0.0
+    } else {
+        n.clamp(0.0, MAX_EXPONENT)
+    }
 }
 
 /// The lobe's value in 1/sr and the density with which [`sample`] draws `wi`, per solid angle.

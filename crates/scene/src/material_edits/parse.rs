@@ -119,7 +119,10 @@ impl Reader<'_> {
             }
             let field_path = join(path, field);
             let parameter = self.parameter(field, &field_path, model, &materials)?;
-            changes.push((parameter, self.setting(parameter, value, &field_path, &materials)?));
+            changes.push((
+                parameter,
+                self.setting(parameter, value, &field_path, &materials)?,
+            ));
         }
         // Textures first: a bump's scale belongs to its texture.
         changes.sort_by_key(|change| !matches!(change.1, Setting::Texture(_)));
@@ -211,13 +214,7 @@ impl Reader<'_> {
         }
     }
 
-    fn setting(
-        &self,
-        parameter: Parameter,
-        value: &Value,
-        path: &str,
-        materials: &[u32],
-    ) -> Field<Setting> {
+    fn setting(&self, parameter: Parameter, value: &Value, path: &str, materials: &[u32]) -> Field<Setting> {
         Ok(match parameter.accepts() {
             Accepts::Number(range) => Setting::Number(animated(value, path, |v, p| scalar(v, p, range))?),
             Accepts::Reflectance => Setting::Color(animated(value, path, |v, p| {
@@ -229,9 +226,7 @@ impl Reader<'_> {
                     "no keys here: animate the `scale` of an `emissive` light in the lighting sequence",
                 );
             }
-            Accepts::Radiance => {
-                Setting::Color(Animated::Constant(color(value, path, Range::NonNegative)?))
-            }
+            Accepts::Radiance => Setting::Color(Animated::Constant(color(value, path, Range::NonNegative)?)),
             Accepts::Texture => Setting::Texture(self.texture(parameter, value, path, materials)?),
         })
     }
@@ -269,9 +264,11 @@ impl Reader<'_> {
         };
         for &index in materials {
             let set = texture_place(&self.materials[index as usize], parameter).uv_set as usize;
-            let lacks = self.scene.meshes.iter().any(|mesh| {
-                mesh.material == index && mesh.uvs.get(set).is_none_or(Vec::is_empty)
-            });
+            let lacks = self
+                .scene
+                .meshes
+                .iter()
+                .any(|mesh| mesh.material == index && mesh.uvs.get(set).is_none_or(Vec::is_empty));
             if lacks {
                 return complain(
                     path,
@@ -309,7 +306,10 @@ fn model(value: &Value, path: &str) -> Field<ModelName> {
         Some(model) => Ok(model),
         None => {
             let known: Vec<&str> = ModelName::ALL.iter().map(|model| model.name()).collect();
-            complain(path, format!("unknown model {name:?}; known: {}", known.join(", ")))
+            complain(
+                path,
+                format!("unknown model {name:?}; known: {}", known.join(", ")),
+            )
         }
     }
 }

@@ -13,7 +13,9 @@ use std::sync::Arc;
 /// The square from (−1, −1) to (1, 1) in z = 0 that faces +z, u to the right, v down.
 fn square(material: u32, with_uvs: bool) -> Mesh {
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(Vec2::from);
-    let uvs = corners.map(|c| Vec2::new(0.5 + 0.5 * c.x, 0.5 - 0.5 * c.y)).to_vec();
+    let uvs = corners
+        .map(|c| Vec2::new(0.5 + 0.5 * c.x, 0.5 - 0.5 * c.y))
+        .to_vec();
     Mesh {
         positions: corners.map(|c| c.extend(0.0)).to_vec(),
         uvs: if with_uvs { vec![uvs] } else { Vec::new() },
@@ -85,7 +87,10 @@ fn at(edits: &str, frame: f64) -> Vec<Material> {
 #[test]
 fn edits_change_what_they_name_and_nothing_else() {
     let before = scene().materials;
-    let after = at(r#"{"material": "Wood", "base_color": [0.1, 0.2, 0.3], "roughness": 0.7}"#, 0.0);
+    let after = at(
+        r#"{"material": "Wood", "base_color": [0.1, 0.2, 0.3], "roughness": 0.7}"#,
+        0.0,
+    );
     for i in [0, 1] {
         let expected = Material {
             // Alpha stays.
@@ -98,7 +103,10 @@ fn edits_change_what_they_name_and_nothing_else() {
     assert_eq!(after[2..], before[2..]);
     // By number, only that one.
     let after = at(r#"{"material": 1, "model": "lambert"}"#, 0.0);
-    assert_eq!((after[0].model, after[1].model), (Model::MetallicRoughness, Model::Lambert));
+    assert_eq!(
+        (after[0].model, after[1].model),
+        (Model::MetallicRoughness, Model::Lambert)
+    );
 }
 
 #[test]
@@ -106,14 +114,21 @@ fn keys_move_and_later_edits_go_on_from_earlier_ones() {
     let edits = r#"{"material": "Wood", "model": "ward", "roughness_u": {"keys": [[0, 0.1], [10, 0.3]]}},
         {"material": 0, "roughness_v": 0.2, "rotation_deg": 90, "specular": 0.5}"#;
     for (frame, expected) in [(0.0, 0.1), (5.0, 0.2), (10.0, 0.3), (99.0, 0.3)] {
-        let Model::Ward { specular, roughness, rotation } = at(edits, frame)[0].model else {
+        let Model::Ward {
+            specular,
+            roughness,
+            rotation,
+        } = at(edits, frame)[0].model
+        else {
             panic!("not Ward");
         };
         assert!((roughness[0] - expected).abs() < 1e-6);
         assert_eq!((roughness[1], specular), (0.2, Vec3::splat(0.5)));
         assert!((rotation - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
         // The other one of that name keeps the roughness of the source across.
-        let Model::Ward { roughness, .. } = at(edits, frame)[1].model else { panic!() };
+        let Model::Ward { roughness, .. } = at(edits, frame)[1].model else {
+            panic!()
+        };
         assert_eq!(roughness[1], 0.5);
     }
     let edits = read(edits).unwrap();
@@ -124,38 +139,119 @@ fn keys_move_and_later_edits_go_on_from_earlier_ones() {
 #[test]
 fn complaints_say_where_what_and_what_there_is() {
     let cases = [
-        (r#"{"material": "Tin"}"#, "edits[0].material: no material of the asset is \"Tin\"; it has \"Bare\", \"Glass\", \"Sign\", \"Wood\""),
-        (r#"{"material": 5}"#, "edits[0].material: no material of the asset is 5"),
-        (r#"{"material": 0.5}"#, "edits[0].material: no material of the asset is 0.5"),
-        (r#"{"material": null}"#, "edits[0].material: expected the name of a material, or its number, found null"),
+        (
+            r#"{"material": "Tin"}"#,
+            "edits[0].material: no material of the asset is \"Tin\"; it has \"Bare\", \"Glass\", \"Sign\", \"Wood\"",
+        ),
+        (
+            r#"{"material": 5}"#,
+            "edits[0].material: no material of the asset is 5",
+        ),
+        (
+            r#"{"material": 0.5}"#,
+            "edits[0].material: no material of the asset is 0.5",
+        ),
+        (
+            r#"{"material": null}"#,
+            "edits[0].material: expected the name of a material, or its number, found null",
+        ),
         (r#"{"model": "phong"}"#, "edits[0].material: missing"),
-        (r#"{"material": "Wood"}, {"material": "Wood", "model": "velvet"}"#, "edits[1].model: unknown model \"velvet\"; known: metallic_roughness, lambert, phong, ward"),
-        (r#"{"material": "Wood", "colour": 1}"#, "edits[0].colour: no parameter of the model metallic_roughness; it has base_color, base_color_texture, metallic, roughness"),
-        (r#"{"material": "Wood", "exponent": 3}"#, "edits[0].exponent: no parameter of the model metallic_roughness"),
-        (r#"{"material": "Wood", "model": "lambert", "roughness": 0.3}"#, "edits[0].roughness: no parameter of the model lambert; it has base_color, base_color_texture, normal_texture"),
-        (r#"{"material": "Wood", "model": "phong", "metallic": 1}"#, "edits[0].metallic: no parameter of the model phong"),
-        (r#"{"material": "Wood", "roughness": 1.5}"#, "edits[0].roughness: expected a number from 0 to 1, found 1.5"),
-        (r#"{"material": "Wood", "base_color": [0, 0, 2]}"#, "edits[0].base_color[2]: expected a number from 0 to 1"),
-        (r#"{"material": "Wood", "base_color": "red"}"#, "edits[0].base_color: expected a number or 3 numbers (RGB)"),
-        (r#"{"material": "Wood", "roughness": {"keys": [[0, 0.1], [5, 7]]}}"#, "edits[0].roughness.keys[1][1]: expected a number from 0 to 1, found 7"),
-        (r#"{"material": "Wood", "model": "phong", "exponent": 1e7}"#, "edits[0].exponent: expected a number from 0 to 1000000"),
-        (r#"{"material": "Wood", "model": "phong", "exponent": 5, "roughness": 0.1}"#, "edits[0].exponent: either exponent or roughness"),
-        (r#"{"material": "Wood", "model": "ward", "roughness_u": 0.5, "roughness": 0.1}"#, "edits[0].roughness_u: either"),
-        (r#"{"material": "Glass", "alpha": 0.5}"#, "edits[0].alpha: visibility cannot be edited"),
-        (r#"{"material": "Glass", "base_color_texture": 0}"#, "edits[0].base_color_texture: this texture's alpha decides"),
-        (r#"{"material": "Wood", "base_color_texture": 1}"#, "edits[0].base_color_texture: no texture of the asset is 1; it has \"ramp\""),
-        (r#"{"material": "Wood", "base_color_texture": [1]}"#, "edits[0].base_color_texture: expected the number of a texture, its name, or null"),
-        (r#"{"material": "Bare", "base_color_texture": "ramp"}"#, "edits[0].base_color_texture: the asset has no texture coordinates"),
-        (r#"{"material": "Wood", "bump_texture": 0}"#, "edits[0].bump_texture: it needs a bump_scale"),
-        (r#"{"material": "Wood", "bump_scale": 0.1}"#, "edits[0].bump_scale: it needs a bump_texture"),
-        (r#"{"material": "Sign", "roughness": 0.1}"#, "edits[0].roughness: this material is unlit"),
-        (r#"{"material": "Wood", "emission": {"keys": [[0, 1]]}}"#, "edits[0].emission: no keys here"),
-        (r#"{"material": "Wood", "emission": -1}"#, "edits[0].emission: expected a number of at least 0"),
+        (
+            r#"{"material": "Wood"}, {"material": "Wood", "model": "velvet"}"#,
+            "edits[1].model: unknown model \"velvet\"; known: metallic_roughness, lambert, phong, ward",
+        ),
+        (
+            r#"{"material": "Wood", "colour": 1}"#,
+            "edits[0].colour: no parameter of the model metallic_roughness; it has base_color, base_color_texture, metallic, roughness",
+        ),
+        (
+            r#"{"material": "Wood", "exponent": 3}"#,
+            "edits[0].exponent: no parameter of the model metallic_roughness",
+        ),
+        (
+            r#"{"material": "Wood", "model": "lambert", "roughness": 0.3}"#,
+            "edits[0].roughness: no parameter of the model lambert; it has base_color, base_color_texture, normal_texture",
+        ),
+        (
+            r#"{"material": "Wood", "model": "phong", "metallic": 1}"#,
+            "edits[0].metallic: no parameter of the model phong",
+        ),
+        (
+            r#"{"material": "Wood", "roughness": 1.5}"#,
+            "edits[0].roughness: expected a number from 0 to 1, found 1.5",
+        ),
+        (
+            r#"{"material": "Wood", "base_color": [0, 0, 2]}"#,
+            "edits[0].base_color[2]: expected a number from 0 to 1",
+        ),
+        (
+            r#"{"material": "Wood", "base_color": "red"}"#,
+            "edits[0].base_color: expected a number or 3 numbers (RGB)",
+        ),
+        (
+            r#"{"material": "Wood", "roughness": {"keys": [[0, 0.1], [5, 7]]}}"#,
+            "edits[0].roughness.keys[1][1]: expected a number from 0 to 1, found 7",
+        ),
+        (
+            r#"{"material": "Wood", "model": "phong", "exponent": 1e7}"#,
+            "edits[0].exponent: expected a number from 0 to 1000000",
+        ),
+        (
+            r#"{"material": "Wood", "model": "phong", "exponent": 5, "roughness": 0.1}"#,
+            "edits[0].exponent: either exponent or roughness",
+        ),
+        (
+            r#"{"material": "Wood", "model": "ward", "roughness_u": 0.5, "roughness": 0.1}"#,
+            "edits[0].roughness_u: either",
+        ),
+        (
+            r#"{"material": "Glass", "alpha": 0.5}"#,
+            "edits[0].alpha: visibility cannot be edited",
+        ),
+        (
+            r#"{"material": "Glass", "base_color_texture": 0}"#,
+            "edits[0].base_color_texture: this texture's alpha decides",
+        ),
+        (
+            r#"{"material": "Wood", "base_color_texture": 1}"#,
+            "edits[0].base_color_texture: no texture of the asset is 1; it has \"ramp\"",
+        ),
+        (
+            r#"{"material": "Wood", "base_color_texture": [1]}"#,
+            "edits[0].base_color_texture: expected the number of a texture, its name, or null",
+        ),
+        (
+            r#"{"material": "Bare", "base_color_texture": "ramp"}"#,
+            "edits[0].base_color_texture: the asset has no texture coordinates",
+        ),
+        (
+            r#"{"material": "Wood", "bump_texture": 0}"#,
+            "edits[0].bump_texture: it needs a bump_scale",
+        ),
+        (
+            r#"{"material": "Wood", "bump_scale": 0.1}"#,
+            "edits[0].bump_scale: it needs a bump_texture",
+        ),
+        (
+            r#"{"material": "Sign", "roughness": 0.1}"#,
+            "edits[0].roughness: this material is unlit",
+        ),
+        (
+            r#"{"material": "Wood", "emission": {"keys": [[0, 1]]}}"#,
+            "edits[0].emission: no keys here",
+        ),
+        (
+            r#"{"material": "Wood", "emission": -1}"#,
+            "edits[0].emission: expected a number of at least 0",
+        ),
         ("3", "edits[0]: expected an object, found 3"),
     ];
     for (edits, wanted) in cases {
         let message = read(edits).unwrap_err();
-        assert!(message.starts_with("edits.json: ") && message.contains(wanted), "{message}\nlacks\n{wanted}");
+        assert!(
+            message.starts_with("edits.json: ") && message.contains(wanted),
+            "{message}\nlacks\n{wanted}"
+        );
     }
     let whole = |text: &str| parse_material_edits(text, &scene(), "e").unwrap_err().to_string();
     assert!(whole("[]").contains("the whole file: expected an object"));
@@ -166,13 +262,24 @@ fn complaints_say_where_what_and_what_there_is() {
 
 #[test]
 fn what_a_bake_has_fixed_is_refused_by_name() {
-    let reflectance = |edits: &str| read(edits).unwrap().refuse_reflectance("fixed").map(|e| e.to_string());
-    let refused = reflectance(r#"{"material": "Wood", "normal_scale": 0}, {"material": "Wood", "base_color": 0}"#);
+    let reflectance = |edits: &str| {
+        read(edits)
+            .unwrap()
+            .refuse_reflectance("fixed")
+            .map(|e| e.to_string())
+    };
+    let refused =
+        reflectance(r#"{"material": "Wood", "normal_scale": 0}, {"material": "Wood", "base_color": 0}"#);
     assert_eq!(refused.unwrap(), "edits.json: edits[1].base_color: fixed");
     let refused = reflectance(r#"{"material": "Wood", "model": "ward", "rotation_deg": 3}"#);
     assert!(refused.unwrap().contains("edits[0].model"));
-    assert_eq!(reflectance(r#"{"material": "Wood", "normal_scale": 0.5, "emission": 1}"#), None);
-    let emission = read(r#"{"material": "Wood", "emission": 1}"#).unwrap().refuse_emission("gone");
+    assert_eq!(
+        reflectance(r#"{"material": "Wood", "normal_scale": 0.5, "emission": 1}"#),
+        None
+    );
+    let emission = read(r#"{"material": "Wood", "emission": 1}"#)
+        .unwrap()
+        .refuse_emission("gone");
     assert!(emission.unwrap().to_string().contains("edits[0].emission: gone"));
 }
 
@@ -198,7 +305,8 @@ fn point_at(traced: &TracedScene, x: f32, y: f32) -> crate::shading::ShadingPoin
 fn newly_used_textures_are_decoded() {
     let plain = traced(r#"{"material": "Wood", "base_color": 1}"#);
     assert_eq!(point_at(&plain, 0.3, 0.2).base_color, Vec3::ONE);
-    let textured = traced(r#"{"material": "Wood", "base_color": 1, "base_color_texture": "ramp", "model": "lambert"}"#);
+    let textured =
+        traced(r#"{"material": "Wood", "base_color": 1, "base_color_texture": "ramp", "model": "lambert"}"#);
     for x in [-0.7f32, 0.1, 0.6] {
         let code = ((0.5 + 0.5 * x) * 256.0 - 0.5) / 255.0;
         let linear = ((code + 0.055) / 1.055).powf(2.4);
@@ -220,18 +328,28 @@ fn diffuse_and_specular_factor_stay_within_one() {
         ));
         let p = point_at(&t, 0.1, 0.2);
         assert_eq!((p.f0, p.lambert), (Vec3::new(0.3, 0.3, 1.0), false));
-        assert!((p.diffuse - Vec3::new(0.7, 0.2, 0.0)).abs().max_element() < 1e-6, "{}", p.diffuse);
+        assert!(
+            (p.diffuse - Vec3::new(0.7, 0.2, 0.0)).abs().max_element() < 1e-6,
+            "{}",
+            p.diffuse
+        );
     }
 }
 
 /// Ward's tangent follows u, turned by the rotation towards the bitangent (up, v points down).
 #[test]
 fn the_tangent_follows_the_coordinates() {
-    for (degrees, expected) in [(0.0, Vec3::X), (90.0, Vec3::Y), (30.0, Vec3::new(0.75f32.sqrt(), 0.5, 0.0))] {
+    for (degrees, expected) in [
+        (0.0, Vec3::X),
+        (90.0, Vec3::Y),
+        (30.0, Vec3::new(0.75f32.sqrt(), 0.5, 0.0)),
+    ] {
         let t = traced(&format!(
             r#"{{"material": "Wood", "model": "ward", "rotation_deg": {degrees}}}"#
         ));
-        let crate::shading::Gloss::Ward { tangent, .. } = point_at(&t, 0.1, 0.2).gloss else { panic!() };
+        let crate::shading::Gloss::Ward { tangent, .. } = point_at(&t, 0.1, 0.2).gloss else {
+            panic!()
+        };
         assert!((tangent - expected).length() < 1e-5, "{degrees}: {tangent}");
     }
 }
@@ -258,8 +376,16 @@ fn a_height_map_leans_the_normal_against_its_slope() {
 fn clones_keep_their_materials_and_emitters_are_found_again() {
     let plain = TracedScene::new(Arc::new(scene()), Shading::Full).unwrap();
     let mut bright = plain.clone();
-    bright.set_materials(at(r#"{"material": "Wood", "emission": [1, 2, 3]}"#, 0.0)).unwrap();
-    assert_eq!((plain.emissive_triangles().len(), bright.emissive_triangles().len()), (0, 2));
+    bright
+        .set_materials(at(r#"{"material": "Wood", "emission": [1, 2, 3]}"#, 0.0))
+        .unwrap();
+    assert_eq!(
+        (
+            plain.emissive_triangles().len(),
+            bright.emissive_triangles().len()
+        ),
+        (0, 2)
+    );
     assert_eq!(plain.materials()[0].emission, Vec3::ZERO);
     assert_eq!(bright.emission(0, [0.3, 0.3]), Vec3::new(1.0, 2.0, 3.0));
     assert!(bright.set_materials(Vec::new()).is_err());

@@ -179,7 +179,10 @@ fn decode_used_textures(
         .par_iter()
         .zip(&used)
         .enumerate()
-        .map(|(index, (texture, &used))| used.then(|| decode_texture(texture, index).map(Arc::new)).transpose())
+        .map(|(index, (texture, &used))| {
+            used.then(|| decode_texture(texture, index).map(Arc::new))
+                .transpose()
+        })
         .collect();
     // The first error in order, whichever thread found one first.
     Ok(decoded.into_iter().collect::<Result<_, _>>()?)
