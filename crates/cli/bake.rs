@@ -10,7 +10,7 @@ use anyhow::Context;
 use clap::{Args, ValueEnum};
 use glam::Vec3;
 use relight_bake::error::BakeError;
-use relight_bake::params::{BakeParams, Preset};
+use relight_bake::params::{BakeParams, CutParams, Preset};
 use relight_bake::{BakeStats, bake};
 use relight_format as format;
 use relight_scene::gltf::{ImportOptions, LightUnits, import};
@@ -66,6 +66,18 @@ pub struct BakeArgs {
     /// edited.
     #[arg(long)]
     pub solution: bool,
+    /// Visibility cuts, for hard shadows and glossy reflections of what stands far away: none, or environment.
+    #[arg(long, value_enum, default_value_t = CutsName::None)]
+    pub cuts: CutsName,
+    /// Even directions that the cuts cluster: a power of two, 256 to 1048576.
+    #[arg(long, value_name = "N", default_value_t = CutParams::default().lights)]
+    pub cut_lights: u32,
+    /// Threshold of a cut's nodes for 32768 lights, 1.5 to 3: larger makes cuts shorter and shadows coarser.
+    #[arg(long, value_name = "S", default_value_t = CutParams::default().sigma)]
+    pub sigma: f32,
+    /// What the tree of directions minds: 1 geometry alone, 0 visibility alone.
+    #[arg(long, value_name = "B", default_value_t = CutParams::default().beta)]
+    pub beta: f32,
     /// A place from which the scene is looked at: surfaces that light cannot carry to it get no points. May be
     /// given several times [default: the scene's cameras, or a place in open space].
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
@@ -92,6 +104,15 @@ pub enum PresetName {
     Standard,
     /// Half the standard error or less.
     Fine,
+}
+
+/// What visibility cuts are made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum CutsName {
+    /// No cuts.
+    None,
+    /// Environment maps and skies.
+    Environment,
 }
 
 /// Names of [`LightUnits`].
@@ -131,6 +152,12 @@ pub fn params(args: &BakeArgs, seed: u64) -> Result<BakeParams, Failure> {
     params.epsilon = args.epsilon.unwrap_or(params.epsilon);
     params.bounces = args.bounces;
     params.solution = args.solution;
+    params.cuts = (args.cuts == CutsName::Environment).then(|| CutParams {
+        lights: args.cut_lights,
+        sigma: args.sigma,
+        beta: args.beta,
+        ..CutParams::default()
+    });
     params.viewpoints = args.viewpoint.clone();
     params.seed = seed;
     relight_bake::settings::validate(&params).map_err(|error| Failure::Usage(error.to_string()))?;

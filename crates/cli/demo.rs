@@ -138,6 +138,7 @@ fn play_args(asset: &Path, data: &Path, folder: &Path, name: &str) -> Result<Pla
         png: false,
         exposure: 0.0,
         float: false,
+        illumination_cut: play::ILLUMINATION_CUT,
         spp: None,
         max_bounces: None,
         json: false,

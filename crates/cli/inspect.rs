@@ -139,6 +139,7 @@ pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
         "links_per_level": links_per_level(asset),
         "longest_row": longest_row(asset),
         "potential_links": counted("potential_links"),
+        "cuts": cuts_json(asset),
         "rays": counted("rays"),
         "receivers_gathered": counted("receivers_gathered"),
         "rays_without_points": counted("rays_without_points"),
@@ -148,6 +149,28 @@ pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
         "left_out": left_out,
         "notes": provenance.notes,
     }))
+}
+
+/// What visibility cuts the asset holds; null for none.
+fn cuts_json(asset: &Asset) -> Value {
+    let (Some(cuts), Some(tree)) = (&asset.cuts, &asset.light_tree) else {
+        return Value::Null;
+    };
+    let mode = match tree.lights {
+        format::LightSamples::Environment { .. } => "environment",
+        format::LightSamples::Surface { .. } => "indirect",
+    };
+    let sites = cuts.row_offsets.len().saturating_sub(1);
+    let estimates = asset.estimates.iter().flat_map(|e| &e.values);
+    json!({
+        "mode": mode,
+        "lights": tree.lights.len(),
+        "sites": sites,
+        "elements": cuts.heights.len(),
+        "mean_length": cuts.heights.len() as f64 / sites.max(1) as f64,
+        "sigma": cuts.sigma,
+        "rms_error": estimates.clone().find(|e| e.0 == "cut_rms_error").map(|e| e.1),
+    })
 }
 
 fn links_per_level(asset: &Asset) -> Vec<u32> {
@@ -247,6 +270,19 @@ pub fn describe(json: &Value) -> String {
         words::per(links, all_points),
         count(number("longest_row")),
     ));
+    let cuts = &json["cuts"];
+    if cuts.is_object() {
+        let of_cuts = |key: &str| cuts[key].as_u64().unwrap_or(0);
+        line(format!(
+            "cuts       {}: {} elements of {} sites, {:.0} each, over {} lights, RMS error {:.3}",
+            cuts["mode"].as_str().unwrap_or("-"),
+            count(of_cuts("elements")),
+            count(of_cuts("sites")),
+            cuts["mean_length"].as_f64().unwrap_or(0.0),
+            count(of_cuts("lights")),
+            cuts["rms_error"].as_f64().unwrap_or(0.0),
+        ));
+    }
     line(format!("rays       {}", count(number("rays"))));
     let (radii, per_level) = (array("disk_radius"), array("links_per_level"));
     let rows = (0..points.len())

@@ -10,7 +10,7 @@ use clap::{Args, ValueEnum};
 use glam::Vec3;
 use relight_play::brute::{self, BruteSettings};
 use relight_play::edited::Editor;
-use relight_play::frame::{FrameTimes, LightingSettings, Lit};
+use relight_play::frame::{Distant, FrameTimes, LightingSettings, Lit};
 use relight_play::layers::{RenderSize, Watch};
 use relight_play::load::{Loaded, check_kept, load};
 use relight_play::path::{self, PathSettings};
@@ -19,12 +19,14 @@ use relight_play::views;
 use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::image::preview::tone_mapped;
 use relight_scene::image::{BEAUTY, ExrHeader, Layers, write_exr, write_png};
-use relight_scene::light_set::{LightRig, LightSet, SceneEmitters};
+use relight_scene::light::{LightKind, LightTrack};
+use relight_scene::light_set::{LightRig, LightSet, SceneEmitters, Split};
 use relight_scene::scene::Scene;
 use relight_scene::sequence::{Sequence, SequenceCamera, read_sequence};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Relight an asset for a sequence of lights and write OpenEXR frames.
@@ -56,8 +58,10 @@ pub struct PlayArgs {
     /// Frames to write: #### or %04d stands for the frame number.
     #[arg(short, long, value_name = "out/frame_####.exr", value_parser = frames::parse_pattern)]
     pub output: Pattern,
-    /// How to make light: transfer (the asset's operators), brute (every light with its own shadow rays; direct
-    /// light only), path (a path tracer, the reference), or auto (transfer if the asset has points, else path).
+    /// How to make light: transfer (the asset's operators), cuts (direct light of environments by visibility cuts,
+    /// of other lights by shadow rays), brute (every light with its own shadow rays; direct light only), path (a path
+    /// tracer, the reference), or auto (cuts for environments where the asset has them, transfer for indirect light;
+    /// path without points).
     #[arg(long, value_enum, default_value_t = Integrator::Auto)]
     pub integrator: Integrator,
     /// Size of the image in pixels; keeps the camera's vertical field of view [default: 360 high, of the camera's
@@ -82,6 +86,9 @@ pub struct PlayArgs {
     /// Write 32-bit floats instead of half precision.
     #[arg(long)]
     pub float: bool,
+    /// Most nodes of the illumination cut, by which an environment is taken with visibility cuts.
+    #[arg(long, value_name = "N", default_value_t = ILLUMINATION_CUT, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    pub illumination_cut: u32,
     /// Samples per pixel [default: transfer 16, with a moving camera 1; brute 16; path 64].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub spp: Option<u32>,
@@ -96,10 +103,12 @@ pub struct PlayArgs {
 /// Ways to make light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Integrator {
-    /// Transfer if the asset has points, else path.
+    /// Cuts and transfer, whatever the asset has; else path.
     Auto,
     /// The asset's operators.
     Transfer,
+    /// Visibility cuts.
+    Cuts,
     /// Every light with its own shadow rays.
     Brute,
     /// The path tracer.
@@ -146,6 +155,8 @@ impl LayerName {
 /// hundreds of points, a pixel nothing.
 const PIXEL_LIGHT_SAMPLES: u32 = 8;
 const POINT_LIGHT_SAMPLES: u32 = 4;
+/// Nodes of the illumination cut: "256 to 512 generally work well" (Cheslack-Postava et al. 2008, section 5).
+pub const ILLUMINATION_CUT: u32 = 256;
 /// Primary rays per pixel of the transfer integrator where the camera stands still: they are cast once per shot.
 const FIXED_SPP: u32 = 16;
 /// The same where it moves and every frame casts them anew.
@@ -177,8 +188,8 @@ pub fn play(
     let start = Instant::now();
     console.begin("Reading the asset", None);
     let given = args.lights.as_deref().map(read_sequence).transpose()?;
-    let with_transfer = matches!(args.integrator, Integrator::Auto | Integrator::Transfer);
-    let mut loaded = load(&args.asset, with_transfer)?;
+    let with_operators = !matches!(args.integrator, Integrator::Brute | Integrator::Path);
+    let mut loaded = load(&args.asset, with_operators)?;
     signals::go_on()?;
     check_kept(&loaded, given.as_ref())?;
     let mut editor = (args.materials.as_deref())
@@ -203,10 +214,14 @@ pub fn play(
     let load_ms = milliseconds(start);
     let hash = loaded.hash;
 
+    let by_cuts = by_cuts(integrator, args, &loaded, sequence);
+    console.note(choice(integrator, by_cuts, &loaded));
     let mut session = Session {
         args,
+        splits: by_cuts.then(|| splits(&rig, &loaded, sequence.lights.len())),
         loaded: &mut loaded,
         editor,
+        rig: &rig,
         integrator,
         seed,
         width,
@@ -224,8 +239,7 @@ pub fn play(
         signals::go_on()?;
         let start = Instant::now();
         let edit_ms = session.edit(frame)?;
-        let (all, mut frame_times) =
-            session.render(&rig.at(frame.into()), &track.at(frame.into()), console)?;
+        let (all, mut frame_times) = session.render(frame, &track.at(frame.into()), console)?;
         signals::go_on()?;
         seen(frame, &all);
         frame_times.extend(edit_ms.map(|ms| ("edit".to_owned(), ms.into())));
@@ -299,6 +313,13 @@ fn integrator(args: &PlayArgs, loaded: &Loaded) -> Result<Integrator, Failure> {
     let integrator = match args.integrator {
         Integrator::Auto if has_points => Integrator::Transfer,
         Integrator::Auto => Integrator::Path,
+        Integrator::Cuts if loaded.player.cuts.is_none() => {
+            return Err(anyhow::anyhow!(
+                "{}: was baked without visibility cuts; bake with --cuts environment, or use --integrator transfer",
+                args.asset.display()
+            )
+            .into());
+        }
         Integrator::Transfer if !has_points => {
             return Err(anyhow::anyhow!(
                 "{}: holds no points, so there is nothing to transfer; use --integrator path",
@@ -315,6 +336,47 @@ fn integrator(args: &PlayArgs, loaded: &Loaded) -> Result<Integrator, Failure> {
         ));
     }
     Ok(integrator)
+}
+
+/// Whether environments go through visibility cuts.
+fn by_cuts(integrator: Integrator, args: &PlayArgs, loaded: &Loaded, sequence: &Sequence) -> bool {
+    let distant = |light: &LightTrack| {
+        matches!(
+            light.kind,
+            LightKind::Environment { .. } | LightKind::SunSky { .. }
+        )
+    };
+    let wanted = match integrator {
+        Integrator::Cuts => true,
+        Integrator::Transfer => args.integrator == Integrator::Auto,
+        _ => false,
+    };
+    wanted && loaded.player.cuts.is_some() && sequence.lights.iter().any(distant)
+}
+
+/// One line about how light is made, and why.
+fn choice(integrator: Integrator, by_cuts: bool, loaded: &Loaded) -> String {
+    let direct = match (by_cuts, loaded.player.cuts.is_some()) {
+        (true, _) => {
+            "direct light of environments by visibility cuts (the asset has them), of other lights by shadow rays"
+        }
+        (false, true) => "direct light by shadow rays (no environment shines)",
+        (false, false) => "direct light by shadow rays (the asset has no visibility cuts)",
+    };
+    match integrator {
+        Integrator::Path => "Light by path tracing.".into(),
+        Integrator::Brute => "Direct light of every light by shadow rays; no indirect light.".into(),
+        Integrator::Cuts => format!("Light: {direct}; no indirect light."),
+        Integrator::Transfer | Integrator::Auto => format!("Light: {direct}; indirect light by transfer."),
+    }
+}
+
+/// The parts of each light's environment.
+fn splits(rig: &LightRig, loaded: &Loaded, lights: usize) -> Vec<Option<Arc<Split>>> {
+    let directions = loaded.player.cuts.as_ref().map_or(0, |c| c.tree.leaves()) as u32;
+    (0..lights)
+        .map(|light| rig.split(light, directions).map(Arc::new))
+        .collect()
 }
 
 fn camera(args: &PlayArgs, scene: &Scene, sequence: &Sequence) -> Result<CameraTrack, Failure> {
@@ -409,6 +471,9 @@ struct Session<'a> {
     args: &'a PlayArgs,
     loaded: &'a mut Loaded,
     editor: Option<Editor>,
+    rig: &'a LightRig<'a>,
+    /// The parts of each light's environment, where visibility cuts take it.
+    splits: Option<Vec<Option<Arc<Split>>>>,
     integrator: Integrator,
     seed: u64,
     width: usize,
@@ -438,10 +503,10 @@ impl Session<'_> {
         Ok(Some(milliseconds(start)))
     }
 
-    fn render(&mut self, lights: &LightSet, camera: &Camera, console: &Console) -> Result<Rendered, Failure> {
+    fn render(&mut self, frame: u32, camera: &Camera, console: &Console) -> Result<Rendered, Failure> {
         match self.integrator {
-            Integrator::Transfer | Integrator::Auto => self.transfer(lights, camera, console),
-            Integrator::Brute | Integrator::Path => self.reference(lights, camera),
+            Integrator::Transfer | Integrator::Cuts | Integrator::Auto => self.relit(frame, camera, console),
+            Integrator::Brute | Integrator::Path => self.reference(&self.rig.at(frame.into()), camera),
         }
     }
 
@@ -489,12 +554,7 @@ impl Session<'_> {
         ))
     }
 
-    fn transfer(
-        &mut self,
-        lights: &LightSet,
-        camera: &Camera,
-        console: &Console,
-    ) -> Result<Rendered, Failure> {
+    fn relit(&mut self, frame: u32, camera: &Camera, console: &Console) -> Result<Rendered, Failure> {
         let player = &self.loaded.player;
         let mut times = Map::new();
         if self.shot.is_none() || !self.fixed {
@@ -511,6 +571,9 @@ impl Session<'_> {
             }
             if let Some(editor) = &self.editor {
                 editor.reshade(player, &mut shot);
+            }
+            if self.splits.is_some() {
+                shot.choose_sites();
             }
             let weighed = milliseconds(start);
             let keep = if self.fixed {
@@ -539,8 +602,19 @@ impl Session<'_> {
             point_samples: POINT_LIGHT_SAMPLES,
             seed: self.seed,
             per_light: self.wants(LayerName::Lights),
+            indirect: self.integrator != Integrator::Cuts,
         };
-        let (lit, frame) = player.light(shot, lights, &settings);
+        let lights = self.rig.at(frame.into());
+        let distant = self.splits.as_ref().map(|splits| {
+            let mut near = self.rig.at(frame.into());
+            let lights = near.take_distant(|light| splits[light].clone());
+            Distant {
+                near,
+                lights,
+                most: self.args.illumination_cut as usize,
+            }
+        });
+        let (lit, frame) = player.light(shot, &lights, distant.as_ref(), &settings);
         let start = Instant::now();
         let layers = self.resolved(shot, &lit);
         let resolve = milliseconds(start);
@@ -551,6 +625,8 @@ impl Session<'_> {
             flatten,
             direct_pixels,
             reconstruct,
+            illumination_cut,
+            shade,
         } = frame;
         for (name, value) in [
             ("direct_points", direct_points),
@@ -562,6 +638,13 @@ impl Session<'_> {
             ("resolve", resolve),
         ] {
             times.insert(name.into(), value.into());
+        }
+        if let Some((nodes, stats)) = lit.cuts {
+            times.insert("illumination_cut".into(), illumination_cut.into());
+            times.insert("shade".into(), shade.into());
+            times.insert("illumination_cut_nodes".into(), nodes.into());
+            let mean = stats.merged_nodes as f64 / stats.fragments.max(1) as f64;
+            times.insert("merged_nodes_per_fragment".into(), mean.into());
         }
         Ok((layers, times))
     }

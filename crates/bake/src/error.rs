@@ -29,6 +29,15 @@ pub enum BakeError {
         /// What is allowed.
         expected: &'static str,
     },
+    /// More elements of cuts than the file can count.
+    #[error(
+        "the cuts have {elements} elements, more than 2^32: raise --sigma, or take fewer --cut-lights or a larger \
+         --coarse-radius"
+    )]
+    TooManyCutElements {
+        /// How many.
+        elements: usize,
+    },
     /// A signal asked the bake to stop.
     #[error("the bake was stopped; nothing was written")]
     Stopped,

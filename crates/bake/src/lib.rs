@@ -13,6 +13,7 @@ pub mod error;
 pub mod gather;
 pub mod importance;
 pub mod left_out;
+pub mod light_samples;
 pub mod params;
 pub mod points;
 pub mod radiosity;
@@ -23,5 +24,6 @@ pub mod solution;
 pub mod timed;
 pub mod transport;
 pub mod viewpoint;
+pub mod visibility;
 
 pub use bake::{BakeStats, Baked, Progress, bake};

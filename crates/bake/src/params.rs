@@ -22,8 +22,48 @@ pub struct BakeParams {
     pub solution: bool,
     /// Where importance particles start; empty: the scene's cameras, or a place in open space.
     pub viewpoints: Vec<Vec3>,
+    /// Visibility cuts; `None`: no cuts.
+    pub cuts: Option<CutParams>,
     /// Seed of all random numbers.
     pub seed: u64,
+}
+
+/// Parameters of visibility cuts (design section 7).
+#[derive(Clone, Debug, PartialEq)]
+pub struct CutParams {
+    /// Lights that the cuts cluster: a power of two, 256 to 2²⁰.
+    pub lights: u32,
+    /// Threshold of a node's error, |C|·var ≤ σ² (Cheslack-Postava et al. 2008, equation 5), for 32 768 lights: it grows
+    /// with the square root of their number.
+    pub sigma: f32,
+    /// β of the tree: 1 for geometry alone, 0 for pilot visibility alone (equation 12).
+    pub beta: f32,
+    /// Most nodes of one cut.
+    pub most: usize,
+    /// Casts a ray at every light above a site's horizon instead of only where shadows have edges: for studies.
+    pub every_light: bool,
+}
+
+/// Lights for which σ is given (section 4.1 of the paper).
+const SIGMA_LIGHTS: f32 = 32_768.0;
+
+impl CutParams {
+    /// σ for this number of lights.
+    pub fn sigma(&self) -> f32 {
+        self.sigma * (self.lights as f32 / SIGMA_LIGHTS).sqrt()
+    }
+}
+
+impl Default for CutParams {
+    fn default() -> Self {
+        CutParams {
+            lights: 32_768,
+            sigma: 2.0,
+            beta: 0.45,
+            most: 4096,
+            every_light: false,
+        }
+    }
 }
 
 /// Named presets.
@@ -49,6 +89,7 @@ impl BakeParams {
             bounces: None,
             solution: false,
             viewpoints: Vec::new(),
+            cuts: None,
             seed: 0,
         };
         match preset {

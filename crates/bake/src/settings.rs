@@ -2,6 +2,7 @@
 
 use crate::error::BakeError;
 use crate::params::BakeParams;
+use relight_transport::light_tree::HEIGHTS;
 
 /// Most receiver levels: radii halve from level to level, and 2¹² is already finer than any pixel.
 const MOST_LEVELS: usize = 12;
@@ -59,14 +60,40 @@ pub fn validate(params: &BakeParams) -> Result<(), BakeError> {
     )?;
     check(rays >= 2, "rays per receiver", rays.to_string(), "at least 2")?;
     check(params.bounces != Some(0), "--bounces", "0".into(), "at least 1")?;
-    match viewpoints.iter().find(|v| !v.is_finite()) {
-        None => Ok(()),
-        Some(v) => check(false, "--viewpoint", v.to_string(), "finite coordinates"),
+    if let Some(v) = viewpoints.iter().find(|v| !v.is_finite()) {
+        check(false, "--viewpoint", v.to_string(), "finite coordinates")?;
     }
+    let Some(cuts) = &params.cuts else { return Ok(()) };
+    check(
+        cuts.lights.is_power_of_two() && HEIGHTS.contains(&cuts.lights.ilog2()),
+        "--cut-lights",
+        cuts.lights.to_string(),
+        "a power of two from 256 to 1048576",
+    )?;
+    check(
+        positive(cuts.sigma),
+        "--sigma",
+        cuts.sigma.to_string(),
+        "a number above 0 (1.5 to 3 is usual)",
+    )?;
+    check(
+        (0.0..=1.0).contains(&cuts.beta),
+        "--beta",
+        cuts.beta.to_string(),
+        "a number from 0 (visibility alone) to 1 (geometry alone)",
+    )
 }
 
 /// Names and values in the order of the command line's help.
 pub fn settings(params: &BakeParams) -> Vec<(String, String)> {
+    let of_cuts = params.cuts.iter().flat_map(|cuts| {
+        [
+            ("cuts", "environment".to_owned()),
+            ("cut_lights", cuts.lights.to_string()),
+            ("sigma", cuts.sigma.to_string()),
+            ("beta", cuts.beta.to_string()),
+        ]
+    });
     let automatic = |value: Option<String>| value.unwrap_or_else(|| "automatic".into());
     let viewpoints: Vec<String> = params
         .viewpoints
@@ -100,6 +127,7 @@ pub fn settings(params: &BakeParams) -> Vec<(String, String)> {
         ),
     ]
     .into_iter()
+    .chain(of_cuts)
     .map(|(name, value)| (name.to_owned(), value))
     .collect()
 }

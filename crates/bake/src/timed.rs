@@ -30,6 +30,8 @@ pub struct TimedSurfaces<'a> {
     timer_nanos: u64,
     sampled: AtomicU64,
     nanos: AtomicU64,
+    /// All packets, timed each: thousands of rays hide the timer.
+    packet_nanos: AtomicU64,
 }
 
 impl<'a> TimedSurfaces<'a> {
@@ -47,16 +49,22 @@ impl<'a> TimedSurfaces<'a> {
             timer_nanos: costs[CALIBRATION / 2],
             sampled: AtomicU64::new(0),
             nanos: AtomicU64::new(0),
+            packet_nanos: AtomicU64::new(0),
         }
     }
 
-    /// Thread-seconds that `rays` rays took, at the mean of the sampled ones.
+    /// Thread-seconds that `rays` single rays took, at the mean of the sampled ones.
     pub fn thread_seconds(&self, rays: u64) -> f64 {
         let sampled = self.sampled.load(Ordering::Relaxed);
         if sampled == 0 {
             return 0.0;
         }
         self.nanos.load(Ordering::Relaxed) as f64 * 1e-9 * (rays as f64 / sampled as f64)
+    }
+
+    /// Thread-seconds that packets of shadow rays took.
+    pub fn packet_thread_seconds(&self) -> f64 {
+        self.packet_nanos.load(Ordering::Relaxed) as f64 * 1e-9
     }
 
     #[inline]
@@ -90,6 +98,12 @@ impl Surfaces for TimedSurfaces<'_> {
     }
     fn occluded(&self, ray: &Ray) -> bool {
         self.timed(|| self.inner.occluded(ray))
+    }
+    fn occluded_packet(&self, rays: &[Ray], occluded: &mut [bool]) {
+        let start = Instant::now();
+        self.inner.occluded_packet(rays, occluded);
+        self.packet_nanos
+            .fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
     }
     fn albedo(&self, hit: &SurfaceHit) -> Vec3 {
         self.inner.albedo(hit)

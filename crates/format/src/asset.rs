@@ -31,6 +31,10 @@ pub struct Asset {
     pub solution: Option<Solution>,
     /// Error estimates of the bake.
     pub estimates: Option<Estimates>,
+    /// The lights that cuts cluster.
+    pub light_tree: Option<LightTree>,
+    /// What each site sees of the lights. Never without a light tree.
+    pub cuts: Option<Cuts>,
 }
 
 /// Where an asset came from. Nothing in it may vary from run to run (no times, paths, thread counts).
@@ -319,4 +323,79 @@ pub struct WeightRows {
 pub struct Estimates {
     /// Such as `relmse_indirect` and its value; all finite.
     pub values: Vec<(String, f64)>,
+}
+
+/// The lights that cuts cluster, in the order of the leaves of a complete binary tree over them. The tree itself
+/// needs no bytes: node j of height h holds the leaves j·2ʰ to (j + 1)·2ʰ − 1, and the root has height log₂ N.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LightTree {
+    /// One light per leaf.
+    pub lights: LightSamples,
+}
+
+/// The lights of a [`LightTree`] in the order of its leaves; their number N is a power of two, 256 to 2²⁰.
+#[derive(Debug, Clone, PartialEq)]
+pub enum LightSamples {
+    /// Directions of the spherical Fibonacci lattice of N points (SPEC 6.12.1), each for 4π/N sr.
+    Environment {
+        /// Lattice index of each leaf: a permutation of 0 to N − 1.
+        order: Vec<u32>,
+    },
+    /// Points spread evenly over the surfaces.
+    Surface {
+        /// What each point stands for, m², above zero.
+        area: f32,
+        /// Positions, world space, metres. Stored to √area/256.
+        positions: Vec<[f32; 3]>,
+        /// Unit normals, world space. Stored as octahedral 2 × 12 bits.
+        normals: Vec<[f32; 3]>,
+    },
+}
+
+impl LightSamples {
+    /// N: number of lights, and of leaves.
+    pub fn len(&self) -> usize {
+        match self {
+            LightSamples::Environment { order } => order.len(),
+            LightSamples::Surface { positions, .. } => positions.len(),
+        }
+    }
+
+    /// Whether there is no light, which no valid asset has.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// Where cuts stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum CutSites {
+    /// Site i is point i of the finest level.
+    #[default]
+    Points,
+    /// The vertices of every instance's mesh, instance by instance.
+    Vertices,
+}
+
+/// Cuts through a [`LightTree`], one per site: what the site sees of the lights, as a piecewise constant function
+/// over them (Cheslack-Postava et al. 2008, section 3). The elements of site i stand at
+/// `row_offsets[i]..row_offsets[i + 1]`, their nodes from left to right; together a site's nodes tile the leaves: a node
+/// starts at the sum of 2^height of those before it, a multiple of its own 2^height. A site that sees nothing has one
+/// element, the root with value 0.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Cuts {
+    /// Where the sites are.
+    pub sites: CutSites,
+    /// σ of |C|·var > σ² (Cheslack-Postava et al. 2008, equation 5), by which the cuts were refined; above zero, finite.
+    /// Values are stored as precisely as it deserves.
+    pub sigma: f32,
+    /// What a value of 1 stands for: 1 for visibility, the mean geometry factor for surface lights; above zero, finite.
+    pub unit: f32,
+    /// `sites + 1` offsets, from 0 to the number of elements.
+    pub row_offsets: Vec<u32>,
+    /// Height of each element's node: it holds 2^height leaves.
+    pub heights: Vec<u8>,
+    /// Mean over each element's node, in `unit`s, at least 0. Stored as a whole number of steps, see
+    /// [`quantised_cuts`](crate::quantised_cuts).
+    pub values: Vec<f32>,
 }

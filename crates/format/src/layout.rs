@@ -129,11 +129,15 @@ pub enum Kind {
     Estimates = 10,
     /// Clusters of points that send light.
     Senders = 11,
+    /// The lights that cuts cluster.
+    LightTree = 12,
+    /// What each site sees of the lights.
+    Cuts = 13,
 }
 
 impl Kind {
     /// All kinds, in the order in which they stand in a file.
-    pub const ALL: [Kind; 11] = [
+    pub const ALL: [Kind; 13] = [
         Kind::Provenance,
         Kind::Geometry,
         Kind::Materials,
@@ -145,6 +149,8 @@ impl Kind {
         Kind::LinksSolution,
         Kind::Estimates,
         Kind::Senders,
+        Kind::LightTree,
+        Kind::Cuts,
     ];
 
     /// The kind of a number in the table, if this version knows it.
@@ -166,6 +172,8 @@ impl Kind {
             Kind::LinksSolution => "links_solution",
             Kind::Estimates => "estimates",
             Kind::Senders => "senders",
+            Kind::LightTree => "light_tree",
+            Kind::Cuts => "cuts",
         }
     }
 

@@ -38,8 +38,8 @@
 //! ```
 //!
 //! What is quantised loses precision, within the bounds that [`codec`] states. A baker that corrects for the
-//! loss asks [`quantised_level`], [`quantised_links`], [`quantised_vector`] and [`quantised_weights`] what a
-//! reader will see.
+//! loss asks [`quantised_level`], [`quantised_links`], [`quantised_vector`], [`quantised_weights`],
+//! [`quantised_light_tree`] and [`quantised_cuts`] what a reader will see.
 #![forbid(unsafe_code)]
 
 mod asset;
@@ -52,8 +52,9 @@ mod section;
 mod validate;
 
 pub use asset::{
-    AlphaMode, Asset, BounceLinks, Estimates, Filter, Geometry, Instance, LeftOut, Level, Links, Material,
-    Mesh, Provenance, Senders, Solution, Stage, Texture, TextureRef, WeightRows, Wrap,
+    AlphaMode, Asset, BounceLinks, CutSites, Cuts, Estimates, Filter, Geometry, Instance, LeftOut, Level,
+    LightSamples, LightTree, Links, Material, Mesh, Provenance, Senders, Solution, Stage, Texture,
+    TextureRef, WeightRows, Wrap,
 };
 pub use codec::vector::quantised_vector;
 pub use container::{Limits, SectionInfo};
@@ -61,6 +62,8 @@ pub use error::{Fault, FormatError, Place, Result};
 pub use file::{
     Summary, content_hash, read_asset, read_file, read_summary, summarise, write_asset, write_file,
 };
+pub use section::cuts::quantised_cuts;
+pub use section::light_tree::quantised_light_tree;
 pub use section::links::quantised_links;
 pub use section::points::quantised_level;
 pub use section::weights::quantised_weights;

@@ -111,7 +111,7 @@ fn an_unknown_optional_section_is_skipped_but_still_checked() {
     let mut bytes = with(extra);
     let expected = read(&write_asset(&small_asset()).unwrap()).unwrap();
     assert_eq!(read(&bytes).unwrap(), expected);
-    assert_eq!(summarise(&bytes).unwrap().sections[11].name, "unknown_1000");
+    assert_eq!(summarise(&bytes).unwrap().sections[13].name, "unknown_1000");
     let at = bytes.windows(6).position(|w| w == b"future").unwrap();
     bytes[at] ^= 1;
     assert_eq!(fault(&read(&bytes).unwrap_err()).0, "invalid");
@@ -227,7 +227,7 @@ fn limits_hold() {
 #[test]
 fn declared_counts_without_bytes_are_refused() {
     let base = sections_of(&write_asset(&small_asset()).unwrap());
-    for kind in [2u32, 3, 4, 6, 7, 8, 9, 10] {
+    for kind in [2u32, 3, 4, 6, 7, 8, 9, 10, 12, 13] {
         let mut sections = base.clone();
         let section = sections.iter_mut().find(|s| s.kind == kind).unwrap();
         *section = Forged {
@@ -270,10 +270,34 @@ fn tables_that_overlap_repeat_or_gape_are_refused() {
     }
 }
 
+fn environment(order: Vec<u32>) -> LightTree {
+    LightTree {
+        lights: LightSamples::Environment { order },
+    }
+}
+
+/// Puts a wall of lights in place of the environment, changed.
+fn on_wall(asset: &mut Asset, change: impl Fn(&mut f32, &mut Vec<[f32; 3]>, &mut Vec<[f32; 3]>)) {
+    let mut lights = common::wall();
+    if let LightSamples::Surface {
+        area,
+        positions,
+        normals,
+    } = &mut lights
+    {
+        change(area, positions, normals);
+    }
+    asset.light_tree = Some(LightTree { lights });
+}
+
+fn cuts(asset: &mut Asset) -> &mut Cuts {
+    asset.cuts.as_mut().unwrap()
+}
+
 #[test]
 fn structures_that_break_a_rule_are_not_written() {
     type Break = fn(&mut Asset);
-    let breaks: [(&str, &str, Break); 25] = [
+    let breaks: [(&str, &str, Break); 42] = [
         ("geometry", "vertex indices", |a| {
             a.geometry.meshes[0].triangles[1][2] = 4
         }),
@@ -335,6 +359,43 @@ fn structures_that_break_a_rule_are_not_written() {
         ("senders", "a cluster below 2", |a| {
             a.senders.as_mut().unwrap().parents[0][1] = 2
         }),
+        ("light_tree", "a power of two", |a| {
+            a.light_tree = Some(environment(vec![0, 1]))
+        }),
+        ("light_tree", "a power of two", |a| {
+            a.light_tree = Some(environment(vec![]))
+        }),
+        ("light_tree", "a power of two", |a| {
+            a.light_tree = Some(environment((0..300).collect()))
+        }),
+        ("light_tree", "256 once, found 7", |a| {
+            a.light_tree = Some(environment(vec![7; 256]))
+        }),
+        ("light_tree", "256 once, found 256", |a| {
+            a.light_tree = Some(environment((1..=256).collect()))
+        }),
+        ("light_tree", "area above 0", |a| {
+            on_wall(a, |area, _, _| *area = 0.0)
+        }),
+        ("light_tree", "normals, one per light", |a| {
+            on_wall(a, |_, _, normals| normals.truncate(255))
+        }),
+        ("light_tree", "finite positions", |a| {
+            on_wall(a, |_, positions, _| positions[9][2] = f32::NAN)
+        }),
+        ("light_tree", "unit normals", |a| {
+            on_wall(a, |_, _, normals| normals[255] = [1.0; 3])
+        }),
+        ("cuts", "a light tree", |a| a.light_tree = None),
+        ("cuts", "sigma above 0", |a| cuts(a).sigma = 0.0),
+        ("cuts", "unit above 0", |a| cuts(a).unit = f32::INFINITY),
+        ("cuts", "at least one site", |a| cuts(a).row_offsets = vec![0]),
+        ("cuts", "leaves that can start at leaf 1", |a| {
+            cuts(a).heights[2] = 1
+        }),
+        ("cuts", "leaves in all", |a| cuts(a).heights[0] = 7),
+        ("cuts", "a value of 0 to", |a| cuts(a).values[3] = -0.1),
+        ("cuts", "one per vertex", |a| cuts(a).sites = CutSites::Vertices),
     ];
     for (section, expected, apply) in breaks {
         let mut asset = small_asset();

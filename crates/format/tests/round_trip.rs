@@ -19,6 +19,8 @@ fn expected(asset: &Asset) -> Asset {
     let matrices = asset.bounce.iter_mut().map(|bounce| &mut bounce.matrix);
     let matrices = matrices.chain(asset.solution.iter_mut().flat_map(|s| &mut s.channels));
     matrices.for_each(|matrix| *matrix = quantised_weights(matrix));
+    asset.light_tree = asset.light_tree.as_ref().map(quantised_light_tree);
+    asset.cuts = asset.cuts.as_ref().map(quantised_cuts);
     asset
 }
 
@@ -66,7 +68,12 @@ fn the_first_version_is_still_read() {
     );
     assert_eq!(
         read_asset(VERSION_1, &Limits::default()).unwrap(),
-        round_trip(&small_asset())
+        round_trip(&Asset {
+            // The first files had none.
+            light_tree: None,
+            cuts: None,
+            ..small_asset()
+        })
     );
 }
 
@@ -96,11 +103,11 @@ fn a_summary_names_sections_and_adds_up_to_the_file() {
     let bytes = write_asset(&small_asset()).unwrap();
     let summary = summarise(&bytes).unwrap();
     let names: Vec<_> = summary.sections.iter().map(|s| s.name.as_str()).collect();
-    let all = "provenance geometry materials textures stage points links_transfer links_bounce links_solution estimates senders";
+    let all = "provenance geometry materials textures stage points links_transfer links_bounce links_solution estimates senders light_tree cuts";
     assert_eq!(names.join(" "), all);
     let stored: u64 = summary.sections.iter().map(|s| s.stored_bytes).sum();
     // Header of 56 bytes, table entries of 48.
-    assert_eq!(56 + stored + 48 * 11, bytes.len() as u64);
+    assert_eq!(56 + stored + 48 * 13, bytes.len() as u64);
     assert_eq!(summary.provenance, small_asset().provenance);
 }
 
@@ -202,7 +209,179 @@ fn points(count: usize) -> Level {
     }
 }
 
+fn asset_of_cuts(lights: LightSamples, cuts: Cuts) -> Asset {
+    Asset {
+        points: vec![points(cuts.row_offsets.len() - 1)],
+        light_tree: Some(LightTree { lights }),
+        cuts: Some(cuts),
+        ..Asset::default()
+    }
+}
+
+#[test]
+fn cuts_stand_at_vertices_of_every_instance() {
+    // Two instances of four vertices: eight sites.
+    let mut asset = small_asset();
+    asset.geometry.instances.push(asset.geometry.instances[0]);
+    let cuts = Cuts {
+        sites: CutSites::Vertices,
+        sigma: 1.0,
+        unit: 0.01,
+        row_offsets: vec![0; 9],
+        ..Cuts::default()
+    };
+    asset.cuts = Some(cuts.clone());
+    let error = write_asset(&asset).unwrap_err().to_string();
+    assert!(
+        error.contains("nodes of 256 leaves in all at the site"),
+        "{error}"
+    );
+    asset.cuts = Some(Cuts {
+        row_offsets: (0..=8).collect(),
+        heights: vec![8; 8],
+        values: (0..8).map(|i| i as f32 * 0.3).collect(),
+        ..cuts
+    });
+    assert_eq!(round_trip(&asset).cuts, asset.cuts.as_ref().map(quantised_cuts));
+}
+
+#[test]
+fn values_that_no_code_holds_are_refused() {
+    let cuts = |value: f32, sigma: f32| Cuts {
+        sigma,
+        unit: 1.0,
+        row_offsets: vec![0, 1],
+        heights: vec![8],
+        values: vec![value],
+        ..Cuts::default()
+    };
+    let write = |value, sigma| write_asset(&asset_of_cuts(common::directions(), cuts(value, sigma)));
+    // 16 steps per unit at height 8 and σ = 2; 2¹⁶ for the smallest σ.
+    for (most, sigma) in [(524_287.94, 2.0), (127.999, f32::MIN_POSITIVE)] {
+        write(most, sigma).unwrap();
+        let error = write(most * 1.01, sigma).unwrap_err().to_string();
+        assert!(error.contains("a value of 0 to"), "{error}");
+    }
+    for value in [f32::NAN, f32::INFINITY, -1.0] {
+        assert!(write(value, 2.0).is_err());
+    }
+}
+
+#[test]
+fn cuts_take_memory_that_is_counted() {
+    // A hundred sites that see every light alone: 25,600 elements of 5 bytes in memory.
+    let cuts = Cuts {
+        sigma: 2.0,
+        unit: 1.0,
+        row_offsets: (0..=100).map(|site| 256 * site).collect(),
+        heights: vec![0; 25_600],
+        values: vec![1.0; 25_600],
+        ..Cuts::default()
+    };
+    let bytes = write_asset(&asset_of_cuts(common::directions(), cuts)).unwrap();
+    assert!(bytes.len() < 3000);
+    let read = |total_bytes: u64| {
+        let limits = Limits {
+            total_bytes,
+            ..Limits::default()
+        };
+        read_asset(&bytes, &limits)
+    };
+    // Beside them stand the raw bytes of the section, offsets, and less than 8,000 bytes of tree, points and provenance.
+    let arrays = 5 * 25_600 + 4 * 101 + 25_620;
+    let error = read(arrays).unwrap_err();
+    assert!(matches!(error, FormatError::LimitExceeded(_)), "{error}");
+    assert!(error.to_string().contains("cuts"), "{error}");
+    assert!(read(arrays + 8000).is_ok());
+}
+
+/// Rows of any cuts over 256 lights: at each leaf the node that fits, lowered by a digit, with a value.
+fn any_cuts() -> impl Strategy<Value = Cuts> {
+    let row = prop::collection::vec((0u8..5, 0.0f32..3.0), 256);
+    (prop::collection::vec(row, 1..8), -3.0f32..3.0, any::<bool>()).prop_map(|(rows, log_sigma, seen)| {
+        let mut cuts = Cuts {
+            sigma: log_sigma.exp(),
+            unit: 1.0,
+            row_offsets: vec![0],
+            ..Cuts::default()
+        };
+        for row in rows {
+            let mut start = 0u32;
+            let mut choices = row.iter();
+            while start < 256 {
+                let &(less, value) = choices.next().unwrap();
+                let height = start.trailing_zeros().min(8).saturating_sub(u32::from(less));
+                cuts.heights.push(height as u8);
+                // Visibility is mostly 0 or 1.
+                cuts.values.push(if seen {
+                    (value - 1.0).clamp(0.0, 1.0)
+                } else {
+                    value
+                });
+                start += 1 << height;
+            }
+            cuts.row_offsets.push(cuts.heights.len() as u32);
+        }
+        cuts
+    })
+}
+
 proptest! {
+    #[test]
+    fn cuts_survive_within_half_a_step(cuts in any_cuts()) {
+        let asset = asset_of_cuts(common::directions(), cuts.clone());
+        let read = round_trip(&asset);
+        let stored = read.cuts.as_ref().unwrap();
+        prop_assert_eq!(stored, &quantised_cuts(&cuts));
+        prop_assert_eq!(&quantised_cuts(stored), stored);
+        prop_assert_eq!(write_asset(&read).unwrap(), write_asset(&asset).unwrap());
+        for i in 0..cuts.heights.len() {
+            let steps = (2.0 * f64::from(1u32 << cuts.heights[i]).sqrt() / f64::from(cuts.sigma)).ceil().max(1.0);
+            let error = (f64::from(cuts.values[i]) - f64::from(stored.values[i])).abs();
+            // Half a step, and the rounding of values below 4 to f32.
+            prop_assert!(error <= 0.5 / steps + 2.4e-7);
+            prop_assert!(error == 0.0 || ![0.0, 1.0].contains(&cuts.values[i]));
+        }
+    }
+
+    #[test]
+    fn surface_lights_survive_within_their_bounds(
+        unit in prop::collection::vec((prop::array::uniform3(-1.0f32..1.0), -1.0f32..1.0, 0.0f32..6.3), 256),
+        log_area in -20.0f32..3.0, scale in -20i32..20,
+    ) {
+        let scale = 2f32.powi(scale);
+        let area = log_area.exp() * scale * scale;
+        let positions: Vec<_> = unit.iter().map(|(p, ..)| p.map(|c| c * scale)).collect();
+        let normals: Vec<_> = unit.iter().map(|&(_, z, phi)| {
+            let s = (1.0 - z * z).sqrt();
+            [s * phi.cos(), z, s * phi.sin()]
+        }).collect();
+        let tree = LightTree { lights: LightSamples::Surface { area, positions: positions.clone(), normals: normals.clone() } };
+        let asset = Asset { light_tree: Some(tree.clone()), ..Asset::default() };
+        let read = round_trip(&asset);
+        prop_assert_eq!(read.light_tree.as_ref(), Some(&quantised_light_tree(&tree)));
+        prop_assert_eq!(write_asset(&read).unwrap(), write_asset(&asset).unwrap());
+        let Some(LightTree { lights: LightSamples::Surface { positions: p, normals: n, .. } }) = read.light_tree else {
+            panic!("other lights");
+        };
+        let distance = |a: [f32; 3], b: [f32; 3]| {
+            (0..3).map(|i| (f64::from(a[i]) - f64::from(b[i])).powi(2)).sum::<f64>().sqrt()
+        };
+        for i in 0..256 {
+            prop_assert!(distance(positions[i], p[i]) <= f64::from(area).sqrt() / 256.0);
+            prop_assert!(distance(normals[i], n[i]) <= 1.1e-3);
+        }
+    }
+
+    #[test]
+    fn the_order_of_directions_is_exact(order in Just((0..1024u32).collect::<Vec<_>>()).prop_shuffle()) {
+        let asset = Asset {
+            light_tree: Some(LightTree { lights: LightSamples::Environment { order } }),
+            ..Asset::default()
+        };
+        prop_assert_eq!(round_trip(&asset), asset);
+    }
+
     #[test]
     fn links_survive_quantised((row_offsets, columns) in sparse_rows(300), seed in any::<u32>()) {
         let rows = row_offsets.len() as u32 - 1;

@@ -123,6 +123,7 @@ impl Editor {
             scene,
             transfer,
             points,
+            ..
         } = player;
         if let Some(transfer) = transfer {
             let mut albedo = std::mem::take(&mut transfer.albedo);

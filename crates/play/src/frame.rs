@@ -4,13 +4,16 @@
 //! vector irradiance, dotted with the shading normal, times the surface's total hemispherical reflectance
 //! over π. A glossy surface so reflects the right amount of indirect light, spread like a matt one.
 
+use crate::cuts::VisibilityCuts;
+use crate::cuts::illumination::Illumination;
+use crate::cuts::shade::{ShadeStats, irradiance_at_sites, shade};
 use crate::lighting;
 use crate::reconstruct;
 use crate::shot::Shot;
 use crate::transfer::{Transfer, TransferStats};
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_scene::light_set::LightSet;
+use relight_scene::light_set::{DistantLight, LightSet};
 use relight_scene::rays::Ray;
 use relight_scene::surface::{SurfaceHit, Surfaces};
 use relight_scene::traced::TracedScene;
@@ -27,6 +30,18 @@ pub struct Player {
     pub transfer: Option<Transfer>,
     /// Where each finest point lies on the scene's surfaces.
     pub points: Vec<Option<SurfaceHit>>,
+    /// Visibility cuts; `None` for an asset baked without.
+    pub cuts: Option<VisibilityCuts>,
+}
+
+/// The lights of a frame as visibility cuts take them.
+pub struct Distant<'a> {
+    /// What has shadow rays of its own.
+    pub near: LightSet<'a>,
+    /// Per light the part that comes from even directions.
+    pub lights: Vec<Option<DistantLight>>,
+    /// Most nodes of the illumination cut.
+    pub most: usize,
 }
 
 /// How a frame is lit.
@@ -41,6 +56,8 @@ pub struct LightingSettings {
     pub seed: u64,
     /// Keep each light's share apart.
     pub per_light: bool,
+    /// Make indirect light by transfer.
+    pub indirect: bool,
 }
 
 /// Milliseconds that a frame's stages took.
@@ -58,6 +75,10 @@ pub struct FrameTimes {
     pub direct_pixels: f64,
     /// Indirect light at the pixels.
     pub reconstruct: f64,
+    /// Choosing the illumination cut.
+    pub illumination_cut: f64,
+    /// Light of even directions at the pixels.
+    pub shade: f64,
 }
 
 /// Radiance per fragment of a shot.
@@ -73,12 +94,14 @@ pub struct Lit {
     pub lights: Vec<(String, Vec<Vec3>)>,
     /// How the last transfer went.
     pub transfer: Option<TransferStats>,
+    /// Nodes of the last illumination cut, and how shading with it went.
+    pub cuts: Option<(usize, ShadeStats)>,
 }
 
 impl Player {
     /// Puts the finest points back on the scene's surfaces: the file stores them to a fraction of their
     /// distance, shadow rays need them exact.
-    pub fn new(scene: TracedScene, transfer: Option<Transfer>) -> Player {
+    pub fn new(scene: TracedScene, transfer: Option<Transfer>, cuts: Option<VisibilityCuts>) -> Player {
         let points = transfer
             .as_ref()
             .map_or_else(Vec::new, |t| snapped(&scene, &t.finest));
@@ -86,11 +109,18 @@ impl Player {
             scene,
             transfer,
             points,
+            cuts,
         }
     }
 
-    /// Lights a shot.
-    pub fn light(&self, shot: &Shot, lights: &LightSet, settings: &LightingSettings) -> (Lit, FrameTimes) {
+    /// Lights a shot. `distant`: the same lights as visibility cuts take them; without it all have shadow rays.
+    pub fn light(
+        &self,
+        shot: &Shot,
+        lights: &LightSet,
+        distant: Option<&Distant>,
+        settings: &LightingSettings,
+    ) -> (Lit, FrameTimes) {
         let mut times = FrameTimes::default();
         let count = shot.len();
         let views: Vec<Vec3> = shot.directions.iter().map(|d| -*d).collect();
@@ -101,15 +131,17 @@ impl Player {
             ..Lit::default()
         };
         let emission = |light: Option<usize>| emission_at(&self.scene, shot, lights, light);
-        let mut direct_at_points = vec![Vec3::ZERO; self.points.len()];
+        let lit_points: &[Option<SurfaceHit>] = if settings.indirect { &self.points } else { &[] };
+        let mut direct_at_points = vec![Vec3::ZERO; lit_points.len()];
+        let shadowed = distant.map_or(lights, |d| &d.near);
         for light in 0..lights.len() {
             let start = Instant::now();
-            let mut irradiance = vec![Vec3::ZERO; self.points.len()];
+            let mut irradiance = vec![Vec3::ZERO; lit_points.len()];
             lighting::irradiance_at(
                 &self.scene,
-                lights,
+                shadowed,
                 light,
-                &self.points,
+                lit_points,
                 settings.point_samples,
                 settings.seed,
                 &mut irradiance,
@@ -119,7 +151,7 @@ impl Player {
             let mut reflected = vec![Vec3::ZERO; count];
             lighting::reflected_at(
                 &self.scene,
-                lights,
+                shadowed,
                 light,
                 &shot.hits,
                 &shot.points,
@@ -129,8 +161,16 @@ impl Player {
                 &mut reflected,
             );
             times.direct_pixels += milliseconds(start);
-            add(&mut direct_at_points, &irradiance);
+            if settings.per_light {
+                if let Some((most, own)) = distant.and_then(|d| Some((d.most, d.lights[light].as_ref()?))) {
+                    let even = self.of_distant(shot, &views, &[own], most, settings, &mut times);
+                    add(&mut reflected, &even.radiance);
+                    add(&mut irradiance, &even.irradiance);
+                    lit.cuts = even.stats;
+                }
+            }
             add(&mut lit.direct, &reflected);
+            add(&mut direct_at_points, &irradiance);
             if settings.per_light {
                 let mut own = emission(Some(light));
                 add(&mut own, &reflected);
@@ -138,9 +178,53 @@ impl Player {
                 lit.lights.push((lights.name(light).to_owned(), own));
             }
         }
+        if let (Some(distant), false) = (distant, settings.per_light) {
+            let all: Vec<&DistantLight> = distant.lights.iter().flatten().collect();
+            let even = self.of_distant(shot, &views, &all, distant.most, settings, &mut times);
+            add(&mut lit.direct, &even.radiance);
+            add(&mut direct_at_points, &even.irradiance);
+            lit.cuts = even.stats;
+        }
         lit.emission = emission(None);
         (lit.indirect, lit.transfer) = self.indirect(shot, &direct_at_points, &mut times);
         (lit, times)
+    }
+
+    /// Light of even directions at fragments and points.
+    fn of_distant(
+        &self,
+        shot: &Shot,
+        views: &[Vec3],
+        lights: &[&DistantLight],
+        most: usize,
+        settings: &LightingSettings,
+        times: &mut FrameTimes,
+    ) -> EvenLight {
+        let Some(cuts) = self.cuts.as_ref().filter(|_| !lights.is_empty()) else {
+            return EvenLight::default();
+        };
+        let start = Instant::now();
+        let flux = cuts.cells.flux(cuts.tree.leaves(), |direction| {
+            lights.iter().map(|light| light.radiance(direction)).sum()
+        });
+        let light = Illumination::new(&flux, &cuts.tree, most);
+        times.illumination_cut += milliseconds(start);
+        let start = Instant::now();
+        let (radiance, stats) = shade(cuts, &light, &shot.sites, &shot.points, views);
+        times.shade += milliseconds(start);
+        let start = Instant::now();
+        let irradiance = match &self.transfer {
+            Some(transfer) if settings.indirect => {
+                irradiance_at_sites(cuts, &light, &transfer.finest.normals)
+            }
+            _ => Vec::new(),
+        };
+        times.direct_points += milliseconds(start);
+        EvenLight {
+            radiance,
+            irradiance,
+            stats: Some((light.heights.len(), stats)),
+        }
     }
 
     fn indirect(
@@ -149,7 +233,7 @@ impl Player {
         direct: &[Vec3],
         times: &mut FrameTimes,
     ) -> (Vec<Vec3>, Option<TransferStats>) {
-        let Some(transfer) = &self.transfer else {
+        let Some(transfer) = self.transfer.as_ref().filter(|_| !direct.is_empty()) else {
             return (vec![Vec3::ZERO; shot.len()], None);
         };
         let (values, stats) = transfer.indirect_from_direct(direct);
@@ -161,6 +245,16 @@ impl Player {
         times.reconstruct += milliseconds(start);
         (radiance, Some(stats))
     }
+}
+
+/// Light of even directions; empty where there is none.
+#[derive(Default)]
+struct EvenLight {
+    /// Reflected by each fragment.
+    radiance: Vec<Vec3>,
+    /// At each finest point, for transfer.
+    irradiance: Vec<Vec3>,
+    stats: Option<(usize, ShadeStats)>,
 }
 
 fn milliseconds(start: Instant) -> f64 {

@@ -7,6 +7,7 @@
 
 pub mod brute;
 pub mod convert;
+pub mod cuts;
 mod direct;
 pub mod edited;
 pub mod frame;

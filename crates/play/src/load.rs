@@ -1,6 +1,7 @@
 //! An asset, ready to be lit.
 
 use crate::convert;
+use crate::cuts::VisibilityCuts;
 use crate::frame::Player;
 use crate::transfer::Transfer;
 use glam::Vec3;
@@ -10,6 +11,8 @@ use relight_scene::scene::Scene;
 use relight_scene::sequence::{Sequence, SequenceError, stage_from_json};
 use relight_scene::traced::{Shading, TracedScene, TracedSceneError};
 use relight_transport::basis::Level;
+use relight_transport::cuts::SiteCuts;
+use relight_transport::light_tree::sphere_direction;
 use relight_transport::links::Links;
 use relight_transport::senders::SenderTree;
 use relight_transport::sparse::Rows;
@@ -87,12 +90,12 @@ pub struct Loaded {
     pub hash: u64,
 }
 
-/// Reads an asset and prepares it. With `with_transfer` false the operators are left alone, as the reference
+/// Reads an asset and prepares it. With `with_operators` false the operators are left alone, as the reference
 /// integrators need none.
 ///
 /// # Errors
 /// [`LoadError`].
-pub fn load(path: &Path, with_transfer: bool) -> Result<Loaded, LoadError> {
+pub fn load(path: &Path, with_operators: bool) -> Result<Loaded, LoadError> {
     let file = || path.to_path_buf();
     let in_format = |source| LoadError::Format { file: file(), source };
     let asset = format::read_file(path, &Limits::default()).map_err(in_format)?;
@@ -108,6 +111,8 @@ pub fn load(path: &Path, with_transfer: bool) -> Result<Loaded, LoadError> {
         transfer,
         bounce,
         solution,
+        light_tree,
+        cuts,
         ..
     } = asset;
     let (cameras, sequence) = match stage.json.as_str() {
@@ -139,7 +144,7 @@ pub fn load(path: &Path, with_transfer: bool) -> Result<Loaded, LoadError> {
     };
     let traced = TracedScene::new(scene.clone(), shading)
         .map_err(|source| LoadError::Scene { file: file(), source })?;
-    let transfer = if with_transfer && !points.is_empty() {
+    let transfer = if with_operators && !points.is_empty() {
         let mismatch = |message| LoadError::Mismatch {
             file: file(),
             message,
@@ -155,8 +160,15 @@ pub fn load(path: &Path, with_transfer: bool) -> Result<Loaded, LoadError> {
     } else {
         None
     };
+    let cuts = if with_operators {
+        light_tree
+            .zip(cuts)
+            .and_then(|(tree, cuts)| visibility(tree, cuts))
+    } else {
+        None
+    };
     Ok(Loaded {
-        player: Player::new(traced, transfer),
+        player: Player::new(traced, transfer, cuts),
         scene,
         provenance,
         hash,
@@ -276,6 +288,21 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
         transfer.use_solution(solution.level as usize, channels);
     }
     Ok(transfer)
+}
+
+/// Cuts of finest points through the tree of an environment.
+fn visibility(tree: format::LightTree, cuts: format::Cuts) -> Option<VisibilityCuts> {
+    let format::LightSamples::Environment { order } = tree.lights else {
+        return None;
+    };
+    let count = order.len() as u32;
+    let directions = order.iter().map(|&i| sphere_direction(i, count)).collect();
+    let cuts = SiteCuts {
+        offsets: cuts.row_offsets,
+        heights: cuts.heights,
+        values: cuts.values,
+    };
+    Some(VisibilityCuts::new(cuts, directions))
 }
 
 fn matrix(stored: format::WeightRows) -> Rows {

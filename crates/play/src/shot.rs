@@ -5,6 +5,7 @@
 //! its rays' reflectances. Nearly all pixels have one fragment, so that antialiased silhouettes and filtered
 //! textures cost a frame little more than one sample per pixel.
 
+use crate::cuts::sites::FragmentSites;
 use crate::reconstruct;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -39,6 +40,8 @@ pub struct Shot {
     pub weights: Rows,
     /// Those functions' weights on the components of vector irradiance, one per entry of `weights`.
     pub components: Vec<Vec3>,
+    /// Sites between which each fragment interpolates visibility; empty if no cuts are used.
+    pub sites: FragmentSites,
     /// Total hemispherical reflectance of each fragment.
     pub albedo: Vec<Vec3>,
     /// Camera position.
@@ -215,6 +218,11 @@ impl Shot {
             })
             .collect();
         self.components = reconstruct::components(&self.weights, finest, &normals);
+    }
+
+    /// Chooses the sites of every fragment; after [`Shot::weigh`].
+    pub fn choose_sites(&mut self) {
+        self.sites = FragmentSites::new(&self.weights);
     }
 
     /// Number of fragments.

@@ -10,6 +10,7 @@
 //! Geometry is evaluated in f64; no threshold is absolute, so lights of 1e-20 to 1e20 work at any scene scale.
 
 mod alias;
+mod distant;
 mod emissive;
 mod rect;
 mod scene_emitters;
@@ -17,6 +18,7 @@ mod sphere;
 #[cfg(test)]
 mod tests;
 
+pub use distant::{DistantLight, Split};
 pub use emissive::{EmissiveTriangle, Emitters, NoEmitters};
 pub use scene_emitters::SceneEmitters;
 
@@ -155,6 +157,15 @@ impl<'a> LightRig<'a> {
             samplers,
             tables,
         })
+    }
+
+    /// The two parts of an environment's map for `directions` even directions (see [`Split`]); `None` for other lights
+    /// and black maps. Costs a pass over the map: keep it.
+    pub fn split(&self, light: usize, directions: u32) -> Option<Split> {
+        match (&self.tracks[light].kind, &self.samplers[light]) {
+            (LightKind::Environment { map, .. }, Some(sampler)) => Some(Split::new(map, sampler, directions)),
+            _ => None,
+        }
     }
 
     /// The lights at `frame`. Values that interpolation carries out of their range (a negative intensity
@@ -373,6 +384,7 @@ impl Cone {
     }
 }
 
+#[derive(Clone)]
 struct Environment {
     map: Arc<EnvironmentMap>,
     sampler: Arc<EnvironmentSampler>,

@@ -7,8 +7,10 @@
 
 pub mod basis;
 pub mod bounce;
+pub mod cuts;
 pub mod grid;
 pub mod kernel;
+pub mod light_tree;
 pub mod links;
 pub mod poisson;
 pub mod pyramid;

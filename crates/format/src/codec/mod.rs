@@ -11,9 +11,12 @@
 //! | link vectors | [`vector`] | relative ≤ 2⁻⁹ |
 //! | bounce weights, 16 bits | [`fraction`] | ≤ 1.6e-5 of the row's largest, times 1 + that of the rescaling |
 //! | clusters of points | [`recency`] | exact |
+//! | surface lights | [`grid`], [`octahedral`] | distance ≤ √area/256, angle ≤ 1.1e-3 rad |
+//! | means over the nodes of cuts | [`cut`] | ≤ 1/(2·steps), about σ/(4·√leaves), and f32 rounding; 0 and 1 exact |
 
 pub mod albedo;
 pub mod bytes;
+pub mod cut;
 pub mod fraction;
 pub mod grid;
 pub mod octahedral;

@@ -1,7 +1,9 @@
 //! Sections: how each part of an asset becomes raw bytes and back (SPEC 6). Every module has a pair `encode` and
 //! `decode`; decoding checks what memory safety and allocation need, `validate` the rest.
 
+pub mod cuts;
 pub mod geometry;
+pub mod light_tree;
 pub mod links;
 pub mod points;
 pub mod records;
@@ -74,6 +76,16 @@ pub fn encode(kind: Kind, asset: &Asset) -> Result<Option<Vec<u8>>> {
             .as_ref()
             .map(|senders| senders::encode(senders, &mut out))
             .is_some(),
+        Kind::LightTree => asset
+            .light_tree
+            .as_ref()
+            .map(|tree| light_tree::encode(tree, &mut out))
+            .is_some(),
+        Kind::Cuts => asset
+            .cuts
+            .as_ref()
+            .map(|cuts| cuts::encode(cuts, &mut out))
+            .is_some(),
     };
     Ok(needed.then_some(out))
 }
@@ -96,6 +108,8 @@ pub fn decode(kind: Kind, raw: &[u8], memory: &mut u64, asset: &mut Asset) -> Re
         Kind::LinksSolution => asset.solution = Some(weights::decode_solution(&mut cursor)?),
         Kind::Estimates => asset.estimates = Some(records::decode(&mut cursor)?),
         Kind::Senders => asset.senders = Some(senders::decode(&mut cursor)?),
+        Kind::LightTree => asset.light_tree = Some(light_tree::decode(&mut cursor)?),
+        Kind::Cuts => asset.cuts = Some(cuts::decode(&mut cursor)?),
     }
     cursor.finish()
 }

@@ -16,8 +16,8 @@ const MODE_GRID_DELTA: u8 = 2;
 
 /// Fewest raw bytes of a level: radii, number of points, mode of positions.
 const MIN_LEVEL_BYTES: usize = 13;
-/// Fewest raw bytes of a point: 3 of position, 3 of normal, 4 of albedo.
-const MIN_POINT_BYTES: usize = 10;
+/// Fewest raw bytes of a position and a normal: 3 each.
+const MIN_PLACE_BYTES: usize = 6;
 
 pub fn encode(levels: &[Level], out: &mut Vec<u8>) {
     out.extend_from_slice(&(levels.len() as u32).to_le_bytes());
@@ -25,7 +25,7 @@ pub fn encode(levels: &[Level], out: &mut Vec<u8>) {
         out.extend_from_slice(&level.disk_radius.to_le_bytes());
         out.extend_from_slice(&level.support_radius.to_le_bytes());
         out.extend_from_slice(&(level.positions.len() as u32).to_le_bytes());
-        encode_positions(level, out);
+        encode_positions(level.disk_radius, &level.positions, out);
         encode_normals(&level.normals, out);
         encode_albedo(&level.albedo, out);
     }
@@ -67,17 +67,18 @@ fn cost(codes: &[u32]) -> u64 {
         .sum()
 }
 
-fn encode_positions(level: &Level, out: &mut Vec<u8>) {
-    let Some(grid) = Grid::of(level.disk_radius, &level.positions) else {
+/// Positions to a 256th of `radius` (SPEC 6.6.1).
+pub(super) fn encode_positions(radius: f32, positions: &[[f32; 3]], out: &mut Vec<u8>) {
+    let Some(grid) = Grid::of(radius, positions) else {
         out.push(MODE_EXACT);
         for axis in 0..3 {
-            let bits: Vec<u32> = level.positions.iter().map(|p| p[axis].to_bits()).collect();
+            let bits: Vec<u32> = positions.iter().map(|p| p[axis].to_bits()).collect();
             put_planes(out, 4, &bits);
         }
         return;
     };
     let mut axes = [Vec::new(), Vec::new(), Vec::new()];
-    for &position in &level.positions {
+    for &position in positions {
         for (axis, code) in axes.iter_mut().zip(grid.encode(position)) {
             axis.push(code);
         }
@@ -101,9 +102,10 @@ fn encode_positions(level: &Level, out: &mut Vec<u8>) {
     }
 }
 
-fn decode_positions(cursor: &mut Cursor<'_>, points: usize) -> Result<Vec<[f32; 3]>> {
+/// Positions that normals follow.
+pub(super) fn decode_positions(cursor: &mut Cursor<'_>, points: usize) -> Result<Vec<[f32; 3]>> {
     let mode = cursor.u8()?;
-    let mut positions = cursor.vec(points, MIN_POINT_BYTES)?;
+    let mut positions = cursor.vec(points, MIN_PLACE_BYTES)?;
     positions.resize(points, [0.0; 3]);
     if mode == MODE_EXACT {
         for axis in 0..3 {
@@ -141,7 +143,8 @@ fn decode_positions(cursor: &mut Cursor<'_>, points: usize) -> Result<Vec<[f32; 
     Ok(positions)
 }
 
-fn encode_normals(normals: &[[f32; 3]], out: &mut Vec<u8>) {
+/// Octahedral normals of 2 × 12 bits (SPEC 6.6.2).
+pub(super) fn encode_normals(normals: &[[f32; 3]], out: &mut Vec<u8>) {
     // Codes are stored as u + M, 0 to 2M.
     let offset = octahedral::max_code(NORMAL_BITS);
     let codes: Vec<[u32; 2]> = normals
@@ -153,7 +156,8 @@ fn encode_normals(normals: &[[f32; 3]], out: &mut Vec<u8>) {
     out.extend(codes.iter().map(|[u, v]| (u & 15) as u8 | ((v & 15) << 4) as u8));
 }
 
-fn decode_normals(cursor: &mut Cursor<'_>, points: usize) -> Result<Vec<[f32; 3]>> {
+/// Inverse of [`encode_normals`].
+pub(super) fn decode_normals(cursor: &mut Cursor<'_>, points: usize) -> Result<Vec<[f32; 3]>> {
     let mut normals = cursor.vec(points, 3)?;
     let [high_u, high_v, low] = [cursor.take(points)?, cursor.take(points)?, cursor.take(points)?];
     let offset = octahedral::max_code(NORMAL_BITS);
@@ -192,20 +196,25 @@ fn decode_albedo(cursor: &mut Cursor<'_>, points: usize) -> Result<Vec<[f32; 3]>
     Ok(albedos)
 }
 
+/// The positions that a reader will see.
+pub(super) fn quantised_positions(radius: f32, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    match Grid::of(radius, positions) {
+        Some(grid) => positions.iter().map(|&p| grid.decode(grid.encode(p))).collect(),
+        None => positions.to_vec(),
+    }
+}
+
+/// The normals that a reader will see.
+pub(super) fn quantised_normals(normals: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let normal = |&n: &[f32; 3]| octahedral::decode(octahedral::encode(n, NORMAL_BITS), NORMAL_BITS);
+    normals.iter().map(normal).collect()
+}
+
 /// The level that a reader of the file will see in place of `level`; bounds in [`codec`](crate::codec).
 pub fn quantised_level(level: &Level) -> Level {
-    let positions = match Grid::of(level.disk_radius, &level.positions) {
-        Some(grid) => level
-            .positions
-            .iter()
-            .map(|&p| grid.decode(grid.encode(p)))
-            .collect(),
-        None => level.positions.clone(),
-    };
-    let normal = |&n: &[f32; 3]| octahedral::decode(octahedral::encode(n, NORMAL_BITS), NORMAL_BITS);
     Level {
-        positions,
-        normals: level.normals.iter().map(normal).collect(),
+        positions: quantised_positions(level.disk_radius, &level.positions),
+        normals: quantised_normals(&level.normals),
         albedo: level
             .albedo
             .iter()

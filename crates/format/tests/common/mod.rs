@@ -125,7 +125,58 @@ pub fn small_asset() -> Asset {
         estimates: Some(Estimates {
             values: vec![("relmse_indirect".into(), 0.0123)],
         }),
+        light_tree: Some(LightTree { lights: directions() }),
+        cuts: Some(completed(Cuts {
+            sites: CutSites::Points,
+            sigma: 2.0,
+            unit: 1.0,
+            row_offsets: vec![0, 1, 5, 9],
+            heights: vec![8, 0, 0, 1, 2, 4, 4, 5, 6],
+            values: vec![0.0, 1.0, 0.0, 0.5, 0.25, 0.9, 0.1, 0.7, 1.0],
+        })),
     }
+}
+
+/// The smallest environment: 256 directions in the bit-reversed order of the lattice.
+pub fn directions() -> LightSamples {
+    LightSamples::Environment {
+        order: (0..256u32).map(|i| u32::from((i as u8).reverse_bits())).collect(),
+    }
+}
+
+/// 256 surface lights on a wall, in rows.
+pub fn wall() -> LightSamples {
+    LightSamples::Surface {
+        area: 0.0625,
+        positions: (0..256)
+            .map(|i| [(i % 16) as f32 * 0.25, (i / 16) as f32 * 0.25, -1.0])
+            .collect(),
+        normals: vec![[0.0, 0.6, 0.8]; 256],
+    }
+}
+
+/// Each row with the nodes that it lacks to tile 256 leaves, of value 0.3.
+pub fn completed(cuts: Cuts) -> Cuts {
+    let mut whole = Cuts {
+        row_offsets: vec![0],
+        heights: vec![],
+        values: vec![],
+        ..cuts
+    };
+    for row in cuts.row_offsets.windows(2) {
+        let row = row[0] as usize..row[1] as usize;
+        let mut start: u32 = cuts.heights[row.clone()].iter().map(|h| 1 << h).sum();
+        whole.heights.extend(&cuts.heights[row.clone()]);
+        whole.values.extend(&cuts.values[row]);
+        while start < 256 {
+            let height = start.trailing_zeros().min(8);
+            whole.heights.push(height as u8);
+            whole.values.push(0.3);
+            start += 1 << height;
+        }
+        whole.row_offsets.push(whole.heights.len() as u32);
+    }
+    whole
 }
 
 /// One section to forge, with every field of its table entry but those that follow from the bytes.

@@ -1,6 +1,8 @@
 //! The rules that an asset keeps, checked before it is written and after it is read, so that whoever gets one
 //! need not check again: arrays of equal length, indices in range, sorted rows, finite values, unit normals.
 
+mod cuts;
+
 use crate::asset::{
     AlphaMode, Asset, Estimates, Geometry, Level, Links, Material, Mesh, Senders, Texture, TextureRef,
     WeightRows,
@@ -144,7 +146,8 @@ impl Asset {
                 validate_on_level(kind, solution.level, matrix, counts, f32::MAX)?;
             }
         }
-        self.estimates.as_ref().map_or(Ok(()), Estimates::validate)
+        self.estimates.as_ref().map_or(Ok(()), Estimates::validate)?;
+        cuts::validate(self)
     }
 }
 

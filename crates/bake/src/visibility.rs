@@ -1,0 +1,228 @@
+//! Visibility cuts: which of many lights each site sees.
+//!
+//! Source: Cheslack-Postava et al. 2008, sections 3.2 (selection) and 4.1.
+//!
+//! Deviations. What lies below a site's own horizon counts for nothing: its BRDF is zero there, and a cut that had
+//! zeros there would darken the neighbours that a pixel interpolates with and follow the horizon with small nodes.
+//! And not every light gets a ray: see [`Sampler`].
+
+use crate::candidates::Candidate;
+use crate::error::BakeError;
+use crate::light_samples::ray;
+use crate::params::CutParams;
+use glam::Vec3;
+use rayon::prelude::*;
+use relight_scene::rays::Ray;
+use relight_scene::surface::Surfaces;
+use relight_transport::cuts::{Selector, SiteCuts};
+
+/// Cuts of all sites and what making them took.
+#[derive(Debug, Default)]
+pub struct Cuts {
+    /// The cuts.
+    pub cuts: SiteCuts,
+    /// Rays cast.
+    pub rays: u64,
+    /// Root of the mean squared difference between the visibility that was found and the cuts, over all lights above
+    /// the sites' horizons.
+    pub rms_error: f64,
+}
+
+/// Sites per parallel task.
+const TASK: usize = 64;
+
+/// Selects the cut of every site through the tree whose leaves look into `directions`.
+///
+/// # Errors
+/// What `step`, called with each number of sites done, returns.
+pub fn environment_cuts(
+    surfaces: &dyn Surfaces,
+    sites: &[Candidate],
+    directions: &[Vec3],
+    params: &CutParams,
+    step: impl Fn(usize) -> Result<(), BakeError> + Sync,
+) -> Result<Cuts, BakeError> {
+    let parts: Vec<Part> = sites
+        .par_chunks(TASK)
+        .map_init(
+            || (Sampler::new(directions, params.every_light), Selector::default()),
+            |(sampler, selector), sites| {
+                let mut part = Part::default();
+                for site in sites {
+                    part.rays += sampler.sample(surfaces, site);
+                    let (count, squares) = selector.select(
+                        &sampler.seen,
+                        params.sigma(),
+                        params.most,
+                        &mut part.heights,
+                        &mut part.values,
+                    );
+                    part.count += count;
+                    part.squares += squares;
+                    part.ends.push(part.heights.len());
+                }
+                step(sites.len())?;
+                Ok(part)
+            },
+        )
+        .collect::<Result<_, BakeError>>()?;
+    joined(parts)
+}
+
+#[derive(Default)]
+struct Part {
+    ends: Vec<usize>,
+    heights: Vec<u8>,
+    values: Vec<f32>,
+    rays: u64,
+    count: f64,
+    squares: f64,
+}
+
+fn joined(parts: Vec<Part>) -> Result<Cuts, BakeError> {
+    let elements: usize = parts.iter().map(|p| p.heights.len()).sum();
+    if elements > u32::MAX as usize {
+        return Err(BakeError::TooManyCutElements { elements });
+    }
+    let mut all = Cuts::default();
+    all.cuts.offsets.push(0);
+    let (mut count, mut squares) = (0.0, 0.0);
+    for part in parts {
+        let start = all.cuts.heights.len();
+        all.cuts
+            .offsets
+            .extend(part.ends.iter().map(|&end| (start + end) as u32));
+        all.cuts.heights.extend(part.heights);
+        all.cuts.values.extend(part.values);
+        all.rays += part.rays;
+        count += part.count;
+        squares += part.squares;
+    }
+    if count > 0.0 {
+        all.rms_error = (squares / count).sqrt();
+    }
+    Ok(all)
+}
+
+/// Height of the nodes that are looked at first: 64 neighbouring lights.
+const FIRST_HEIGHT: u32 = 6;
+/// Lights that get a ray in every node that is looked at: one in each of its 8 parts.
+const RAYS_HEIGHT: u32 = 3;
+
+/// Finds which lights a site sees, casting rays at some of them: a node of 64 lights gets 8 rays, spread over its parts.
+/// If all end alike, so do those that were not cast; otherwise its halves get 8 rays each, those that were cast
+/// included, and so on down to single lights. Edges of shadows so are found ray by ray, and what lies in the middle of
+/// light or shadow costs an eighth. What is lost are occluders that fall between 8 rays (docs/cuts.md has the figures).
+struct Sampler<'a> {
+    directions: &'a [Vec3],
+    every_light: bool,
+    /// Per light 1 for visible, 0 for occluded, NaN for what lies below the horizon.
+    seen: Vec<f32>,
+    rays: Vec<Ray>,
+    targets: Vec<u32>,
+    occluded: Vec<bool>,
+    /// Nodes of the present height that are still open, and those of the next.
+    open: Vec<u32>,
+    next: Vec<u32>,
+}
+
+/// In `seen`: above the horizon, not known yet.
+const UNKNOWN: f32 = -1.0;
+
+impl<'a> Sampler<'a> {
+    fn new(directions: &'a [Vec3], every_light: bool) -> Sampler<'a> {
+        Sampler {
+            directions,
+            every_light,
+            seen: vec![0.0; directions.len()],
+            rays: Vec::new(),
+            targets: Vec::new(),
+            occluded: Vec::new(),
+            open: Vec::new(),
+            next: Vec::new(),
+        }
+    }
+
+    /// Fills `seen`; returns the number of rays cast.
+    fn sample(&mut self, surfaces: &dyn Surfaces, site: &Candidate) -> u64 {
+        for (seen, direction) in self.seen.iter_mut().zip(self.directions) {
+            *seen = if site.geometric_normal.dot(*direction) > 0.0 {
+                UNKNOWN
+            } else {
+                f32::NAN
+            };
+        }
+        let mut cast = 0;
+        let first = if self.every_light {
+            RAYS_HEIGHT
+        } else {
+            FIRST_HEIGHT
+        };
+        self.open.clear();
+        self.open.extend(0..(self.directions.len() >> first) as u32);
+        for height in (RAYS_HEIGHT..=first).rev() {
+            self.aim(site, height);
+            cast += self.cast(surfaces);
+            self.next.clear();
+            for i in 0..self.open.len() {
+                self.settle(self.open[i], height);
+            }
+            std::mem::swap(&mut self.open, &mut self.next);
+        }
+        cast
+    }
+
+    /// Chooses a light that gets a ray in each part of the open nodes that has none yet.
+    fn aim(&mut self, site: &Candidate, height: u32) {
+        let part = 1usize << (height - RAYS_HEIGHT);
+        for &node in &self.open {
+            let start = (node as usize) << height;
+            for first in (start..start + (1 << height)).step_by(part) {
+                let lights = &self.seen[first..first + part];
+                if lights.iter().any(|&s| s >= 0.0) {
+                    continue;
+                }
+                // The first above the horizon from some place within the part on, not the same in every part.
+                let turn = first.wrapping_mul(0x9e37_79b1) >> 7;
+                let above = (0..part)
+                    .map(|k| (turn + k) % part)
+                    .find(|&k| lights[k] == UNKNOWN);
+                if let Some(k) = above {
+                    self.targets.push((first + k) as u32);
+                    self.rays.push(ray(site.origin, self.directions[first + k]));
+                }
+            }
+        }
+    }
+
+    fn cast(&mut self, surfaces: &dyn Surfaces) -> u64 {
+        self.occluded.clear();
+        self.occluded.resize(self.rays.len(), false);
+        surfaces.occluded_packet(&self.rays, &mut self.occluded);
+        for (&light, &dark) in self.targets.iter().zip(&self.occluded) {
+            self.seen[light as usize] = if dark { 0.0 } else { 1.0 };
+        }
+        self.targets.clear();
+        let cast = self.rays.len() as u64;
+        self.rays.clear();
+        cast
+    }
+
+    /// Fills a node whose rays agree, or puts its halves on the list.
+    fn settle(&mut self, node: u32, height: u32) {
+        let start = (node as usize) << height;
+        let lights = &mut self.seen[start..start + (1 << height)];
+        let mut known = lights.iter().copied().filter(|&s| s >= 0.0);
+        let Some(first) = known.next() else {
+            return; // wholly below the horizon
+        };
+        if known.all(|s| s == first) {
+            lights
+                .iter_mut()
+                .filter(|s| **s == UNKNOWN)
+                .for_each(|s| *s = first);
+        } else if height > RAYS_HEIGHT {
+            self.next.extend([2 * node, 2 * node + 1]);
+        }
+    }
+}

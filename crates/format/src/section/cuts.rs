@@ -1,0 +1,67 @@
+//! Cuts of all sites: a byte per element, and codes that do not fit it (SPEC 6.13).
+
+use crate::asset::{CutSites, Cuts};
+use crate::codec::bytes::Cursor;
+use crate::codec::cut::{self, MAX_HEIGHT};
+use crate::error::Result;
+
+const SITES: [CutSites; 2] = [CutSites::Points, CutSites::Vertices];
+
+/// Height of the tree whose leaves the first site's nodes tile.
+fn tree_height(cuts: &Cuts) -> u8 {
+    let end = cuts.row_offsets.get(1).map_or(0, |&end| end as usize);
+    let leaves: u32 = cuts.heights[..end].iter().map(|&height| 1 << height).sum();
+    leaves.max(1).ilog2() as u8
+}
+
+pub fn encode(cuts: &Cuts, out: &mut Vec<u8>) {
+    let height = tree_height(cuts);
+    // Discriminants count from 0 in the order of SITES.
+    out.extend_from_slice(&[cuts.sites as u8, height, 0, 0]);
+    out.extend_from_slice(&cuts.sigma.to_le_bytes());
+    out.extend_from_slice(&cuts.unit.to_le_bytes());
+    out.extend_from_slice(&(cuts.row_offsets.len() as u32 - 1).to_le_bytes());
+    out.extend_from_slice(&(cuts.heights.len() as u32).to_le_bytes());
+    cut::put_elements(&cuts.heights, &cuts.values, height, cuts.sigma, out);
+}
+
+pub fn decode(cursor: &mut Cursor<'_>) -> Result<Cuts> {
+    let code = cursor.u8()?;
+    let Some(&sites) = SITES.get(usize::from(code)) else {
+        return Err(cursor.invalid("sites of kind 0 or 1", code));
+    };
+    let height = cursor.u8()?;
+    if height > MAX_HEIGHT {
+        return Err(cursor.invalid(format_args!("a tree of height up to {MAX_HEIGHT}"), height));
+    }
+    cursor.zero_u8()?;
+    cursor.zero_u8()?;
+    let sigma = cursor.f32()?;
+    let unit = cursor.f32()?;
+    let rows = cursor.u32()? as usize;
+    let count = cursor.u32()? as usize;
+    let (row_offsets, heights, values) = cut::elements(cursor, rows, count, height, sigma)?;
+    Ok(Cuts {
+        sites,
+        sigma,
+        unit,
+        row_offsets,
+        heights,
+        values,
+    })
+}
+
+/// The cuts that a reader of the file will see in place of `cuts`: the same nodes, each value to the nearest of
+/// max(1, ⌈2·√2^height/σ⌉) steps per unit (at most 2¹⁶), so off by half a step at most; 0 and 1 are exact.
+pub fn quantised_cuts(cuts: &Cuts) -> Cuts {
+    let quantised = |(&height, &value): (&u8, &f32)| {
+        let steps = cut::steps(height, cuts.sigma);
+        cut::decode(cut::encode(value, steps), steps)
+    };
+    Cuts {
+        values: cuts.heights.iter().zip(&cuts.values).map(quantised).collect(),
+        row_offsets: cuts.row_offsets.clone(),
+        heights: cuts.heights.clone(),
+        ..*cuts
+    }
+}

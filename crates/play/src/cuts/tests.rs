@@ -1,0 +1,207 @@
+//! Truth: the dense sum over all directions in f64, with visibility interpolated between the sites.
+
+use super::illumination::Illumination;
+use super::shade::shade;
+use super::sites::{FragmentSites, SITES};
+use super::*;
+use glam::DVec3;
+use relight_scene::bsdf;
+use relight_scene::shading::ShadingPoint;
+use relight_scene::surface::SurfaceHit;
+use relight_transport::cuts::Selector;
+use relight_transport::light_tree::{Features, order, sphere_direction};
+use relight_transport::random::Stream;
+
+const LIGHTS: u32 = 1024;
+const SITE_COUNT: usize = 9;
+
+struct World {
+    directions: Vec<Vec3>,
+    /// Per site what it sees of each leaf.
+    seen: Vec<Vec<f32>>,
+    flux: Vec<Vec3>,
+}
+
+fn world() -> World {
+    let lattice: Vec<Vec3> = (0..LIGHTS).map(|i| sphere_direction(i, LIGHTS)).collect();
+    let features = Features {
+        positions: &lattice,
+        normals: &lattice,
+        visibility: &[],
+        pilots: 0,
+    };
+    let directions: Vec<Vec3> = order(&features, 1.0)
+        .iter()
+        .map(|&i| lattice[i as usize])
+        .collect();
+    let mut s = Stream::new(1, 0, 0);
+    let mut unit =
+        || Vec3::new(s.uniform() - 0.5, s.uniform() - 0.5, s.uniform() - 0.5).normalize_or(Vec3::X);
+    // Each site sees past two balls.
+    let seen = (0..SITE_COUNT)
+        .map(|_| {
+            let (a, b) = (unit(), unit());
+            let dark = |d: &Vec3| d.dot(a) > 0.8 || d.dot(b) > 0.9;
+            directions
+                .iter()
+                .map(|d| if dark(d) { 0.0 } else { 1.0 })
+                .collect()
+        })
+        .collect();
+    // A smooth sky, a window and some noise.
+    let window = unit();
+    let mut noise = Stream::new(2, 0, 0);
+    let flux = directions
+        .iter()
+        .map(|d| {
+            let bright = if d.dot(window) > 0.95 {
+                20.0
+            } else {
+                0.3 + 0.2 * d.y
+            };
+            Vec3::new(1.0, 0.8, 0.5) * (bright * (0.9 + 0.2 * noise.uniform()) / LIGHTS as f32)
+        })
+        .collect();
+    World {
+        directions,
+        seen,
+        flux,
+    }
+}
+
+fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
+    let mut cuts = SiteCuts {
+        offsets: vec![0],
+        ..SiteCuts::default()
+    };
+    let mut selector = Selector::default();
+    for seen in &world.seen {
+        selector.select(seen, sigma, usize::MAX, &mut cuts.heights, &mut cuts.values);
+        cuts.offsets.push(cuts.heights.len() as u32);
+    }
+    VisibilityCuts::new(cuts, world.directions.clone())
+}
+
+/// Fragments of all kinds between random sites, some of which repeat.
+fn fragments() -> (FragmentSites, Vec<Option<ShadingPoint>>, Vec<Vec3>) {
+    let mut s = Stream::new(3, 0, 0);
+    let (mut sites, mut points, mut views) = (FragmentSites::default(), Vec::new(), Vec::new());
+    for i in 0..200u32 {
+        let normal = Vec3::new(s.uniform() - 0.5, s.uniform() - 0.5, s.uniform() - 0.5).normalize_or(Vec3::Y);
+        let hit = SurfaceHit {
+            t: 1.0,
+            position: Vec3::ZERO,
+            position_error: Vec3::ZERO,
+            geometric_normal: normal,
+            normal,
+            front: true,
+            primitive: 0,
+            barycentric: [0.0; 2],
+        };
+        let matt = ShadingPoint::lambert(&hit, Vec3::new(0.7, 0.5, 0.3));
+        let glossy = ShadingPoint {
+            lambert: false,
+            f0: Vec3::splat(0.04 + 0.9 * s.uniform()),
+            alpha: 0.08 + 0.5 * s.uniform(),
+            ..matt
+        };
+        points.push(Some(if i % 2 == 0 { matt } else { glossy }));
+        let tilt = Vec3::new(s.uniform(), s.uniform(), s.uniform());
+        views.push((normal + 0.7 * tilt).normalize());
+        let first = i / 4 % 5;
+        let count = 1 + (i % SITES as u32);
+        let mut chosen = [u32::MAX; SITES];
+        let mut weights = [0.0; SITES];
+        for k in 0..count {
+            chosen[k as usize] = first + k;
+            weights[k as usize] = 1.0 / count as f32;
+        }
+        sites.order.push(i);
+        sites.sites.push(chosen);
+        sites.weights.push(weights);
+    }
+    (sites, points, views)
+}
+
+fn dense(
+    world: &World,
+    sites: &FragmentSites,
+    points: &[Option<ShadingPoint>],
+    views: &[Vec3],
+) -> Vec<DVec3> {
+    (0..points.len())
+        .map(|i| {
+            let point = points[i].unwrap();
+            let mut sum = DVec3::ZERO;
+            for (leaf, &d) in world.directions.iter().enumerate() {
+                let seen: f64 = (sites.sites[i].iter().zip(&sites.weights[i]))
+                    .filter(|(site, _)| **site != u32::MAX)
+                    .map(|(&site, &w)| f64::from(w) * f64::from(world.seen[site as usize][leaf]))
+                    .sum();
+                let cosine = f64::from(point.shading_normal.dot(d).max(0.0));
+                let f = bsdf::eval(&point, views[i], d).as_dvec3();
+                sum += f * world.flux[leaf].as_dvec3() * (cosine * seen);
+            }
+            sum
+        })
+        .collect()
+}
+
+/// Relative errors of all fragments: the largest, and the root of their mean square.
+fn errors(world: &World, sigma: f32, most: usize) -> (f64, f64) {
+    let cuts = cuts(world, sigma);
+    let light = Illumination::new(&world.flux, &cuts.tree, most);
+    let (sites, points, views) = fragments();
+    let (found, _) = shade(&cuts, &light, &sites, &points, &views);
+    let truth = dense(world, &sites, &points, &views);
+    let mean = truth.iter().map(|t| t.max_element()).sum::<f64>() / truth.len() as f64;
+    let errors = (found.iter().zip(&truth))
+        .map(|(f, t)| (f.as_dvec3() - *t).abs().max_element() / t.max_element().max(0.05 * mean));
+    let squares = errors.clone().map(|e| e * e).sum::<f64>();
+    (errors.fold(0.0, f64::max), (squares / truth.len() as f64).sqrt())
+}
+
+#[test]
+fn cuts_of_all_leaves_give_the_dense_sum() {
+    // f32 sums of a thousand terms.
+    let (largest, _) = errors(&world(), 0.0, LIGHTS as usize);
+    assert!(largest < 1e-4, "{largest}");
+}
+
+#[test]
+fn shorter_cuts_are_nearly_as_good() {
+    // σ grows with the root of the number of lights: 2 for 32 768 is 0.35 for 1024.
+    let world = world();
+    let (largest, typical) = errors(&world, 0.35, 128);
+    assert!(typical < 0.03 && largest < 0.15, "{typical} {largest}");
+    assert!(typical > 1e-4, "nothing was approximated");
+}
+
+#[test]
+fn the_flux_of_all_cells_is_that_of_the_sphere() {
+    let world = world();
+    let cells = illumination::Cells::new(&world.directions);
+    let flux = cells.flux(LIGHTS as usize, |d| Vec3::new(1.0, 1.0 + d.y, 2.0));
+    let total: DVec3 = flux.iter().map(|f| f.as_dvec3()).sum();
+    let expected = DVec3::new(1.0, 1.0, 2.0) * 4.0 * std::f64::consts::PI;
+    // Rows of equal latitude are integrated exactly but for y within a row: 1/90² of 1.
+    assert!(
+        (total - expected).abs().max_element() < 1e-3,
+        "{total} {expected}"
+    );
+    // Cells of even directions differ by some per cent.
+    let mean = expected.x / f64::from(LIGHTS);
+    assert!(flux.iter().all(|f| (f64::from(f.x) / mean - 1.0).abs() < 0.25));
+}
+
+#[test]
+fn an_illumination_cut_is_a_cut_of_the_size_asked_for() {
+    let world = world();
+    let tree = cuts(&world, 1.0).tree;
+    for most in [1, 32, 100, 256, 1024, 5000] {
+        let light = Illumination::new(&world.flux, &tree, most);
+        assert!(relight_transport::cuts::is_cut(&light.heights, tree.height));
+        // 32 nodes are the fewest.
+        assert_eq!(light.heights.len(), most.clamp(32, 1024));
+    }
+}
