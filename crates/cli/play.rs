@@ -569,11 +569,11 @@ impl Session<'_> {
             if let Some(transfer) = &player.transfer {
                 shot.weigh(&transfer.finest);
             }
-            if let Some(editor) = &self.editor {
-                editor.reshade(player, &mut shot);
-            }
             if self.splits.is_some() {
                 shot.choose_sites();
+            }
+            if let Some(editor) = &self.editor {
+                editor.reshade(player, &mut shot);
             }
             let weighed = milliseconds(start);
             let keep = if self.fixed {
