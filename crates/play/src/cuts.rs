@@ -41,8 +41,8 @@ pub struct DirectionTree {
     pub height: u8,
     /// Unit mean direction of each node.
     pub directions: Vec<Vec3>,
-    /// Mean of the node's directions: shorter than 1, so that a cosine with it is the mean of its leaves' cosines.
-    pub means: Vec<Vec3>,
+    /// Length of the mean of the node's directions: a cosine with the mean is the mean of its leaves' cosines.
+    pub lengths: Vec<f32>,
     /// Angular radius of each node around it, radians: its leaves and their cells lie within.
     pub radii: Vec<f32>,
 }
@@ -51,14 +51,16 @@ impl DirectionTree {
     fn new(leaves: &[Vec3]) -> DirectionTree {
         let n = leaves.len();
         let height = n.trailing_zeros() as u8;
-        let mut means = sums(leaves);
-        let directions: Vec<Vec3> = means.iter().map(|d| d.normalize_or(Vec3::Y)).collect();
+        let all = sums(leaves);
+        let directions: Vec<Vec3> = all.iter().map(|d| d.normalize_or(Vec3::Y)).collect();
+        let lengths = (0..all.len())
+            .map(|slot| all[slot].length() * (slot.max(1).ilog2() as f32).exp2() / n as f32)
+            .collect();
         // A leaf is a disc of 4π/n steradians.
         let leaf = 2.0 / (n as f32).sqrt();
         let mut radii = vec![leaf; 2 * n];
         for (h, start) in (1..=height).map(|h| (h, 1usize << (height - h))) {
             for slot in start..2 * start {
-                means[slot] /= (1u32 << h) as f32;
                 let index = (slot - start) as u32;
                 let node = Node { height: h, index };
                 let below = &leaves[node.first() as usize..node.end() as usize];
@@ -75,7 +77,7 @@ impl DirectionTree {
         DirectionTree {
             height,
             directions,
-            means,
+            lengths,
             radii,
         }
     }

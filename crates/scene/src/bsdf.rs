@@ -23,6 +23,7 @@
 
 pub mod albedo;
 mod frame;
+mod integrate;
 mod lobe;
 mod mixture;
 #[cfg(test)]
@@ -37,7 +38,8 @@ use glam::Vec3;
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 
 pub use albedo::hemispherical_albedo;
-pub use lobe::{Lobe, lobe};
+pub use integrate::{Incident, integrate, irradiance};
+pub use lobe::{Lobe, at_least_as_wide, lobe};
 pub use phong::{MAX_EXPONENT, exponent_of_alpha};
 
 /// Directions with a smaller cosine count as below the horizon: their light is beyond what f32 resolves, and

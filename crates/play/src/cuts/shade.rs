@@ -11,7 +11,7 @@ use super::sites::{FragmentSites, SITES};
 use super::{DirectionTree, VisibilityCuts};
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_scene::bsdf;
+use relight_scene::bsdf::{self, Incident, Lobe};
 use relight_scene::shading::ShadingPoint;
 use relight_transport::cuts::{Cut, merge};
 use std::f32::consts::FRAC_1_PI;
@@ -80,12 +80,45 @@ pub fn irradiance_at_sites(cuts: &VisibilityCuts, light: &Illumination, normals:
             let mut sum = Vec3::ZERO;
             merge([cuts.cuts.cut(site), illumination], |node, [seen, _]| {
                 let slot = node.slot(tree.height);
-                let cosine = normal.dot(tree.means[slot]).max(0.0);
+                let cosine = normal.dot(tree.directions[slot]).max(0.0) * tree.lengths[slot];
                 sum += light.flux[slot] * (seen * cosine);
             });
             sum
         })
         .collect()
+}
+
+/// Nodes as the BRDF takes them: structure of arrays.
+#[derive(Default)]
+struct Columns {
+    direction: [Vec<f32>; 3],
+    visibility: Vec<f32>,
+    flux: [Vec<f32>; 3],
+}
+
+impl Columns {
+    fn clear(&mut self) {
+        for column in self.direction.iter_mut().chain(&mut self.flux) {
+            column.clear();
+        }
+        self.visibility.clear();
+    }
+
+    fn push(&mut self, direction: Vec3, visibility: f32, flux: Vec3) {
+        for axis in 0..3 {
+            self.direction[axis].push(direction[axis]);
+            self.flux[axis].push(flux[axis]);
+        }
+        self.visibility.push(visibility);
+    }
+
+    fn incident(&self) -> Incident<'_> {
+        Incident {
+            direction: self.direction.each_ref().map(Vec::as_slice),
+            weight: &self.visibility,
+            flux: self.flux.each_ref().map(Vec::as_slice),
+        }
+    }
 }
 
 /// The merged cut of some sites and of the illumination, without the nodes that are dark for all.
@@ -94,13 +127,15 @@ struct Merged {
     /// Nodes before dark ones were dropped.
     nodes: u64,
     slots: Vec<u32>,
-    /// Visibility of the node from each site.
+    /// Visibility of the node from each site, times the length of the mean of its directions: by so much the mean of
+    /// their cosines is smaller than the cosine of their mean.
     seen: [Vec<f32>; SITES],
-    /// Mean directions and flux, an array per coordinate.
-    direction: [Vec<f32>; 3],
-    flux: [Vec<f32>; 3],
-    /// Visibility from the fragment, between its sites.
-    visibility: Vec<f32>,
+    /// Angular radii of the nodes.
+    radii: Vec<f32>,
+    /// The nodes with visibility between the sites of the fragment at hand.
+    whole: Columns,
+    /// Parts of nodes that are wider than the lobe of the fragment at hand.
+    split: Columns,
 }
 
 impl Merged {
@@ -108,12 +143,9 @@ impl Merged {
         let tree = &cuts.tree;
         self.nodes = 0;
         self.slots.clear();
-        for column in (self.seen.iter_mut())
-            .chain(&mut self.direction)
-            .chain(&mut self.flux)
-        {
-            column.clear();
-        }
+        self.seen.iter_mut().for_each(Vec::clear);
+        self.radii.clear();
+        self.whole.clear();
         // A site that is not there sees nothing, and costs nothing: its only node is the root.
         let root = [tree.height];
         let nothing = Cut {
@@ -137,16 +169,13 @@ impl Merged {
                 return;
             }
             self.slots.push(slot as u32);
+            let length = tree.lengths[slot];
             for (column, &value) in self.seen.iter_mut().zip(values) {
-                column.push(value);
+                column.push(value * length);
             }
-            let direction = tree.means[slot];
-            for axis in 0..3 {
-                self.direction[axis].push(direction[axis]);
-                self.flux[axis].push(flux[axis]);
-            }
+            self.radii.push(tree.radii[slot]);
+            self.whole.push(tree.directions[slot], 0.0, flux);
         });
-        self.visibility.resize(self.slots.len(), 0.0);
     }
 
     /// Visibility between the sites.
@@ -155,9 +184,66 @@ impl Merged {
         let [a, b, c, d] = &self.seen;
         let (a, b, c, d) = (&a[..n], &b[..n], &c[..n], &d[..n]);
         let [wa, wb, wc, wd] = *weights;
-        for (i, out) in self.visibility[..n].iter_mut().enumerate() {
+        for (i, out) in self.whole.visibility[..n].iter_mut().enumerate() {
             *out = a[i] * wa + b[i] * wb + c[i] * wc + d[i] * wd;
         }
+    }
+
+    /// Moves the nodes that are wider than a lobe which they overlap to `split`, in parts.
+    fn split_for(&mut self, tree: &DirectionTree, light: &Illumination, lobe: &Lobe) {
+        self.split.clear();
+        let Columns {
+            direction: [x, y, z],
+            visibility,
+            ..
+        } = &mut self.whole;
+        for (i, seen) in visibility.iter_mut().enumerate() {
+            let direction = Vec3::new(x[i], y[i], z[i]);
+            if *seen > 0.0 && is_too_wide(lobe, direction, self.radii[i]) {
+                let slot = self.slots[i] as usize;
+                push_parts(
+                    tree,
+                    light,
+                    lobe,
+                    slot,
+                    *seen / tree.lengths[slot],
+                    &mut self.split,
+                );
+                *seen = 0.0;
+            }
+        }
+    }
+}
+
+/// Diameter of a node, in angular radii of a lobe, above which it is split: three to four nodes then span what holds
+/// 90 % of the lobe.
+const RESOLUTION: f32 = 1.0 / 3.0;
+
+fn is_too_wide(lobe: &Lobe, direction: Vec3, radius: f32) -> bool {
+    // Between unit vectors |a − b|² = 2 − 2 cos, and a chord is never longer than its arc.
+    let reach = radius + lobe.width;
+    2.0 * radius > RESOLUTION * lobe.width && reach * reach > 2.0 - 2.0 * direction.dot(lobe.direction)
+}
+
+/// Appends a node of visibility `seen`, or, where it is too wide for the lobe, its descendants.
+fn push_parts(
+    tree: &DirectionTree,
+    light: &Illumination,
+    lobe: &Lobe,
+    slot: usize,
+    seen: f32,
+    out: &mut Columns,
+) {
+    let flux = light.flux[slot];
+    if flux == Vec3::ZERO {
+        return;
+    }
+    let direction = tree.directions[slot];
+    if slot < tree.leaves() && is_too_wide(lobe, direction, tree.radii[slot]) {
+        push_parts(tree, light, lobe, 2 * slot, seen, out);
+        push_parts(tree, light, lobe, 2 * slot + 1, seen, out);
+    } else {
+        out.push(direction, seen * tree.lengths[slot], flux);
     }
 }
 
@@ -171,108 +257,18 @@ fn reflected(
 ) -> Vec3 {
     merged.interpolate(weights);
     if point.lambert {
-        irradiance(merged, point) * point.diffuse * FRAC_1_PI
-    } else {
-        glossy(&cuts.tree, light, merged, point, view)
+        return bsdf::irradiance(point, &merged.whole.incident()) * point.diffuse * FRAC_1_PI;
     }
-}
-
-/// Irradiance of a matt point.
-fn irradiance(merged: &Merged, point: &ShadingPoint) -> Vec3 {
-    const LANES: usize = 8;
-    let n = merged.slots.len();
-    let (shading, geometric) = (point.shading_normal, point.geometric_normal);
-    let [dx, dy, dz] = &merged.direction;
-    let [r, g, b] = &merged.flux;
-    let columns = (&dx[..n], &dy[..n], &dz[..n], &merged.visibility[..n]);
-    let received = |i: usize| {
-        let (x, y, z, seen) = (columns.0[i], columns.1[i], columns.2[i], columns.3[i]);
-        let above = geometric.x * x + geometric.y * y + geometric.z * z > 0.0;
-        let cosine = shading.x * x + shading.y * y + shading.z * z;
-        if above { seen * cosine.max(0.0) } else { 0.0 }
-    };
-    let mut lanes = [[0.0f32; LANES]; 3];
-    let whole = n - n % LANES;
-    for start in (0..whole).step_by(LANES) {
-        for lane in 0..LANES {
-            let i = start + lane;
-            let received = received(i);
-            lanes[0][lane] += received * r[i];
-            lanes[1][lane] += received * g[i];
-            lanes[2][lane] += received * b[i];
-        }
-    }
-    let mut sum = Vec3::from(lanes.map(|lanes| lanes.iter().sum::<f32>()));
-    for i in whole..n {
-        sum += Vec3::new(r[i], g[i], b[i]) * received(i);
-    }
-    sum
-}
-
-/// A lobe as nodes are compared with it.
-struct Lobe {
-    axis: Vec3,
-    /// Angular radius, radians.
-    width: f32,
-}
-
-/// Angular widths of a lobe beyond which its tail is smooth enough for one direction per node.
-const TAIL: f32 = 3.0;
-
-fn glossy(
-    tree: &DirectionTree,
-    light: &Illumination,
-    merged: &Merged,
-    point: &ShadingPoint,
-    view: Vec3,
-) -> Vec3 {
+    let tree = &cuts.tree;
     // A lobe narrower than the even directions would fall between them: it is widened to theirs.
-    let point = ShadingPoint {
-        alpha: point.alpha.max(tree.radii[tree.leaves()]),
-        ..*point
-    };
-    let normal = point.shading_normal;
-    let lobe = Lobe {
-        axis: normal * (2.0 * normal.dot(view)) - view,
-        // The reflected direction turns by twice what the half vector does, whose distribution α is the slope of.
-        width: 2.0 * point.alpha,
-    };
-    let mut sum = Vec3::ZERO;
-    for (&slot, &seen) in merged.slots.iter().zip(&merged.visibility) {
-        if seen > 0.0 {
-            sum += node_reflected(tree, light, &point, view, &lobe, slot as usize) * seen;
+    let point = bsdf::at_least_as_wide(point, tree.radii[tree.leaves()]);
+    match bsdf::lobe(&point, view) {
+        Some(lobe) => {
+            merged.split_for(tree, light, &lobe);
+            bsdf::integrate(&point, view, &merged.whole.incident())
+                + bsdf::integrate(&point, view, &merged.split.incident())
         }
+        // Matt by its parameters, or seen from below its horizon.
+        None => bsdf::integrate(&point, view, &merged.whole.incident()),
     }
-    sum
-}
-
-/// BRDF × cosine × flux of a node, split where the lobe is narrower than the node.
-fn node_reflected(
-    tree: &DirectionTree,
-    light: &Illumination,
-    point: &ShadingPoint,
-    view: Vec3,
-    lobe: &Lobe,
-    slot: usize,
-) -> Vec3 {
-    let flux = light.flux[slot];
-    if flux == Vec3::ZERO {
-        return Vec3::ZERO;
-    }
-    let direction = tree.directions[slot];
-    let radius = tree.radii[slot];
-    if slot < tree.leaves() && 2.0 * radius > lobe.width {
-        // On unit vectors |a − b|² = 2 − 2 cos; for angles up to π the chord is at least 2/π of the arc.
-        let reach = radius + TAIL * lobe.width;
-        let chord2 = 2.0 - 2.0 * direction.dot(lobe.axis);
-        if reach * reach > chord2 {
-            return node_reflected(tree, light, point, view, lobe, 2 * slot)
-                + node_reflected(tree, light, point, view, lobe, 2 * slot + 1);
-        }
-    }
-    let cosine = point.shading_normal.dot(direction);
-    if cosine <= 0.0 {
-        return Vec3::ZERO;
-    }
-    bsdf::eval(point, view, direction) * flux * cosine
 }

@@ -17,6 +17,26 @@ pub struct Lobe {
     pub width: f32,
 }
 
+/// The same point with a lobe whose half vectors spread by at least `slope` (the α of GGX and Ward): light that is known
+/// at separate directions only would fall beside narrower ones.
+pub fn at_least_as_wide(point: &ShadingPoint, slope: f32) -> ShadingPoint {
+    let gloss = match point.gloss {
+        Gloss::Ggx => Gloss::Ggx,
+        Gloss::Ward { alpha, tangent } => Gloss::Ward {
+            alpha: alpha.map(|a| a.max(slope)),
+            tangent,
+        },
+        Gloss::Phong { exponent } => Gloss::Phong {
+            exponent: exponent.min(phong::exponent_of_alpha(slope)),
+        },
+    };
+    ShadingPoint {
+        alpha: point.alpha.max(slope),
+        gloss,
+        ..*point
+    }
+}
+
 /// The specular lobe seen from `wo` (unit, away from the surface); `None` where there is none: matt surfaces,
 /// and views from below a horizon.
 pub fn lobe(point: &ShadingPoint, wo: Vec3) -> Option<Lobe> {
