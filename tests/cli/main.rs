@@ -9,6 +9,7 @@ mod compare;
 mod cuts;
 mod general;
 mod inspect;
+mod materials;
 mod play;
 mod signals;
 mod stage;
