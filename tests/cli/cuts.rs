@@ -215,8 +215,8 @@ fn maps_of_any_kind_shine_or_stay_dark_but_never_break() {
     let grey = |_: usize| [128, 128, 128, 129];
     let single = map(folder.path(), "one.hdr", 1, 1, grey);
     let (cuts, rays) = (lit(&single, "cuts"), lit(&single, "brute"));
-    // Even light: brute force has the noise of 16 × 16 rays, cuts that of edges.
-    assert!(cuts > 0.0 && (cuts / rays - 1.0).abs() < 0.05, "{cuts} {rays}");
+    // Even light is dimmed in every corner, and points 5 cm apart blur corners of that size: 5.5 %.
+    assert!(cuts > 0.0 && (cuts / rays - 1.0).abs() < 0.08, "{cuts} {rays}");
     let wide = map(folder.path(), "wide.hdr", 32_768, 2, grey);
     assert!((lit(&wide, "cuts") / cuts - 1.0).abs() < 1e-3);
     let black = map(folder.path(), "black.hdr", 8, 4, |_| [0; 4]);
