@@ -73,7 +73,7 @@ pub struct BakeArgs {
     #[arg(long, value_name = "N")]
     pub cut_lights: Option<u32>,
     /// Threshold of a cut's nodes, for 32768 directions: 1.5 to 3 is usual; larger makes cuts shorter and shadows
-    /// coarser [default: 1.5].
+    /// coarser [default: 2].
     #[arg(long, value_name = "S")]
     pub sigma: Option<f32>,
     /// What the tree of directions minds: 1 geometry alone, 0 visibility alone [default: 0.45].

@@ -25,7 +25,7 @@ use std::time::Instant;
 
 /// Levels of the preset `standard`; sites are the finest points, thinned to this many so that a table takes minutes.
 const LEVELS: usize = 6;
-const SITES: usize = 4000;
+const SITES: usize = 1500;
 /// Lights: 2¹⁵.
 const HEIGHT: u32 = 15;
 

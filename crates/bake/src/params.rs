@@ -58,7 +58,7 @@ impl Default for CutParams {
     fn default() -> Self {
         CutParams {
             lights: 32_768,
-            sigma: 1.5,
+            sigma: 2.0,
             beta: 0.45,
             most: 4096,
             every_light: false,

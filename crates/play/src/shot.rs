@@ -2,7 +2,7 @@
 //!
 //! A pixel is sampled by several primary rays. Rays that meet the same material, facing the same way, at
 //! neighbouring places make one fragment: it is lit once, at the place nearest its middle, with the mean of
-//! its rays' reflectances. Nearly all pixels have one fragment, so that antialiased silhouettes and filtered
+//! its rays' reflectances and normals, and a lobe as much wider as the normal map spreads them. Nearly all pixels have one fragment, so that antialiased silhouettes and filtered
 //! textures cost a frame little more than one sample per pixel.
 
 use crate::cuts::sites::FragmentSites;
@@ -176,16 +176,19 @@ fn append_fragments(pixel: &[Sample], row: &mut Shot) {
                     .sum::<Vec3>()
                     / count
             };
-            ShadingPoint {
+            let normal = mean(|p| p.shading_normal);
+            let point = ShadingPoint {
                 base_color: mean(|p| p.base_color),
                 diffuse: mean(|p| p.diffuse),
                 f0: mean(|p| p.f0),
                 emission: mean(|p| p.emission),
-                shading_normal: mean(|p| p.shading_normal)
-                    .try_normalize()
-                    .unwrap_or(s.1.shading_normal),
+                shading_normal: normal.try_normalize().unwrap_or(s.1.shading_normal),
                 ..s.1
-            }
+            };
+            // Only what the normal map adds: over a smooth curve normals change evenly, and a lobe of their spread
+            // would have tails that reach farther than any of them.
+            let smooth = mean(|p| p.normal).length();
+            bsdf::spread_by_normals(&point, 1.0 - (smooth - normal.length()).max(0.0))
         }));
     }
 }

@@ -39,7 +39,7 @@ use std::f32::consts::{FRAC_1_PI, PI, TAU};
 
 pub use albedo::hemispherical_albedo;
 pub use integrate::{Incident, integrate, irradiance};
-pub use lobe::{Lobe, at_least_as_wide, lobe};
+pub use lobe::{Lobe, at_least_as_wide, lobe, spread_by_normals};
 pub use phong::{MAX_EXPONENT, exponent_of_alpha};
 
 /// Directions with a smaller cosine count as below the horizon: their light is beyond what f32 resolves, and
