@@ -88,8 +88,9 @@ pub fn light_sampled(
         point_samples,
         seed: 0,
         per_light,
+        indirect: true,
     };
-    loaded.player.light(shot, &lights, &settings).0
+    loaded.player.light(shot, &lights, None, &settings).0
 }
 
 /// Mean over places, RGB.

@@ -161,13 +161,13 @@ impl Player {
                 &mut reflected,
             );
             times.direct_pixels += milliseconds(start);
-            if settings.per_light {
-                if let Some((most, own)) = distant.and_then(|d| Some((d.most, d.lights[light].as_ref()?))) {
-                    let even = self.of_distant(shot, &views, &[own], most, settings, &mut times);
-                    add(&mut reflected, &even.radiance);
-                    add(&mut irradiance, &even.irradiance);
-                    lit.cuts = even.stats;
-                }
+            if settings.per_light
+                && let Some((most, own)) = distant.and_then(|d| Some((d.most, d.lights[light].as_ref()?)))
+            {
+                let even = self.of_distant(shot, &views, &[own], most, settings, &mut times);
+                add(&mut reflected, &even.radiance);
+                add(&mut irradiance, &even.irradiance);
+                lit.cuts = even.stats;
             }
             add(&mut lit.direct, &reflected);
             add(&mut direct_at_points, &irradiance);

@@ -362,7 +362,7 @@ mod tests {
     fn slots_number_all_nodes_and_sums_are_over_their_leaves() {
         let leaves: Vec<u64> = (0..64).map(|i| i * i + 3).collect();
         let all = sums(&leaves);
-        let mut seen = vec![false; 128];
+        let mut seen = [false; 128];
         for node in all_nodes(6) {
             let slot = node.slot(6);
             assert!(!std::mem::replace(&mut seen[slot], true));
