@@ -1,5 +1,7 @@
 //! Reflected light of many directions at once, laid out for the compiler to take several at a time.
 
+mod wide;
+
 use super::{FRAC_1_PI, MIN_COSINE, PI, albedo, cosines, eval, smith_root};
 use crate::shading::{Gloss, ShadingPoint};
 use glam::Vec3;
@@ -15,7 +17,7 @@ pub struct Incident<'a> {
     pub flux: [&'a [f32]; 3],
 }
 
-/// Directions that are evaluated together: two registers of the oldest 64-bit processors.
+/// Directions that are evaluated together: a register of AVX2, two of the oldest 64-bit processors.
 const LANES: usize = 8;
 
 /// Radiance towards `wo`: the sum of BRDF × cosine × weight × flux. The same as the sum over [`eval`] but for
@@ -35,6 +37,11 @@ pub fn integrate(point: &ShadingPoint, wo: Vec3, light: &Incident) -> Vec3 {
 /// Σ cosine × weight × flux above both horizons. `direction` may be shorter than 1: a mean of directions gives the mean
 /// of their cosines.
 pub fn irradiance(point: &ShadingPoint, light: &Incident) -> Vec3 {
+    wide::irradiance(point, light)
+}
+
+#[inline(always)]
+fn irradiance_lanes(point: &ShadingPoint, light: &Incident) -> Vec3 {
     let (shading, geometric) = (point.shading_normal, point.geometric_normal);
     accumulate(light, |x, y, z, weight| {
         let above = geometric.x * x + geometric.y * y + geometric.z * z > 0.0;
@@ -140,11 +147,17 @@ impl<'a> Ggx<'a> {
     }
 
     fn integrate(&self, light: &Incident) -> Vec3 {
+        wide::ggx(self, light) - self.overstated(light)
+    }
+
+    /// The sum with s(wi) = 1 everywhere.
+    #[inline(always)]
+    fn lanes(&self, light: &Incident) -> Vec3 {
         let point = self.point;
         let (shading, geometric, wo) = (point.shading_normal, point.geometric_normal, self.wo);
         let (cos_o, root_o, alpha2) = (self.cos_o, self.root_o, self.alpha2);
         let (f0, diffuse) = (point.f0.to_array(), self.diffuse.to_array());
-        let sum = accumulate(light, |x, y, z, weight| {
+        accumulate(light, |x, y, z, weight| {
             let cosine = shading.x * x + shading.y * y + shading.z * z;
             let above = geometric.x * x + geometric.y * y + geometric.z * z > 0.0 && cosine > MIN_COSINE;
             // Kept positive below the horizon, so that nothing on the way is NaN.
@@ -173,8 +186,7 @@ impl<'a> Ggx<'a> {
                 out[c] = fresnel * specular + (1.0 - fresnel) * diffuse[c] * received;
             }
             out
-        });
-        sum - self.overstated(light)
+        })
     }
 
     /// What the diffuse part of directions near the horizon, where s(wi) is below 1, is too large by.
@@ -251,6 +263,10 @@ mod tests {
                 ..ShadingPoint::lambert(&hit, Vec3::new(white, 0.5, 0.0))
             };
             let wo = (normal + unit() * 0.9).normalize();
+            if let Some(ggx) = Ggx::new(&point, wo) {
+                assert_eq!(wide::ggx(&ggx, &light), ggx.lanes(&light));
+            }
+            assert_eq!(wide::irradiance(&point, &light), irradiance_lanes(&point, &light));
             let truth = one_by_one(&point, wo, &light);
             let found = integrate(&point, wo, &light);
             // f32 sums of 200 terms; the narrowest lobe magnifies the rounding of the half vector by 1/α².
