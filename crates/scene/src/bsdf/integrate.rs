@@ -1,10 +1,12 @@
 //! Reflected light of many directions at once, laid out for the compiler to take several at a time.
 
+mod lanes;
 mod wide;
 
 use super::{FRAC_1_PI, MIN_COSINE, PI, albedo, cosines, eval, smith_root};
 use crate::shading::{Gloss, ShadingPoint};
 use glam::Vec3;
+use lanes::{LANES, Lanes};
 
 /// Light from many directions, structure of arrays, all of one length.
 #[derive(Clone, Copy, Debug)]
@@ -16,9 +18,6 @@ pub struct Incident<'a> {
     /// Flux on a perpendicular surface, RGB, W/m².
     pub flux: [&'a [f32]; 3],
 }
-
-/// Directions that are evaluated together: a register of AVX2, two of the oldest 64-bit processors.
-const LANES: usize = 8;
 
 /// Radiance towards `wo`: the sum of BRDF × cosine × weight × flux. The same as the sum over [`eval`] but for
 /// rounding.
@@ -43,37 +42,49 @@ pub fn irradiance(point: &ShadingPoint, light: &Incident) -> Vec3 {
 #[inline(always)]
 fn irradiance_lanes(point: &ShadingPoint, light: &Incident) -> Vec3 {
     let (shading, geometric) = (point.shading_normal, point.geometric_normal);
-    accumulate(light, |x, y, z, weight| {
-        let above = geometric.x * x + geometric.y * y + geometric.z * z > 0.0;
-        let cosine = shading.x * x + shading.y * y + shading.z * z;
-        let received = if above { cosine.max(0.0) * weight } else { 0.0 };
-        [received; 3]
+    accumulate(light, |direction, weight| {
+        let cosine = dot(direction, shading).at_least(0.0);
+        [(cosine * weight).where_above(dot(direction, geometric), 0.0); 3]
     })
 }
 
-/// Σ `factor`(x, y, z, weight) × flux.
 #[inline(always)]
-fn accumulate(light: &Incident, factor: impl Fn(f32, f32, f32, f32) -> [f32; 3]) -> Vec3 {
+fn dot(v: [Lanes; 3], w: Vec3) -> Lanes {
+    v[0] * w.x + v[1] * w.y + v[2] * w.z
+}
+
+/// Σ `factor`(direction, weight) × flux.
+#[inline(always)]
+fn accumulate(light: &Incident, factor: impl Fn([Lanes; 3], Lanes) -> [Lanes; 3]) -> Vec3 {
     let n = light.weight.len();
-    let [x, y, z] = light.direction.map(|column| &column[..n]);
-    let [r, g, b] = light.flux.map(|column| &column[..n]);
-    let weight = light.weight;
-    let mut lanes = [[0.0f32; LANES]; 3];
-    let whole = n - n % LANES;
-    for start in (0..whole).step_by(LANES) {
-        for lane in 0..LANES {
-            let i = start + lane;
-            let f = factor(x[i], y[i], z[i], weight[i]);
-            lanes[0][lane] += f[0] * r[i];
-            lanes[1][lane] += f[1] * g[i];
-            lanes[2][lane] += f[2] * b[i];
+    let direction = light.direction.map(|column| &column[..n]);
+    let flux = light.flux.map(|column| &column[..n]);
+    let mut sums = [Lanes::splat(0.0); 3];
+    let mut add = |direction: [Lanes; 3], weight: Lanes, flux: [Lanes; 3]| {
+        let factors = factor(direction, weight);
+        for c in 0..3 {
+            sums[c] = sums[c] + factors[c] * flux[c];
         }
+    };
+    let whole = |column: &[f32], chunk: usize| Lanes(column.as_chunks::<LANES>().0[chunk]);
+    for chunk in 0..n / LANES {
+        add(
+            direction.map(|column| whole(column, chunk)),
+            whole(light.weight, chunk),
+            flux.map(|column| whole(column, chunk)),
+        );
     }
-    let mut sum = Vec3::from(lanes.map(|lanes| lanes.iter().sum::<f32>()));
-    for i in whole..n {
-        sum += Vec3::from(factor(x[i], y[i], z[i], weight[i])) * Vec3::new(r[i], g[i], b[i]);
+    // What is left over, filled up with directions of weight zero.
+    let rest = |column: &[f32]| {
+        let mut lanes = [0.0; LANES];
+        let left = column.as_chunks::<LANES>().1;
+        lanes[..left.len()].copy_from_slice(left);
+        Lanes(lanes)
+    };
+    if !n.is_multiple_of(LANES) {
+        add(direction.map(rest), rest(light.weight), flux.map(rest));
     }
-    sum
+    Vec3::from(sums.map(Lanes::sum))
 }
 
 fn one_by_one(point: &ShadingPoint, wo: Vec3, light: &Incident) -> Vec3 {
@@ -157,35 +168,39 @@ impl<'a> Ggx<'a> {
         let (shading, geometric, wo) = (point.shading_normal, point.geometric_normal, self.wo);
         let (cos_o, root_o, alpha2) = (self.cos_o, self.root_o, self.alpha2);
         let (f0, diffuse) = (point.f0.to_array(), self.diffuse.to_array());
-        accumulate(light, |x, y, z, weight| {
-            let cosine = shading.x * x + shading.y * y + shading.z * z;
-            let above = geometric.x * x + geometric.y * y + geometric.z * z > 0.0 && cosine > MIN_COSINE;
+        let one = Lanes::splat(1.0);
+        accumulate(light, |direction, weight| {
+            let cosine = dot(direction, shading);
             // Kept positive below the horizon, so that nothing on the way is NaN.
-            let cos_i = cosine.max(MIN_COSINE);
+            let cos_i = cosine.at_least(MIN_COSINE);
+            let received = (cos_i * weight)
+                .where_above(dot(direction, geometric), 0.0)
+                .where_above(cosine, MIN_COSINE);
             // The half vector, before its length: |wo + wi|² = 2 + 2 wo·wi.
-            let (hx, hy, hz) = (wo.x + x, wo.y + y, wo.z + z);
-            let length2 = (hx * hx + hy * hy + hz * hz).max(1e-12);
-            let (cx, cy, cz) = (
-                shading.y * hz - shading.z * hy,
-                shading.z * hx - shading.x * hz,
-                shading.x * hy - shading.y * hx,
+            let [x, y, z] = direction;
+            let (hx, hy, hz) = (
+                x + Lanes::splat(wo.x),
+                y + Lanes::splat(wo.y),
+                z + Lanes::splat(wo.z),
             );
-            let sin2_h = ((cx * cx + cy * cy + cz * cz) / length2).min(1.0);
+            let length2 = (hx * hx + hy * hy + hz * hz).at_least(1e-12);
+            let (cx, cy, cz) = (
+                hz * shading.y - hy * shading.z,
+                hx * shading.z - hz * shading.x,
+                hy * shading.x - hx * shading.y,
+            );
+            let sin2_h = ((cx * cx + cy * cy + cz * cz) / length2).at_most(1.0);
             // Half the length is the cosine between wo and the half vector.
-            let cos_oh = (0.5 * length2.sqrt()).min(1.0);
-            let miss = 1.0 - cos_oh;
-            let schlick = miss * miss * (miss * miss) * miss;
-            let root = alpha2 * (1.0 - sin2_h) + sin2_h;
-            let root_i = (alpha2 + (1.0 - alpha2) * cos_i * cos_i).sqrt();
+            let miss = one - (length2.sqrt() * 0.5).at_most(1.0);
+            let schlick = (miss * miss) * (miss * miss) * miss;
+            let root = (one - sin2_h) * alpha2 + sin2_h;
+            let root_i = (cos_i * cos_i * (1.0 - alpha2) + Lanes::splat(alpha2)).sqrt();
             // D V × cosine × weight.
-            let received = if above { cos_i * weight } else { 0.0 };
-            let specular = alpha2 * 0.5 * received / (PI * root * root * (cos_i * root_o + cos_o * root_i));
-            let mut out = [0.0; 3];
-            for c in 0..3 {
-                let fresnel = f0[c] + (1.0 - f0[c]) * schlick;
-                out[c] = fresnel * specular + (1.0 - fresnel) * diffuse[c] * received;
-            }
-            out
+            let specular = received * (0.5 * alpha2 / PI) / (root * root * (cos_i * root_o + root_i * cos_o));
+            std::array::from_fn(|c| {
+                let fresnel = schlick * (1.0 - f0[c]) + Lanes::splat(f0[c]);
+                fresnel * specular + (one - fresnel) * received * diffuse[c]
+            })
         })
     }
 
