@@ -4,13 +4,14 @@
 //! factor A cos θ/(d² + A/π) is folded into their cuts.
 
 use crate::candidates::Candidate;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use relight_format as format;
 use relight_scene::rays::{self, Ray, SurfacePoint};
 use relight_scene::traced::TracedScene;
 use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::grid::morton_order;
 use relight_transport::random::Stream;
+use relight_transport::sampling::r2;
 use std::f32::consts::FRAC_1_PI;
 
 /// Surface samples, parallel arrays.
@@ -85,10 +86,11 @@ impl SurfaceLights {
     }
 }
 
-/// Stage number of the random stream.
+/// Stage numbers of the random streams.
 const STAGE: u32 = 11;
-/// Places that are looked for, for each that is wanted: thinning a few more keeps the strata nearly whole.
-const SPARE: f64 = 1.25;
+const STAGE_TRIANGLES: u32 = 12;
+/// Places that are looked for, for each that is wanted. Few are left over, since thinning makes holes.
+const SPARE: f64 = 1.02;
 /// Most places that are tried for each sample that is wanted: of a scene of which points cover less than a 64th, samples
 /// come more than once.
 const MOST_TRIES: usize = 64;
@@ -127,6 +129,16 @@ fn points(level: &Level) -> Vec<SurfacePoint> {
             clearance: level.disk_radius / 128.0,
         })
         .collect()
+}
+
+/// The `index`-th of evenly spread places in a triangle: a large one holds thousands, and random places would
+/// leave lobes that see ten of them noise of a third.
+fn in_triangle(index: u32, seed: u64, triangle: u32) -> [f32; 2] {
+    let mut stream = Stream::new(seed, STAGE_TRIANGLES, u64::from(triangle));
+    let even = r2(index, Vec2::new(stream.uniform(), stream.uniform()));
+    let root = even.x.sqrt();
+    let v = even.y * root;
+    [root - v, v]
 }
 
 /// All triangles side by side along a space-filling curve: equal steps along it are even on the surfaces.
@@ -169,6 +181,7 @@ impl<'a> Strip<'a> {
     /// One place in each of `tries` equal parts, on each side that has a point near.
     fn places(&self, nearest: &NearestPoint, tries: usize, seed: u64) -> Vec<SurfacePoint> {
         let mut places = Vec::new();
+        let (mut last, mut within) = (u32::MAX, 0);
         for i in 0..tries {
             let mut stream = Stream::new(seed, STAGE, i as u64);
             let at = (i as f64 + f64::from(stream.uniform())) / tries as f64 * self.total();
@@ -176,9 +189,9 @@ impl<'a> Strip<'a> {
             let Some(&triangle) = self.triangles.get(index).or(self.triangles.last()) else {
                 return places;
             };
-            let root = stream.uniform().sqrt();
-            let v = stream.uniform() * root;
-            let barycentric = [root - v, v];
+            within = if triangle == last { within + 1 } else { 0 };
+            last = triangle;
+            let barycentric = in_triangle(within, seed, triangle);
             if self.scene.coverage(triangle, barycentric) <= stream.uniform() {
                 continue;
             }

@@ -1,7 +1,7 @@
 //! Truth: the dense sum over all directions in f64, with visibility interpolated between the sites.
 
 use super::illumination::Illumination;
-use super::shade::shade;
+use super::shade::{Fragments, shade};
 use super::sites::{FragmentSites, SITES};
 use super::*;
 use glam::DVec3;
@@ -79,7 +79,7 @@ fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
         selector.select(seen, sigma, usize::MAX, &mut cuts.heights, &mut cuts.values);
         cuts.offsets.push(cuts.heights.len() as u32);
     }
-    VisibilityCuts::new(cuts, world.directions.clone())
+    VisibilityCuts::of_directions(cuts, &world.directions)
 }
 
 /// Fragments of all kinds between random sites, some of which repeat.
@@ -150,9 +150,15 @@ fn dense(
 /// Relative errors of all fragments: the largest, and the root of their mean square.
 fn errors(world: &World, sigma: f32, most: usize) -> (f64, f64) {
     let cuts = cuts(world, sigma);
-    let light = Illumination::new(&world.flux, &cuts.tree, most);
+    let light = Illumination::new(&world.flux, most);
     let (sites, points, views) = fragments();
-    let (found, _) = shade(&cuts, &light, &sites, &points, &views);
+    let fragments = Fragments {
+        sites: &sites,
+        points: &points,
+        views: &views,
+        matt: true,
+    };
+    let (found, _) = shade(&cuts, &light, &fragments);
     let truth = dense(world, &sites, &points, &views);
     let mean = truth.iter().map(|t| t.max_element()).sum::<f64>() / truth.len() as f64;
     let errors = (found.iter().zip(&truth))
@@ -197,10 +203,10 @@ fn the_flux_of_all_cells_is_that_of_the_sphere() {
 #[test]
 fn an_illumination_cut_is_a_cut_of_the_size_asked_for() {
     let world = world();
-    let tree = cuts(&world, 1.0).tree;
+    let height = LIGHTS.ilog2() as u8;
     for most in [1, 32, 100, 256, 1024, 5000] {
-        let light = Illumination::new(&world.flux, &tree, most);
-        assert!(relight_transport::cuts::is_cut(&light.heights, tree.height));
+        let light = Illumination::new(&world.flux, most);
+        assert!(relight_transport::cuts::is_cut(&light.heights, height));
         // 32 nodes are the fewest.
         assert_eq!(light.heights.len(), most.clamp(32, 1024));
     }
