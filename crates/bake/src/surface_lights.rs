@@ -212,3 +212,100 @@ impl<'a> Strip<'a> {
         places
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use relight_scene::gltf::{ImportOptions, import};
+    use relight_scene::traced::Shading;
+    use std::path::Path;
+    use std::sync::Arc;
+
+    fn cornell() -> TracedScene {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/cornell.glb");
+        let scene = import(&file, &ImportOptions::default()).unwrap();
+        TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap()
+    }
+
+    /// Points on the fronts of all triangles, 1 cm apart or so.
+    fn points_of(scene: &TracedScene, keep: impl Fn(Vec3) -> bool) -> Level {
+        let (mut positions, mut normals) = (Vec::new(), Vec::new());
+        for triangle in 0..scene.triangle_count() as u32 {
+            for i in 0..(scene.triangle_area(triangle) / 1e-4) as u32 {
+                let hit = scene.surface_at(triangle, in_triangle(i, 1, triangle), true);
+                if keep(hit.position) {
+                    positions.push(hit.position);
+                    normals.push(hit.normal);
+                }
+            }
+        }
+        Level::new(positions, normals, 0.02, 0.04)
+    }
+
+    /// Truth: the triangles' areas.
+    #[test]
+    fn samples_are_even_and_stand_for_the_sides_that_have_points() {
+        let scene = cornell();
+        let area: f64 = (0..scene.triangle_count() as u32)
+            .map(|t| f64::from(scene.triangle_area(t)))
+            .sum();
+        let level = points_of(&scene, |_| true);
+        let samples = surface_lights(&scene, &level, 1 << 14, 0);
+        assert_eq!(samples.positions.len(), 1 << 14);
+        let found = f64::from(samples.area) * f64::from(1 << 14);
+        assert!((found / area - 1.0).abs() < 0.01, "{found} {area}");
+        // The nearest neighbour of n random places is 0.5/√density away on average, that of a lattice up to 1.07.
+        let mean = (samples.positions.iter().step_by(64))
+            .map(|p| {
+                let other = samples.positions.iter().filter(|q| *q != p);
+                other.map(|q| q.distance(*p)).fold(f32::INFINITY, f32::min)
+            })
+            .sum::<f32>()
+            / 256.0;
+        assert!(mean / samples.area.sqrt() > 0.6, "{}", mean / samples.area.sqrt());
+        for (p, n) in samples.positions.iter().zip(&samples.normals) {
+            assert!(p.is_finite() && (n.length() - 1.0).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn few_places_and_none_still_give_all_samples() {
+        let scene = cornell();
+        let low = points_of(&scene, |p| p.y < 0.005);
+        let samples = surface_lights(&scene, &low, 1024, 0);
+        assert_eq!(samples.positions.len(), 1024);
+        assert!(samples.positions.iter().all(|p| p.y < 0.05));
+        let far = Level::new(vec![Vec3::splat(50.0)], vec![Vec3::Y], 0.02, 0.04);
+        let samples = surface_lights(&scene, &far, 256, 0);
+        assert_eq!(samples.positions.len(), 256);
+        assert!(samples.area > 0.0);
+    }
+
+    /// Truth: the solid angle of a square seen from above its middle, π for a whole hemisphere of them.
+    #[test]
+    fn factors_are_those_of_form_factors() {
+        let n = 64;
+        let ends = (0..n * n)
+            .map(|i| SurfacePoint {
+                position: Vec3::new((i % n) as f32 + 0.5, 0.0, (i / n) as f32 + 0.5) / n as f32,
+                normal: Vec3::Y,
+                clearance: 1e-6,
+            })
+            .collect();
+        let samples = SurfaceLights::new(1.0 / (n * n) as f32, ends);
+        let site = |height: f32, up: f32| Candidate {
+            position: Vec3::new(0.5, height, 0.5),
+            normal: Vec3::Y * up,
+            geometric_normal: Vec3::Y * up,
+            origin: Vec3::new(0.5, height, 0.5),
+            albedo: Vec3::ONE,
+        };
+        let sum = |site: &Candidate| (0..n * n).map(|i| samples.factor(site, i)).sum::<f32>();
+        // A cube's face from its middle is a sixth of the sphere.
+        let sixth = 4.0 * std::f32::consts::PI / 6.0;
+        assert!((sum(&site(0.5, -1.0)) / sixth - 1.0).abs() < 1e-2);
+        assert!(sum(&site(0.5, 1.0)).is_nan());
+        assert_eq!(sum(&site(-0.5, 1.0)), 0.0);
+        assert!(samples.factor(&site(1e-4, -1.0), 0).is_finite());
+    }
+}
