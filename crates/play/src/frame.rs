@@ -180,13 +180,15 @@ impl Player {
                 &mut reflected,
             );
             times.direct_pixels += milliseconds(start);
-            if settings.per_light {
-                if let Some((most, own)) = distant.and_then(|d| Some((d.most, d.lights[light].as_ref()?))) {
-                    let even = self.of_distant(shot, &views, &[own], most, settings, &mut times);
-                    add(&mut reflected, &even.radiance);
-                    add(&mut own_received.points, &even.irradiance);
-                    lit.cuts = even.stats;
-                }
+            if settings.per_light
+                && let Some(distant) = distant
+                && let Some(own) = &distant.lights[light]
+            {
+                let most = distant.most;
+                let even = self.of_distant(shot, &views, &[own], most, settings, &mut times);
+                add(&mut reflected, &even.radiance);
+                add(&mut own_received.points, &even.irradiance);
+                lit.cuts = even.stats;
             }
             add(&mut lit.direct, &reflected);
             add(&mut received.points, &own_received.points);

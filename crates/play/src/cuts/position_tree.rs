@@ -47,19 +47,26 @@ impl PositionTree {
         }
     }
 
-    /// A node from a place. Where the node surrounds it, the radius is all that a hemisphere can be: π/2.
+    /// A node from a place.
     #[inline]
     pub fn view(&self, slot: usize, from: Vec3) -> NodeView {
-        let to = self.middles[slot] - from;
-        let d2 = to.length_squared().max(f32::MIN_POSITIVE);
-        let distance = d2.sqrt();
-        NodeView {
-            direction: to / distance,
-            // Leaves scattered by s across the line of sight: the mean of their directions is 1 − s²/(2d²) long, and 1
-            // where they are far.
-            length: (1.0 + self.spreads[slot] / d2).sqrt().recip(),
-            radius: (self.radii[slot] / distance).min(FRAC_PI_2),
-        }
+        view(self.middles[slot], self.spreads[slot], self.radii[slot], from)
+    }
+}
+
+/// A node of the given middle, spread and radius (see [`PositionTree`]) from a place. Where it surrounds the place, its
+/// radius is all that a hemisphere can be: π/2.
+#[inline(always)]
+pub fn view(middle: Vec3, spread: f32, radius: f32, from: Vec3) -> NodeView {
+    let to = middle - from;
+    let d2 = to.length_squared().max(f32::MIN_POSITIVE);
+    let inverse = d2.sqrt().recip();
+    NodeView {
+        direction: to * inverse,
+        // Leaves scattered by s across the line of sight: the mean of their directions is 1 − s²/(2d²) long, and 1
+        // where they are far.
+        length: (1.0 + spread / d2).sqrt().recip(),
+        radius: (radius * inverse).min(FRAC_PI_2),
     }
 }
 

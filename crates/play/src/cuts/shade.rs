@@ -8,7 +8,7 @@
 
 use super::illumination::Illumination;
 use super::sites::{FragmentSites, SITES};
-use super::{Lights, SurfaceSamples, VisibilityCuts};
+use super::{Lights, SurfaceSamples, VisibilityCuts, position_tree};
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::bsdf::{self, Incident, Lobe};
@@ -150,6 +150,8 @@ struct Merged {
     /// [`NodeView`] of each node, its direction being in `whole`.
     lengths: Vec<f32>,
     radii: Vec<f32>,
+    /// Middles (x, y, z), spreads and radii of nodes of surface samples, see [`position_tree::PositionTree`].
+    near: [Vec<f32>; 5],
     /// The nodes with visibility between the sites of the fragment at hand.
     whole: Columns,
     /// Parts of nodes that are too wide for the fragment at hand.
@@ -164,6 +166,7 @@ impl Merged {
         self.seen.iter_mut().for_each(Vec::clear);
         self.lengths.clear();
         self.radii.clear();
+        self.near.iter_mut().for_each(Vec::clear);
         self.whole.clear();
         // A site that is not there sees nothing, and costs nothing: its only node is the root.
         let root = [height];
@@ -196,18 +199,26 @@ impl Merged {
             self.lengths.push(view.length);
             self.radii.push(view.radius);
             self.whole.push(view.direction, 0.0, flux);
+            if let Lights::Surface(SurfaceSamples { tree, .. }) = &cuts.lights {
+                let [x, y, z] = tree.middles[slot].to_array();
+                let node = [x, y, z, tree.spreads[slot], tree.radii[slot]];
+                (self.near.iter_mut().zip(node)).for_each(|(column, value)| column.push(value));
+            }
         });
     }
 
-    /// Looks at the nodes from a fragment.
-    fn look_from(&mut self, samples: &SurfaceSamples, from: Vec3) {
-        for (i, &slot) in self.slots.iter().enumerate() {
-            let view = samples.tree.view(slot as usize, from);
-            for axis in 0..3 {
-                self.whole.direction[axis][i] = view.direction[axis];
-            }
-            self.lengths[i] = view.length;
-            self.radii[i] = view.radius;
+    /// Looks at nodes of surface samples from a fragment.
+    fn look_from(&mut self, from: Vec3) {
+        let n = self.slots.len();
+        let [x, y, z, spreads, radii] = self.near.each_ref().map(|column| &column[..n]);
+        let [dx, dy, dz] = self.whole.direction.each_mut().map(|column| &mut column[..n]);
+        let (seen_lengths, seen_radii) = (&mut self.lengths[..n], &mut self.radii[..n]);
+        for i in 0..n {
+            let middle = Vec3::new(x[i], y[i], z[i]);
+            let view = position_tree::view(middle, spreads[i], radii[i], from);
+            (dx[i], dy[i], dz[i]) = view.direction.into();
+            seen_lengths[i] = view.length;
+            seen_radii[i] = view.radius;
         }
     }
 
@@ -315,8 +326,8 @@ fn reflected(
     view: Vec3,
     weights: &[f32; SITES],
 ) -> Vec3 {
-    if let Lights::Surface(samples) = lights {
-        merged.look_from(samples, point.position);
+    if let Lights::Surface(_) = lights {
+        merged.look_from(point.position);
     }
     merged.interpolate(weights);
     let mut splitter = Splitter {
