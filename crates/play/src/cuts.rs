@@ -56,6 +56,7 @@ pub struct SurfaceSamples {
 }
 
 /// A node as a fragment sees it.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct NodeView {
     /// Unit direction to its middle.
     pub direction: Vec3,

@@ -8,7 +8,7 @@
 
 use super::illumination::Illumination;
 use super::sites::{FragmentSites, SITES};
-use super::{Lights, SurfaceSamples, VisibilityCuts, position_tree};
+use super::{Lights, NodeView, SurfaceSamples, VisibilityCuts, position_tree};
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::bsdf::{self, Incident, Lobe};
@@ -195,15 +195,18 @@ impl Merged {
                 column.push(value);
             }
             // Distant lights look the same from everywhere; others are looked at from each fragment.
-            let view = cuts.lights.view(slot, Vec3::ZERO);
+            let view = match &cuts.lights {
+                Lights::Directions(_) => cuts.lights.view(slot, Vec3::ZERO),
+                Lights::Surface(SurfaceSamples { tree, .. }) => {
+                    let [x, y, z] = tree.middles[slot].to_array();
+                    let node = [x, y, z, tree.spreads[slot], tree.radii[slot]];
+                    (self.near.iter_mut().zip(node)).for_each(|(column, value)| column.push(value));
+                    NodeView::default()
+                }
+            };
             self.lengths.push(view.length);
             self.radii.push(view.radius);
             self.whole.push(view.direction, 0.0, flux);
-            if let Lights::Surface(SurfaceSamples { tree, .. }) = &cuts.lights {
-                let [x, y, z] = tree.middles[slot].to_array();
-                let node = [x, y, z, tree.spreads[slot], tree.radii[slot]];
-                (self.near.iter_mut().zip(node)).for_each(|(column, value)| column.push(value));
-            }
         });
     }
 
