@@ -10,7 +10,7 @@ use anyhow::Context;
 use clap::{Args, ValueEnum};
 use glam::Vec3;
 use relight_bake::error::BakeError;
-use relight_bake::params::{BakeParams, CutParams, Preset};
+use relight_bake::params::{BakeParams, CutMode, CutParams, Preset};
 use relight_bake::{BakeStats, bake};
 use relight_format as format;
 use relight_scene::gltf::{ImportOptions, LightUnits, import};
@@ -66,17 +66,18 @@ pub struct BakeArgs {
     /// edited.
     #[arg(long)]
     pub solution: bool,
-    /// Visibility cuts, for hard shadows and glossy reflections of what stands far away: none, or environment.
+    /// Visibility cuts: none; environment, for shadows and glossy reflections of environment maps and skies; or
+    /// indirect, for glossy reflections of lit surfaces, by one bounce of any light.
     #[arg(long, value_enum, default_value_t = CutsName::None)]
     pub cuts: CutsName,
-    /// Even directions that the cuts cluster: a power of two, 256 to 1048576 [default: 32768].
+    /// Even directions, or even samples of the surfaces, that the cuts cluster: a power of two, 256 to 1048576 [default: 32768].
     #[arg(long, value_name = "N")]
     pub cut_lights: Option<u32>,
-    /// Threshold of a cut's nodes, for 32768 directions: 1.5 to 3 is usual; larger makes cuts shorter and shadows
+    /// Threshold of a cut's nodes, for 32768 lights: 1.5 to 3 is usual; larger makes cuts shorter and shadows
     /// coarser [default: 2].
     #[arg(long, value_name = "S")]
     pub sigma: Option<f32>,
-    /// What the tree of directions minds: 1 geometry alone, 0 visibility alone [default: 0.45].
+    /// What the tree of those lights minds: 1 geometry alone, 0 visibility alone [default: 0.45].
     #[arg(long, value_name = "B")]
     pub beta: Option<f32>,
     /// A place from which the scene is looked at: surfaces that light cannot carry to it get no points. May be
@@ -114,6 +115,8 @@ pub enum CutsName {
     None,
     /// Environment maps and skies.
     Environment,
+    /// The first bounce of any light.
+    Indirect,
 }
 
 /// Names of [`LightUnits`].
@@ -166,16 +169,21 @@ fn cut_params(args: &BakeArgs) -> Result<Option<CutParams>, Failure> {
         ("--sigma", args.sigma.is_some()),
         ("--beta", args.beta.is_some()),
     ];
-    if args.cuts == CutsName::None {
-        return match given.iter().find(|option| option.1) {
-            None => Ok(None),
-            Some((option, _)) => Err(Failure::Usage(format!(
-                "{option} belongs to visibility cuts, which --cuts environment bakes"
-            ))),
-        };
-    }
+    let mode = match args.cuts {
+        CutsName::Environment => CutMode::Environment,
+        CutsName::Indirect => CutMode::Indirect,
+        CutsName::None => {
+            return match given.iter().find(|option| option.1) {
+                None => Ok(None),
+                Some((option, _)) => Err(Failure::Usage(format!(
+                    "{option} belongs to visibility cuts, which --cuts environment and --cuts indirect bake"
+                ))),
+            };
+        }
+    };
     let defaults = CutParams::default();
     Ok(Some(CutParams {
+        mode,
         lights: args.cut_lights.unwrap_or(defaults.lights),
         sigma: args.sigma.unwrap_or(defaults.sigma),
         beta: args.beta.unwrap_or(defaults.beta),

@@ -9,6 +9,7 @@ use crate::words;
 use clap::{Args, ValueEnum};
 use glam::Vec3;
 use relight_play::brute::{self, BruteSettings};
+use relight_play::cuts::Lights;
 use relight_play::edited::Editor;
 use relight_play::frame::{Distant, FrameTimes, LightingSettings, Lit};
 use relight_play::layers::{RenderSize, Watch};
@@ -58,9 +59,10 @@ pub struct PlayArgs {
     /// Frames to write: #### or %04d stands for the frame number.
     #[arg(short, long, value_name = "out/frame_####.exr", value_parser = frames::parse_pattern)]
     pub output: Pattern,
-    /// How to make light: transfer (the asset's operators), cuts (direct light of environments by visibility cuts,
-    /// of other lights by shadow rays), brute (every light with its own shadow rays; direct light only), path (a path
-    /// tracer, the reference), or auto (cuts for environments where the asset has them, transfer for indirect light;
+    /// How to make light: transfer (the asset's operators), cuts (as the asset's visibility cuts were baked: direct
+    /// light of environments, or one bounce of indirect light; other direct light by shadow rays), brute (every light
+    /// with its own shadow rays; direct light only), path (a path tracer, the reference), or auto (cuts where the asset
+    /// has them: environments, or the first bounce at surfaces that are not matt; transfer for other indirect light;
     /// path without points).
     #[arg(long, value_enum, default_value_t = Integrator::Auto)]
     pub integrator: Integrator,
@@ -86,7 +88,8 @@ pub struct PlayArgs {
     /// Write 32-bit floats instead of half precision.
     #[arg(long)]
     pub float: bool,
-    /// Most nodes of the illumination cut, by which an environment is taken with visibility cuts.
+    /// Most nodes of the illumination cut, by which an environment, or what surfaces reflect, is taken with visibility
+    /// cuts.
     #[arg(long, value_name = "N", default_value_t = ILLUMINATION_CUT, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub illumination_cut: u32,
     /// Samples per pixel [default: transfer 16, with a moving camera 1; brute 16; path 64].
@@ -218,7 +221,8 @@ pub fn play(
     console.note(choice(integrator, by_cuts, &loaded));
     let mut session = Session {
         args,
-        splits: by_cuts.then(|| splits(&rig, &loaded, sequence.lights.len())),
+        splits: (by_cuts == ByCuts::Environments).then(|| splits(&rig, &loaded, sequence.lights.len())),
+        by_cuts,
         loaded: &mut loaded,
         editor,
         rig: &rig,
@@ -315,7 +319,8 @@ fn integrator(args: &PlayArgs, loaded: &Loaded) -> Result<Integrator, Failure> {
         Integrator::Auto => Integrator::Path,
         Integrator::Cuts if loaded.player.cuts.is_none() => {
             return Err(anyhow::anyhow!(
-                "{}: was baked without visibility cuts; bake with --cuts environment, or use --integrator transfer",
+                "{}: was baked without visibility cuts; bake with --cuts environment or --cuts indirect, or use \
+                 --integrator transfer",
                 args.asset.display()
             )
             .into());
@@ -338,8 +343,17 @@ fn integrator(args: &PlayArgs, loaded: &Loaded) -> Result<Integrator, Failure> {
     Ok(integrator)
 }
 
-/// Whether environments go through visibility cuts.
-fn by_cuts(integrator: Integrator, args: &PlayArgs, loaded: &Loaded, sequence: &Sequence) -> bool {
+/// What visibility cuts are used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum ByCuts {
+    Nothing,
+    /// Direct light of environments.
+    Environments,
+    /// The first bounce of all light.
+    FirstBounce,
+}
+
+fn by_cuts(integrator: Integrator, args: &PlayArgs, loaded: &Loaded, sequence: &Sequence) -> ByCuts {
     let distant = |light: &LightTrack| {
         matches!(
             light.kind,
@@ -351,29 +365,51 @@ fn by_cuts(integrator: Integrator, args: &PlayArgs, loaded: &Loaded, sequence: &
         Integrator::Transfer => args.integrator == Integrator::Auto,
         _ => false,
     };
-    wanted && loaded.player.cuts.is_some() && sequence.lights.iter().any(distant)
+    match loaded
+        .player
+        .cuts
+        .as_ref()
+        .filter(|_| wanted)
+        .map(|cuts| &cuts.lights)
+    {
+        Some(Lights::Surface(_)) => ByCuts::FirstBounce,
+        Some(Lights::Directions(_)) if sequence.lights.iter().any(distant) => ByCuts::Environments,
+        _ => ByCuts::Nothing,
+    }
 }
 
 /// One line about how light is made, and why.
-fn choice(integrator: Integrator, by_cuts: bool, loaded: &Loaded) -> String {
-    let direct = match (by_cuts, loaded.player.cuts.is_some()) {
-        (true, _) => {
+fn choice(integrator: Integrator, by_cuts: ByCuts, loaded: &Loaded) -> String {
+    let direct = match (by_cuts, &loaded.player.cuts) {
+        (ByCuts::Environments, _) => {
             "direct light of environments by visibility cuts (the asset has them), of other lights by shadow rays"
         }
-        (false, true) => "direct light by shadow rays (no environment shines)",
-        (false, false) => "direct light by shadow rays (the asset has no visibility cuts)",
+        (ByCuts::FirstBounce, _) => "direct light by shadow rays",
+        (ByCuts::Nothing, Some(cuts)) if cuts.directions().is_some() => {
+            "direct light by shadow rays (no environment shines)"
+        }
+        (ByCuts::Nothing, Some(_)) => "direct light by shadow rays",
+        (ByCuts::Nothing, None) => "direct light by shadow rays (the asset has no visibility cuts)",
     };
-    match integrator {
-        Integrator::Path => "Light by path tracing.".into(),
-        Integrator::Brute => "Direct light of every light by shadow rays; no indirect light.".into(),
-        Integrator::Cuts => format!("Light: {direct}; no indirect light."),
-        Integrator::Transfer | Integrator::Auto => format!("Light: {direct}; indirect light by transfer."),
-    }
+    let indirect = match (integrator, by_cuts) {
+        (Integrator::Path, _) => return "Light by path tracing.".into(),
+        (Integrator::Brute, _) => {
+            return "Direct light of every light by shadow rays; no indirect light.".into();
+        }
+        (Integrator::Cuts, ByCuts::FirstBounce) => "one bounce of indirect light by visibility cuts",
+        (Integrator::Cuts, _) => "no indirect light",
+        (_, ByCuts::FirstBounce) => {
+            "indirect light by transfer, but its first bounce by visibility cuts where surfaces are not matt (the asset \
+             has them)"
+        }
+        _ => "indirect light by transfer",
+    };
+    format!("Light: {direct}; {indirect}.")
 }
 
 /// The parts of each light's environment.
 fn splits(rig: &LightRig, loaded: &Loaded, lights: usize) -> Vec<Option<Arc<Split>>> {
-    let directions = loaded.player.cuts.as_ref().map_or(0, |c| c.tree.leaves()) as u32;
+    let directions = loaded.player.cuts.as_ref().map_or(0, |c| c.lights.leaves()) as u32;
     (0..lights)
         .map(|light| rig.split(light, directions).map(Arc::new))
         .collect()
@@ -474,6 +510,7 @@ struct Session<'a> {
     rig: &'a LightRig<'a>,
     /// The parts of each light's environment, where visibility cuts take it.
     splits: Option<Vec<Option<Arc<Split>>>>,
+    by_cuts: ByCuts,
     integrator: Integrator,
     seed: u64,
     width: usize,
@@ -569,7 +606,7 @@ impl Session<'_> {
             if let Some(transfer) = &player.transfer {
                 shot.weigh(&transfer.finest);
             }
-            if self.splits.is_some() {
+            if self.by_cuts != ByCuts::Nothing {
                 shot.choose_sites();
             }
             if let Some(editor) = &self.editor {
@@ -603,6 +640,7 @@ impl Session<'_> {
             seed: self.seed,
             per_light: self.wants(LayerName::Lights),
             indirect: self.integrator != Integrator::Cuts,
+            bounce_cuts: (self.by_cuts == ByCuts::FirstBounce).then_some(self.args.illumination_cut as usize),
         };
         let lights = self.rig.at(frame.into());
         let distant = self.splits.as_ref().map(|splits| {

@@ -7,6 +7,7 @@ mod bad_input;
 mod bake;
 mod compare;
 mod cuts;
+mod cuts_indirect;
 mod general;
 mod inspect;
 mod materials;

@@ -89,6 +89,7 @@ pub fn light_sampled(
         seed: 0,
         per_light,
         indirect: true,
+        bounce_cuts: None,
     };
     loaded.player.light(shot, &lights, None, &settings).0
 }

@@ -6,14 +6,13 @@
 //! Per scene: how fast single and packed shadow rays are, what skipping rays costs, and how long cuts are under a tree
 //! by geometry, by pilots and by both, for three σ.
 
-use glam::Vec3;
 use rayon::prelude::*;
 use relight_bake::candidates::Candidate;
-use relight_bake::light_samples::directions;
+use relight_bake::light_samples::{Lights, in_tree};
 use relight_bake::params::CutParams;
 use relight_bake::points::{coarse_radius_for, distribute};
 use relight_bake::viewpoint;
-use relight_bake::visibility::{Cuts, environment_cuts};
+use relight_bake::visibility::{Cuts, site_cuts};
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
@@ -27,7 +26,7 @@ use std::time::Instant;
 const LEVELS: usize = 6;
 const SITES: usize = 1500;
 /// Lights: 2¹⁵.
-const HEIGHT: u32 = 15;
+const LIGHTS: u32 = 1 << 15;
 
 fn main() -> Result<(), Box<dyn Error>> {
     for path in std::env::args().skip(1) {
@@ -40,9 +39,10 @@ fn study(path: &str) -> Result<(), Box<dyn Error>> {
     let scene = Arc::new(import(Path::new(path), &ImportOptions::default())?);
     let traced = TracedScene::new(scene.clone(), Shading::Lambert)?;
     let sites = sites(&traced, &scene)?;
-    println!("\n{path}: {} of its sites, {} lights", sites.len(), 1 << HEIGHT);
-    let tree = directions(&traced, &sites, HEIGHT, 0.45);
-    rates(&traced, &sites, &tree.directions);
+    println!("\n{path}: {} of its sites, {} lights", sites.len(), LIGHTS);
+    let lattice = Lights::directions(LIGHTS);
+    let tree = in_tree(&traced, &sites, &lattice, 0.45);
+    rates(&traced, &sites, &tree.lights);
 
     let all = CutParams {
         every_light: true,
@@ -52,7 +52,7 @@ fn study(path: &str) -> Result<(), Box<dyn Error>> {
     println!("| --- | --- | --- | --- | --- | --- | --- |");
     for beta in [1.0, 0.7, 0.45, 0.2, 0.0] {
         let start = Instant::now();
-        let tree = directions(&traced, &sites, HEIGHT, beta);
+        let tree = in_tree(&traced, &sites, &lattice, beta);
         let built = start.elapsed().as_secs_f64();
         for sigma in if beta == 0.45 {
             vec![1.5, 2.0, 3.0]
@@ -64,12 +64,12 @@ fn study(path: &str) -> Result<(), Box<dyn Error>> {
                 ..CutParams::default()
             };
             let start = Instant::now();
-            let cuts = environment_cuts(&traced, &sites, &tree.directions, &params, |_| Ok(()))?;
+            let cuts = site_cuts(&traced, &sites, &tree, &params, |_| Ok(()))?;
             let seconds = start.elapsed().as_secs_f64();
-            let truth = environment_cuts(
+            let truth = site_cuts(
                 &traced,
                 &sites,
-                &tree.directions,
+                &tree,
                 &CutParams {
                     sigma: 0.01,
                     ..all.clone()
@@ -81,7 +81,7 @@ fn study(path: &str) -> Result<(), Box<dyn Error>> {
                 cuts.rays as f64 / sites.len() as f64,
                 cuts.cuts.heights.len() as f64 / sites.len() as f64,
                 cuts.rms_error,
-                difference(&cuts, &truth, &sites, &tree.directions),
+                difference(&cuts, &truth, &sites, &tree.lights),
             );
         }
     }
@@ -109,17 +109,12 @@ fn sites(
 }
 
 /// Shadow rays a second: single ones in the order of the lattice, and packets in the order of the tree.
-fn rates(traced: &TracedScene, sites: &[Candidate], lights: &[Vec3]) {
+fn rates(traced: &TracedScene, sites: &[Candidate], lights: &Lights) {
     let some: Vec<Candidate> = sites.iter().copied().step_by(20).collect();
     let rays_of = |site: &Candidate| -> Vec<Ray> {
-        let above = lights.iter().filter(|d| site.geometric_normal.dot(**d) > 0.0);
-        above
-            .map(|&direction| Ray {
-                origin: site.origin,
-                direction,
-                t_min: 0.0,
-                t_max: f32::INFINITY,
-            })
+        (0..lights.len())
+            .filter(|&light| lights.factor(site, light) > 0.0)
+            .map(|light| lights.ray(site, light))
             .collect()
     };
     let timed = |what: &str, cast: &(dyn Fn(&[Ray]) + Sync)| {
@@ -146,15 +141,14 @@ fn rates(traced: &TracedScene, sites: &[Candidate], lights: &[Vec3]) {
 }
 
 /// Root mean square difference of two sets of cuts over all lights above the sites' horizons.
-fn difference(a: &Cuts, b: &Cuts, sites: &[Candidate], lights: &[Vec3]) -> f64 {
+fn difference(a: &Cuts, b: &Cuts, sites: &[Candidate], lights: &Lights) -> f64 {
     let (count, squares) = (0..sites.len())
         .into_par_iter()
         .map(|site| {
             let (mut count, mut squares) = (0.0, 0.0);
             relight_transport::cuts::merge([a.cuts.cut(site), b.cuts.cut(site)], |node, [x, y]| {
-                let normal = sites[site].geometric_normal;
-                let leaves = &lights[node.first() as usize..node.end() as usize];
-                let above = leaves.iter().filter(|d| normal.dot(**d) > 0.0).count() as f64;
+                let counts = |&light: &u32| !lights.factor(&sites[site], light as usize).is_nan();
+                let above = (node.first()..node.end()).filter(counts).count() as f64;
                 count += above;
                 squares += above * f64::from(x - y).powi(2);
             });

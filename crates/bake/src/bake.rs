@@ -3,17 +3,16 @@
 use crate::candidates::Candidate;
 use crate::convert;
 use crate::coverage::{Coverage, coverage};
+use crate::cut_sections::{World, cut_sections};
 use crate::error::BakeError;
 use crate::left_out::{Pruned, prune};
-use crate::light_samples::{Directions, directions};
-use crate::params::{BakeParams, CutParams};
+use crate::params::BakeParams;
 use crate::points::{self, PointLevels};
 use crate::settings;
 use crate::solution::{Solution, solution};
 use crate::timed::TimedSurfaces;
 use crate::transport::{Transport, levels_of, transport};
 use crate::viewpoint;
-use crate::visibility::{self, Cuts};
 use glam::Vec3;
 use relight_format as format;
 use relight_scene::scene::Scene;
@@ -134,9 +133,14 @@ pub fn bake(
     }
     go_on()?;
 
-    let distant = match &params.cuts {
+    let cuts = match &params.cuts {
         Some(cuts) => {
-            let made = distant_cuts(&timed, &transport.points, cuts, progress)?;
+            let world = World {
+                scene: &traced,
+                surfaces: &timed,
+                points: &transport.points,
+            };
+            let made = cut_sections(&world, cuts, params.seed, progress)?;
             clock.lap("cuts");
             Some(made)
         }
@@ -156,7 +160,10 @@ pub fn bake(
         levels.iter().map(|l| l.positions.len()).sum(),
     );
     let rays = transport.rays + search_rays;
-    let cut_rays = distant.as_ref().map_or(0, |d| d.lights.rays + d.cuts.rays);
+    let cut_rays = cuts.as_ref().map_or(0, |c| c.rays);
+    let (light_tree, estimates, cuts) = cuts.map_or((None, None, None), |made| {
+        (Some(made.light_tree), Some(made.estimates), Some(made.cuts))
+    });
     let facts = Facts {
         rays: rays + cut_rays,
         potential_links: receivers * senders,
@@ -200,15 +207,9 @@ pub fn bake(
         bounce: (lit && solved.is_none() && !transport.bounce.entries.is_empty())
             .then(|| bounce(transport.bounce_level, &transport.bounce)),
         solution: solved.filter(|_| lit).map(|s| stored_solution(&s)),
-        light_tree: distant.as_ref().map(|d| format::LightTree {
-            lights: format::LightSamples::Environment {
-                order: d.lights.order.clone(),
-            },
-        }),
-        estimates: distant.as_ref().map(|d| format::Estimates {
-            values: vec![("cut_rms_error".to_owned(), d.cuts.rms_error)],
-        }),
-        cuts: distant.map(|d| d.stored(params)),
+        light_tree,
+        estimates,
+        cuts,
     };
     clock.lap("prune");
     let threads = rayon::current_num_threads();
@@ -218,46 +219,6 @@ pub fn bake(
         threads,
     };
     Ok(Baked { asset, stats })
-}
-
-/// Visibility cuts of an environment and the directions that they cluster.
-struct DistantCuts {
-    lights: Directions,
-    cuts: Cuts,
-}
-
-impl DistantCuts {
-    fn stored(self, params: &BakeParams) -> format::Cuts {
-        format::Cuts {
-            sites: format::CutSites::Points,
-            sigma: params.cuts.as_ref().map_or(1.0, CutParams::sigma),
-            unit: 1.0,
-            row_offsets: self.cuts.cuts.offsets,
-            heights: self.cuts.cuts.heights,
-            values: self.cuts.cuts.values,
-        }
-    }
-}
-
-/// Cuts of the finest points.
-fn distant_cuts(
-    surfaces: &dyn Surfaces,
-    points: &PointLevels,
-    params: &CutParams,
-    progress: &dyn Progress,
-) -> Result<DistantCuts, BakeError> {
-    let sites = points.levels.last().map_or(&[][..], |level| &level.points);
-    progress.stage("cuts", Some(sites.len() as u64));
-    let lights = directions(surfaces, sites, params.lights.ilog2(), params.beta);
-    let cuts = visibility::environment_cuts(surfaces, sites, &lights.directions, params, |done| {
-        progress.advance(done as u64);
-        if progress.stopped() {
-            Err(BakeError::Stopped)
-        } else {
-            Ok(())
-        }
-    })?;
-    Ok(DistantCuts { lights, cuts })
 }
 
 struct Clock {

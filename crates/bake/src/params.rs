@@ -28,9 +28,21 @@ pub struct BakeParams {
     pub seed: u64,
 }
 
+/// What visibility cuts are made for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CutMode {
+    /// Even directions: direct light of environments.
+    #[default]
+    Environment,
+    /// Even surface samples: the first bounce of any light.
+    Indirect,
+}
+
 /// Parameters of visibility cuts (design section 7).
 #[derive(Clone, Debug, PartialEq)]
 pub struct CutParams {
+    /// What they are made for.
+    pub mode: CutMode,
     /// Lights that the cuts cluster: a power of two, 256 to 2²⁰.
     pub lights: u32,
     /// Threshold of a node's error, |C|·var ≤ σ² (Cheslack-Postava et al. 2008, equation 5), for 32 768 lights: it grows
@@ -57,6 +69,7 @@ impl CutParams {
 impl Default for CutParams {
     fn default() -> Self {
         CutParams {
+            mode: CutMode::Environment,
             lights: 32_768,
             sigma: 2.0,
             beta: 0.45,

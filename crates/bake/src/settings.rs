@@ -1,7 +1,7 @@
 //! Checks of a bake's parameters, and their names and values for provenance.
 
 use crate::error::BakeError;
-use crate::params::BakeParams;
+use crate::params::{BakeParams, CutMode};
 use relight_transport::light_tree::HEIGHTS;
 
 /// Most receiver levels: radii halve from level to level, and 2¹² is already finer than any pixel.
@@ -87,8 +87,12 @@ pub fn validate(params: &BakeParams) -> Result<(), BakeError> {
 /// Names and values in the order of the command line's help.
 pub fn settings(params: &BakeParams) -> Vec<(String, String)> {
     let of_cuts = params.cuts.iter().flat_map(|cuts| {
+        let mode = match cuts.mode {
+            CutMode::Environment => "environment",
+            CutMode::Indirect => "indirect",
+        };
         [
-            ("cuts", "environment".to_owned()),
+            ("cuts", mode.to_owned()),
             ("cut_lights", cuts.lights.to_string()),
             ("sigma", cuts.sigma.to_string()),
             ("beta", cuts.beta.to_string()),

@@ -1,17 +1,17 @@
-//! Visibility cuts: which of many lights each site sees.
+//! Visibility cuts: which of many lights each site sees, and for surface samples how much of them.
 //!
 //! Source: Cheslack-Postava et al. 2008, sections 3.2 (selection) and 4.1.
 //!
-//! Deviations. σ² is relative to the share of its hemisphere that a site sees: where light comes in through a small window,
-//! a few directions more or less are much of it (docs/cuts.md). What lies below a site's own horizon counts for nothing: its BRDF is zero there, and a cut that had
+//! Deviations. σ² is relative to the mean of what a site sees above its horizon, the share of its hemisphere for
+//! directions: where light comes in through a small window, a few directions more or less are much of it
+//! (docs/cuts.md). What lies below a site's own horizon counts for nothing: its BRDF is zero there, and a cut that had
 //! zeros there would darken the neighbours that a pixel interpolates with and follow the horizon with small nodes.
 //! And not every light gets a ray: see [`Sampler`].
 
 use crate::candidates::Candidate;
 use crate::error::BakeError;
-use crate::light_samples::ray;
+use crate::light_samples::{LightLeaves, Lights};
 use crate::params::CutParams;
-use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
@@ -24,36 +24,36 @@ pub struct Cuts {
     pub cuts: SiteCuts,
     /// Rays cast.
     pub rays: u64,
-    /// Root of the mean squared difference between the visibility that was found and the cuts, over all lights above
-    /// the sites' horizons.
+    /// Root of the mean squared difference between what was found and the cuts, over all lights above the sites'
+    /// horizons, in the unit of the leaves.
     pub rms_error: f64,
 }
 
 /// Sites per parallel task.
 const TASK: usize = 64;
 
-/// Selects the cut of every site through the tree whose leaves look into `directions`.
+/// Selects the cut of every site through the tree of `leaves`.
 ///
 /// # Errors
 /// What `step`, called with each number of sites done, returns.
-pub fn environment_cuts(
+pub fn site_cuts(
     surfaces: &dyn Surfaces,
     sites: &[Candidate],
-    directions: &[Vec3],
+    leaves: &LightLeaves,
     params: &CutParams,
     step: impl Fn(usize) -> Result<(), BakeError> + Sync,
 ) -> Result<Cuts, BakeError> {
     let parts: Vec<Part> = sites
         .par_chunks(TASK)
         .map_init(
-            || (Sampler::new(directions, params.every_light), Selector::default()),
+            || (Sampler::new(leaves, params.every_light), Selector::default()),
             |(sampler, selector), sites| {
                 let mut part = Part::default();
                 for site in sites {
                     part.rays += sampler.sample(surfaces, site);
                     let (count, squares) = selector.select(
                         &sampler.seen,
-                        params.sigma() * sampler.share_seen().sqrt(),
+                        params.sigma() * sampler.mean_seen().sqrt(),
                         params.most,
                         &mut part.heights,
                         &mut part.values,
@@ -114,11 +114,17 @@ const RAYS_HEIGHT: u32 = 3;
 /// If all end alike, so do those that were not cast; otherwise its halves get 8 rays each, those that were cast
 /// included, and so on down to single lights. Edges of shadows so are found ray by ray, and what lies in the middle of
 /// light or shadow costs an eighth. What is lost are occluders that fall between 8 rays (docs/cuts.md has the figures).
+/// How much an unoccluded light counts for is known without rays.
 struct Sampler<'a> {
-    directions: &'a [Vec3],
+    lights: &'a Lights,
+    /// One over the unit in which lights count.
+    scale: f32,
     every_light: bool,
-    /// Per light 1 for visible, 0 for occluded, NaN for what lies below the horizon.
+    /// Per light: 1 for visible, 0 for occluded, times its factor once all are known; NaN for what lies below the
+    /// horizon.
     seen: Vec<f32>,
+    /// Per light what it counts for unoccluded, in units.
+    factors: Vec<f32>,
     rays: Vec<Ray>,
     targets: Vec<u32>,
     occluded: Vec<bool>,
@@ -129,13 +135,17 @@ struct Sampler<'a> {
 
 /// In `seen`: above the horizon, not known yet.
 const UNKNOWN: f32 = -1.0;
+/// In `seen`: above the horizon, but facing away.
+const AWAY: f32 = -2.0;
 
 impl<'a> Sampler<'a> {
-    fn new(directions: &'a [Vec3], every_light: bool) -> Sampler<'a> {
+    fn new(leaves: &'a LightLeaves, every_light: bool) -> Sampler<'a> {
         Sampler {
-            directions,
+            lights: &leaves.lights,
+            scale: 1.0 / leaves.unit,
             every_light,
-            seen: vec![0.0; directions.len()],
+            seen: vec![0.0; leaves.lights.len()],
+            factors: vec![0.0; leaves.lights.len()],
             rays: Vec::new(),
             targets: Vec::new(),
             occluded: Vec::new(),
@@ -146,11 +156,12 @@ impl<'a> Sampler<'a> {
 
     /// Fills `seen`; returns the number of rays cast.
     fn sample(&mut self, surfaces: &dyn Surfaces, site: &Candidate) -> u64 {
-        for (seen, direction) in self.seen.iter_mut().zip(self.directions) {
-            *seen = if site.geometric_normal.dot(*direction) > 0.0 {
-                UNKNOWN
-            } else {
-                f32::NAN
+        for (light, (seen, factor)) in self.seen.iter_mut().zip(&mut self.factors).enumerate() {
+            *factor = self.lights.factor(site, light) * self.scale;
+            *seen = match *factor {
+                f if f > 0.0 => UNKNOWN,
+                0.0 => AWAY,
+                _ => f32::NAN,
             };
         }
         let mut cast = 0;
@@ -160,7 +171,7 @@ impl<'a> Sampler<'a> {
             FIRST_HEIGHT
         };
         self.open.clear();
-        self.open.extend(0..(self.directions.len() >> first) as u32);
+        self.open.extend(0..(self.lights.len() >> first) as u32);
         for height in (RAYS_HEIGHT..=first).rev() {
             self.aim(site, height);
             cast += self.cast(surfaces);
@@ -170,11 +181,14 @@ impl<'a> Sampler<'a> {
             }
             std::mem::swap(&mut self.open, &mut self.next);
         }
+        for (seen, factor) in self.seen.iter_mut().zip(&self.factors) {
+            *seen = if *seen == AWAY { 0.0 } else { *seen * factor };
+        }
         cast
     }
 
-    /// Share of the lights above the horizon that are seen.
-    fn share_seen(&self) -> f32 {
+    /// Mean of what is seen of the lights above the horizon.
+    fn mean_seen(&self) -> f32 {
         let (mut above, mut seen) = (0.0, 0.0);
         for light in self.seen.iter().filter(|s| !s.is_nan()) {
             above += 1.0;
@@ -200,7 +214,7 @@ impl<'a> Sampler<'a> {
                     .find(|&k| lights[k] == UNKNOWN);
                 if let Some(k) = above {
                     self.targets.push((first + k) as u32);
-                    self.rays.push(ray(site.origin, self.directions[first + k]));
+                    self.rays.push(self.lights.ray(site, first + k));
                 }
             }
         }
@@ -225,7 +239,7 @@ impl<'a> Sampler<'a> {
         let lights = &mut self.seen[start..start + (1 << height)];
         let mut known = lights.iter().copied().filter(|&s| s >= 0.0);
         let Some(first) = known.next() else {
-            return; // wholly below the horizon
+            return; // wholly below the horizon, or facing away
         };
         if known.all(|s| s == first) {
             lights

@@ -1,38 +1,177 @@
-//! Light from many even directions through visibility cuts (Cheslack-Postava et al. 2008).
+//! Light from many even directions, or from even samples of the surfaces, through visibility cuts (Cheslack-Postava et
+//! al. 2008).
 //!
 //! Per frame an [`illumination`] cut is chosen; [`shade`] merges it with the cuts of each fragment's [`sites`] and
 //! multiplies with the BRDF on the way.
 
 pub mod illumination;
+pub mod position_tree;
 pub mod shade;
 pub mod sites;
 #[cfg(test)]
 mod tests;
 
 use glam::Vec3;
+use position_tree::PositionTree;
+use rayon::prelude::*;
+use relight_scene::surface::{SurfaceHit, Surfaces};
+use relight_scene::traced::TracedScene;
 use relight_transport::cuts::SiteCuts;
 use relight_transport::light_tree::{Node, sums};
 
-/// Visibility of an environment, as the asset has it.
+/// What sites see of many lights, as the asset has it.
 pub struct VisibilityCuts {
     /// The cut of each finest point.
     pub cuts: SiteCuts,
+    /// The lights.
+    pub lights: Lights,
+}
+
+/// Lights that cuts cluster.
+pub enum Lights {
+    /// Even directions, which carry the light of environments.
+    Directions(Directions),
+    /// Even surface samples, which carry the first bounce of any light.
+    Surface(SurfaceSamples),
+}
+
+/// Even directions in the order of the leaves of their tree.
+pub struct Directions {
     /// The tree.
     pub tree: DirectionTree,
     /// Which leaf each part of the sphere belongs to.
     pub cells: illumination::Cells,
 }
 
+/// Surface samples in the order of the leaves of their tree.
+pub struct SurfaceSamples {
+    /// The tree.
+    pub tree: PositionTree,
+    /// Where each lies on the scene's surfaces; a primitive that the scene does not have where it was not found.
+    pub hits: Vec<Option<SurfaceHit>>,
+    /// Reflectance of each.
+    pub albedo: Vec<Vec3>,
+    /// What a value of 1 in the cuts stands for.
+    pub unit: f32,
+}
+
+/// A node as a fragment sees it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NodeView {
+    /// Unit direction to its middle.
+    pub direction: Vec3,
+    /// Length of the mean of the directions to its leaves: by so much the mean of their cosines is smaller than the
+    /// cosine of their mean.
+    pub length: f32,
+    /// Angular radius around `direction`, radians.
+    pub radius: f32,
+}
+
 impl VisibilityCuts {
     /// Cuts through the tree whose leaves look into `directions` (unit; a power of two of them).
-    pub fn new(cuts: SiteCuts, directions: Vec<Vec3>) -> VisibilityCuts {
-        let cells = illumination::Cells::new(&directions);
-        VisibilityCuts {
-            cuts,
-            tree: DirectionTree::new(&directions),
-            cells,
+    pub fn of_directions(cuts: SiteCuts, directions: &[Vec3]) -> VisibilityCuts {
+        let lights = Lights::Directions(Directions {
+            tree: DirectionTree::new(directions),
+            cells: illumination::Cells::new(directions),
+        });
+        VisibilityCuts { cuts, lights }
+    }
+
+    /// The even directions, if those are the lights.
+    pub fn directions(&self) -> Option<&Directions> {
+        match &self.lights {
+            Lights::Directions(directions) => Some(directions),
+            Lights::Surface(_) => None,
         }
     }
+
+    /// The surface samples, if those are the lights.
+    pub fn samples(&self) -> Option<&SurfaceSamples> {
+        match &self.lights {
+            Lights::Directions(_) => None,
+            Lights::Surface(samples) => Some(samples),
+        }
+    }
+}
+
+impl Lights {
+    /// Height of the tree's root.
+    #[inline]
+    pub fn height(&self) -> u8 {
+        match self {
+            Lights::Directions(directions) => directions.tree.height,
+            Lights::Surface(samples) => samples.tree.height,
+        }
+    }
+
+    /// Number of leaves.
+    #[inline]
+    pub fn leaves(&self) -> usize {
+        1 << self.height()
+    }
+
+    /// The node in `slot` as it is seen from a place.
+    #[inline]
+    pub fn view(&self, slot: usize, from: Vec3) -> NodeView {
+        match self {
+            Lights::Directions(Directions { tree, .. }) => NodeView {
+                direction: tree.directions[slot],
+                length: tree.lengths[slot],
+                radius: tree.radii[slot],
+            },
+            Lights::Surface(samples) => samples.tree.view(slot, from),
+        }
+    }
+}
+
+impl SurfaceSamples {
+    /// Samples that each stand for `area`; `hits` are where they lie on the scene's surfaces. `unfound(sample)` is the
+    /// reflectance of those that lie on none.
+    pub fn new(
+        scene: &TracedScene,
+        area: f32,
+        positions: &[Vec3],
+        hits: Vec<Option<SurfaceHit>>,
+        unit: f32,
+        unfound: impl Fn(usize) -> Vec3 + Sync + Send,
+    ) -> SurfaceSamples {
+        let mut samples = SurfaceSamples {
+            tree: PositionTree::new(positions, area),
+            albedo: (0..hits.len()).into_par_iter().map(unfound).collect(),
+            hits,
+            unit,
+        };
+        reflectances(scene, &samples.hits, &mut samples.albedo, |_| true);
+        samples
+    }
+
+    /// Flux of each leaf for [`illumination::Illumination`], in the cuts' unit: what it reflects (radiance) of the
+    /// irradiance that it receives.
+    pub fn flux(&self, irradiance: &[Vec3]) -> Vec<Vec3> {
+        let scale = self.unit * std::f32::consts::FRAC_1_PI;
+        (irradiance.iter().zip(&self.albedo))
+            .map(|(&e, &albedo)| e * albedo * scale)
+            .collect()
+    }
+}
+
+/// Evaluates the reflectance of places again whose material is `wanted`. Places that found no surface keep theirs.
+pub fn reflectances(
+    scene: &TracedScene,
+    hits: &[Option<SurfaceHit>],
+    albedo: &mut [Vec3],
+    wanted: impl Fn(u32) -> bool + Sync,
+) {
+    (albedo.par_iter_mut().zip(hits))
+        .with_min_len(256)
+        .for_each(|(albedo, hit)| {
+            if let Some(hit) = hit
+                && (hit.primitive as usize) < scene.triangle_count()
+                && wanted(scene.material_of(hit.primitive))
+            {
+                *albedo = scene.albedo(hit).clamp(Vec3::ZERO, Vec3::ONE);
+            }
+        });
 }
 
 /// A complete tree of directions; arrays over nodes by [`Node::slot`].
@@ -58,22 +197,10 @@ impl DirectionTree {
             .collect();
         // A leaf is a disc of 4π/n steradians.
         let leaf = 2.0 / (n as f32).sqrt();
-        let mut radii = vec![leaf; 2 * n];
-        for (h, start) in (1..=height).map(|h| (h, 1usize << (height - h))) {
-            for slot in start..2 * start {
-                let index = (slot - start) as u32;
-                let node = Node { height: h, index };
-                let below = &leaves[node.first() as usize..node.end() as usize];
-                // atan2 of the chord, because the arc cosine of f32 loses small angles.
-                let angle = |d: &Vec3| {
-                    directions[slot]
-                        .cross(*d)
-                        .length()
-                        .atan2(directions[slot].dot(*d))
-                };
-                radii[slot] = below.iter().map(angle).fold(0.0, f32::max) + leaf;
-            }
-        }
+        // atan2 of the chord, because the arc cosine of f32 loses small angles.
+        let radii = radii(leaves, leaf, |slot, d| {
+            directions[slot].cross(d).length().atan2(directions[slot].dot(d))
+        });
         DirectionTree {
             height,
             directions,
@@ -81,9 +208,20 @@ impl DirectionTree {
             radii,
         }
     }
+}
 
-    /// Number of leaves.
-    pub fn leaves(&self) -> usize {
-        1 << self.height
+/// By [`Node::slot`] the largest `distance(slot, leaf)` of a node's leaves, and the radius `leaf` of those.
+fn radii(leaves: &[Vec3], leaf: f32, distance: impl Fn(usize, Vec3) -> f32) -> Vec<f32> {
+    let n = leaves.len();
+    let height = n.trailing_zeros() as u8;
+    let mut radii = vec![leaf; 2 * n];
+    for (h, start) in (1..=height).map(|h| (h, 1usize << (height - h))) {
+        for slot in start..2 * start {
+            let index = (slot - start) as u32;
+            let node = Node { height: h, index };
+            let below = &leaves[node.first() as usize..node.end() as usize];
+            radii[slot] = below.iter().map(|&d| distance(slot, d)).fold(0.0, f32::max) + leaf;
+        }
     }
+    radii
 }

@@ -8,15 +8,14 @@
 //! sampled once a pixel. All its frames are, so that none differs from the others. A material whose edits are
 //! constant is averaged as ever.
 
+use crate::cuts::{Lights, reflectances};
 use crate::frame::Player;
 use crate::load::{Loaded, setting};
 use crate::shot::Shot;
-use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::bsdf;
 use relight_scene::material_edits::{MaterialEdits, MaterialEditsError, read_material_edits};
 use relight_scene::shading::ShadingPoint;
-use relight_scene::surface::Surfaces;
 use relight_scene::traced::TracedSceneError;
 use std::path::{Path, PathBuf};
 
@@ -123,24 +122,15 @@ impl Editor {
             scene,
             transfer,
             points,
-            ..
+            cuts,
         } = player;
         if let Some(transfer) = transfer {
             let mut albedo = std::mem::take(&mut transfer.albedo);
-            albedo
-                .par_iter_mut()
-                .zip(&*points)
-                .with_min_len(256)
-                .for_each(|(albedo, hit)| {
-                    // Points that found no surface keep what the bake saw there.
-                    if let Some(hit) = hit
-                        && (hit.primitive as usize) < scene.triangle_count()
-                        && wanted(scene.material_of(hit.primitive))
-                    {
-                        *albedo = scene.albedo(hit).clamp(Vec3::ZERO, Vec3::ONE);
-                    }
-                });
+            reflectances(scene, points, &mut albedo, wanted);
             transfer.set_albedo(albedo);
+        }
+        if let Some(Lights::Surface(samples)) = cuts.as_mut().map(|c| &mut c.lights) {
+            reflectances(scene, &samples.hits, &mut samples.albedo, wanted);
         }
         Ok(())
     }

@@ -6,7 +6,7 @@
 
 use crate::cuts::VisibilityCuts;
 use crate::cuts::illumination::Illumination;
-use crate::cuts::shade::{ShadeStats, irradiance_at_sites, shade};
+use crate::cuts::shade::{Fragments, ShadeStats, irradiance_at_sites, shade};
 use crate::lighting;
 use crate::reconstruct;
 use crate::shot::Shot;
@@ -17,7 +17,6 @@ use relight_scene::light_set::{DistantLight, LightSet};
 use relight_scene::rays::Ray;
 use relight_scene::surface::{SurfaceHit, Surfaces};
 use relight_scene::traced::TracedScene;
-use relight_transport::basis::Level;
 use relight_transport::pyramid::VectorIrradiance;
 use std::f32::consts::PI;
 use std::time::Instant;
@@ -58,6 +57,9 @@ pub struct LightingSettings {
     pub per_light: bool,
     /// Make indirect light by transfer.
     pub indirect: bool,
+    /// Make the first bounce by visibility cuts of surface samples, with an illumination cut of at most so many nodes:
+    /// at all fragments, or, if `indirect`, at those that are not matt. Nothing without such cuts.
+    pub bounce_cuts: Option<usize>,
 }
 
 /// Milliseconds that a frame's stages took.
@@ -95,16 +97,21 @@ pub struct Lit {
     /// How the last transfer went.
     pub transfer: Option<TransferStats>,
     /// Nodes of the last illumination cut, and how shading with it went.
-    pub cuts: Option<(usize, ShadeStats)>,
+    pub cuts: Option<CutStats>,
 }
 
 impl Player {
     /// Puts the finest points back on the scene's surfaces: the file stores them to a fraction of their
     /// distance, shadow rays need them exact.
     pub fn new(scene: TracedScene, transfer: Option<Transfer>, cuts: Option<VisibilityCuts>) -> Player {
-        let points = transfer
-            .as_ref()
-            .map_or_else(Vec::new, |t| snapped(&scene, &t.finest));
+        let points = transfer.as_ref().map_or_else(Vec::new, |t| {
+            snapped(
+                &scene,
+                &t.finest.positions,
+                &t.finest.normals,
+                t.finest.disk_radius,
+            )
+        });
         Player {
             scene,
             transfer,
@@ -132,20 +139,32 @@ impl Player {
         };
         let emission = |light: Option<usize>| emission_at(&self.scene, shot, lights, light);
         let lit_points: &[Option<SurfaceHit>] = if settings.indirect { &self.points } else { &[] };
-        let mut direct_at_points = vec![Vec3::ZERO; lit_points.len()];
+        let samples = (self.cuts.as_ref()).and_then(|c| settings.bounce_cuts.and(c.samples()));
+        let samples = samples.map_or(&[][..], |s| &s.hits);
+        let mut received = Received {
+            points: vec![Vec3::ZERO; lit_points.len()],
+            samples: vec![Vec3::ZERO; samples.len()],
+        };
         let shadowed = distant.map_or(lights, |d| &d.near);
         for light in 0..lights.len() {
             let start = Instant::now();
-            let mut irradiance = vec![Vec3::ZERO; lit_points.len()];
-            lighting::irradiance_at(
-                &self.scene,
-                shadowed,
-                light,
-                lit_points,
-                settings.point_samples,
-                settings.seed,
-                &mut irradiance,
-            );
+            let irradiance = |places: &[Option<SurfaceHit>]| {
+                let mut irradiance = vec![Vec3::ZERO; places.len()];
+                lighting::irradiance_at(
+                    &self.scene,
+                    shadowed,
+                    light,
+                    places,
+                    settings.point_samples,
+                    settings.seed,
+                    &mut irradiance,
+                );
+                irradiance
+            };
+            let mut own_received = Received {
+                points: irradiance(lit_points),
+                samples: irradiance(samples),
+            };
             times.direct_points += milliseconds(start);
             let start = Instant::now();
             let mut reflected = vec![Vec3::ZERO; count];
@@ -162,19 +181,23 @@ impl Player {
             );
             times.direct_pixels += milliseconds(start);
             if settings.per_light
-                && let Some((most, own)) = distant.and_then(|d| Some((d.most, d.lights[light].as_ref()?)))
+                && let Some(distant) = distant
+                && let Some(own) = &distant.lights[light]
             {
+                let most = distant.most;
                 let even = self.of_distant(shot, &views, &[own], most, settings, &mut times);
                 add(&mut reflected, &even.radiance);
-                add(&mut irradiance, &even.irradiance);
+                add(&mut own_received.points, &even.irradiance);
                 lit.cuts = even.stats;
             }
             add(&mut lit.direct, &reflected);
-            add(&mut direct_at_points, &irradiance);
+            add(&mut received.points, &own_received.points);
+            add(&mut received.samples, &own_received.samples);
             if settings.per_light {
                 let mut own = emission(Some(light));
                 add(&mut own, &reflected);
-                add(&mut own, &self.indirect(shot, &irradiance, &mut times).0);
+                let (indirect, ..) = self.indirect(shot, &views, &own_received, settings, &mut times);
+                add(&mut own, &indirect);
                 lit.lights.push((lights.name(light).to_owned(), own));
             }
         }
@@ -182,11 +205,13 @@ impl Player {
             let all: Vec<&DistantLight> = distant.lights.iter().flatten().collect();
             let even = self.of_distant(shot, &views, &all, distant.most, settings, &mut times);
             add(&mut lit.direct, &even.radiance);
-            add(&mut direct_at_points, &even.irradiance);
+            add(&mut received.points, &even.irradiance);
             lit.cuts = even.stats;
         }
         lit.emission = emission(None);
-        (lit.indirect, lit.transfer) = self.indirect(shot, &direct_at_points, &mut times);
+        let bounced;
+        (lit.indirect, lit.transfer, bounced) = self.indirect(shot, &views, &received, settings, &mut times);
+        lit.cuts = lit.cuts.or(bounced);
         (lit, times)
     }
 
@@ -200,22 +225,23 @@ impl Player {
         settings: &LightingSettings,
         times: &mut FrameTimes,
     ) -> EvenLight {
-        let Some(cuts) = self.cuts.as_ref().filter(|_| !lights.is_empty()) else {
+        let cuts = self.cuts.as_ref().filter(|_| !lights.is_empty());
+        let Some((cuts, directions)) = cuts.and_then(|c| Some((c, c.directions()?))) else {
             return EvenLight::default();
         };
         let start = Instant::now();
-        let flux = cuts.cells.flux(cuts.tree.leaves(), |direction| {
+        let flux = directions.cells.flux(cuts.lights.leaves(), |direction| {
             lights.iter().map(|light| light.radiance(direction)).sum()
         });
-        let light = Illumination::new(&flux, &cuts.tree, most);
+        let light = Illumination::new(&flux, most);
         times.illumination_cut += milliseconds(start);
         let start = Instant::now();
-        let (radiance, stats) = shade(cuts, &light, &shot.sites, &shot.points, views);
+        let (radiance, stats) = shade(cuts, &light, &fragments(shot, views, true));
         times.shade += milliseconds(start);
         let start = Instant::now();
         let irradiance = match &self.transfer {
             Some(transfer) if settings.indirect => {
-                irradiance_at_sites(cuts, &light, &transfer.finest.normals)
+                irradiance_at_sites(cuts, &light, &transfer.finest.positions, &transfer.finest.normals)
             }
             _ => Vec::new(),
         };
@@ -227,23 +253,93 @@ impl Player {
         }
     }
 
+    /// Indirect light at the fragments, and how transfer and cuts went.
     fn indirect(
         &self,
         shot: &Shot,
-        direct: &[Vec3],
+        views: &[Vec3],
+        received: &Received,
+        settings: &LightingSettings,
         times: &mut FrameTimes,
-    ) -> (Vec<Vec3>, Option<TransferStats>) {
-        let Some(transfer) = self.transfer.as_ref().filter(|_| !direct.is_empty()) else {
-            return (vec![Vec3::ZERO; shot.len()], None);
+    ) -> (Vec<Vec3>, Option<TransferStats>, Option<CutStats>) {
+        let bounce = self.first_bounce(shot, views, &received.samples, settings, times);
+        let Some(transfer) = self.transfer.as_ref().filter(|_| !received.points.is_empty()) else {
+            let (radiance, stats) = bounce.unzip();
+            return (
+                radiance.unwrap_or_else(|| vec![Vec3::ZERO; shot.len()]),
+                None,
+                stats,
+            );
         };
-        let (values, stats) = transfer.indirect_from_direct(direct);
-        times.bounces += stats.bounce_ms;
-        times.transfer += stats.transfer_ms;
-        times.flatten += stats.flatten_ms;
+        let mut add_times = |stats: &TransferStats| {
+            times.bounces += stats.bounce_ms;
+            times.transfer += stats.transfer_ms;
+            times.flatten += stats.flatten_ms;
+        };
+        let Some((mut radiance, cut_stats)) = bounce else {
+            let (values, stats) = transfer.indirect_from_direct(&received.points);
+            add_times(&stats);
+            let start = Instant::now();
+            let radiance = indirect_at(shot, &values);
+            times.reconstruct += milliseconds(start);
+            return (radiance, Some(stats), None);
+        };
+        let (first, further, stats) = transfer.first_and_further(&received.points);
+        add_times(&stats);
         let start = Instant::now();
-        let radiance = indirect_at(shot, &values);
+        add(&mut radiance, &indirect_at(shot, &further));
+        for ((out, first), point) in radiance
+            .iter_mut()
+            .zip(indirect_at(shot, &first))
+            .zip(&shot.points)
+        {
+            if point.as_ref().is_some_and(|p| p.lambert) {
+                *out += first;
+            }
+        }
         times.reconstruct += milliseconds(start);
-        (radiance, Some(stats))
+        (radiance, Some(stats), Some(cut_stats))
+    }
+
+    /// The first bounce by visibility cuts, from irradiance at the surface samples: where transfer makes indirect
+    /// light, too, only at fragments that are not matt.
+    fn first_bounce(
+        &self,
+        shot: &Shot,
+        views: &[Vec3],
+        irradiance: &[Vec3],
+        settings: &LightingSettings,
+        times: &mut FrameTimes,
+    ) -> Option<(Vec<Vec3>, CutStats)> {
+        let (cuts, most) = (self.cuts.as_ref()?, settings.bounce_cuts?);
+        let samples = cuts.samples()?;
+        let start = Instant::now();
+        let light = Illumination::new(&samples.flux(irradiance), most);
+        times.illumination_cut += milliseconds(start);
+        let start = Instant::now();
+        let (radiance, stats) = shade(cuts, &light, &fragments(shot, views, !settings.indirect));
+        times.shade += milliseconds(start);
+        Some((radiance, (light.heights.len(), stats)))
+    }
+}
+
+/// Nodes of an illumination cut, and how shading with it went.
+pub type CutStats = (usize, ShadeStats);
+
+/// Direct irradiance from which indirect light starts.
+struct Received {
+    /// At the finest points, for transfer.
+    points: Vec<Vec3>,
+    /// At surface samples, for visibility cuts.
+    samples: Vec<Vec3>,
+}
+
+fn fragments<'a>(shot: &'a Shot, views: &'a [Vec3], matt: bool) -> Fragments<'a> {
+    Fragments {
+        sites: &shot.sites,
+        points: &shot.points,
+        views,
+        matt,
     }
 }
 
@@ -254,7 +350,7 @@ struct EvenLight {
     radiance: Vec<Vec3>,
     /// At each finest point, for transfer.
     irradiance: Vec<Vec3>,
-    stats: Option<(usize, ShadeStats)>,
+    stats: Option<CutStats>,
 }
 
 fn milliseconds(start: Instant) -> f64 {
@@ -308,20 +404,24 @@ fn emission_at(scene: &TracedScene, shot: &Shot, lights: &LightSet, only: Option
         .collect()
 }
 
-/// How far above and below its stored place a point's surface is looked for, in disk radii: the file's
-/// rounding is 1/256 of the radius.
+/// How far above and below its stored place a point's surface is looked for, in radii (R of SPEC 6.6.1): the file's
+/// rounding is 1/256 of that.
 const SNAP: f32 = 0.125;
 
 /// Cosine between a point's stored normal and the surface found there, below which it is another surface.
 const SNAP_FACING: f32 = 0.7;
 
-fn snapped(surfaces: &dyn Surfaces, finest: &Level) -> Vec<Option<SurfaceHit>> {
-    let reach = finest.disk_radius * SNAP;
-    (0..finest.len())
-        .into_par_iter()
+/// Finds the surfaces on which places of a file lie, stored to 1/256 of `radius`.
+pub(crate) fn snapped(
+    surfaces: &dyn Surfaces,
+    positions: &[Vec3],
+    normals: &[Vec3],
+    radius: f32,
+) -> Vec<Option<SurfaceHit>> {
+    let reach = radius * SNAP;
+    (positions.par_iter().zip(normals))
         .with_min_len(256)
-        .map(|i| {
-            let (position, normal) = (finest.positions[i], finest.normals[i]);
+        .map(|(&position, &normal)| {
             let ray = Ray {
                 origin: position + normal * reach,
                 direction: -normal,
@@ -336,7 +436,7 @@ fn snapped(surfaces: &dyn Surfaces, finest: &Level) -> Vec<Option<SurfaceHit>> {
             found.or(Some(SurfaceHit {
                 t: 0.0,
                 position,
-                position_error: Vec3::splat(finest.disk_radius / 128.0),
+                position_error: Vec3::splat(radius / 128.0),
                 geometric_normal: normal,
                 normal,
                 front: true,

@@ -1,8 +1,8 @@
 //! An asset, ready to be lit.
 
 use crate::convert;
-use crate::cuts::VisibilityCuts;
-use crate::frame::Player;
+use crate::cuts::{Lights, SurfaceSamples, VisibilityCuts};
+use crate::frame::{Player, snapped};
 use crate::transfer::Transfer;
 use glam::Vec3;
 use relight_format::{self as format, Asset, FormatError, Limits, Provenance};
@@ -10,7 +10,7 @@ use relight_scene::light::LightKind;
 use relight_scene::scene::Scene;
 use relight_scene::sequence::{Sequence, SequenceError, stage_from_json};
 use relight_scene::traced::{Shading, TracedScene, TracedSceneError};
-use relight_transport::basis::Level;
+use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::cuts::SiteCuts;
 use relight_transport::light_tree::sphere_direction;
 use relight_transport::links::Links;
@@ -160,13 +160,10 @@ pub fn load(path: &Path, with_operators: bool) -> Result<Loaded, LoadError> {
     } else {
         None
     };
-    let cuts = if with_operators {
-        light_tree
-            .zip(cuts)
-            .and_then(|(tree, cuts)| visibility(tree, cuts))
-    } else {
-        None
-    };
+    // Without points, or with cuts that stand elsewhere, nothing can be interpolated.
+    let cuts = cuts.filter(|cuts| cuts.sites == format::CutSites::Points);
+    let cuts = (light_tree.zip(cuts).zip(transfer.as_ref()))
+        .map(|((tree, cuts), transfer)| visibility(tree, cuts, &traced, transfer));
     Ok(Loaded {
         player: Player::new(traced, transfer, cuts),
         scene,
@@ -290,19 +287,44 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
     Ok(transfer)
 }
 
-/// Cuts of finest points through the tree of an environment.
-fn visibility(tree: format::LightTree, cuts: format::Cuts) -> Option<VisibilityCuts> {
-    let format::LightSamples::Environment { order } = tree.lights else {
-        return None;
-    };
-    let count = order.len() as u32;
-    let directions = order.iter().map(|&i| sphere_direction(i, count)).collect();
+/// Cuts of finest points through the tree of an environment or of surface samples.
+fn visibility(
+    tree: format::LightTree,
+    cuts: format::Cuts,
+    scene: &TracedScene,
+    transfer: &Transfer,
+) -> VisibilityCuts {
+    let unit = cuts.unit;
     let cuts = SiteCuts {
         offsets: cuts.row_offsets,
         heights: cuts.heights,
         values: cuts.values,
     };
-    Some(VisibilityCuts::new(cuts, directions))
+    match tree.lights {
+        format::LightSamples::Environment { order } => {
+            let count = order.len() as u32;
+            let directions: Vec<Vec3> = order.iter().map(|&i| sphere_direction(i, count)).collect();
+            VisibilityCuts::of_directions(cuts, &directions)
+        }
+        format::LightSamples::Surface {
+            area,
+            positions,
+            normals,
+        } => {
+            let (positions, normals) = (vectors(&positions), vectors(&normals));
+            let hits = snapped(scene, &positions, &normals, area.sqrt());
+            let nearest = NearestPoint::new(&transfer.finest);
+            let unfound = |i: usize| {
+                let point = nearest.at(positions[i], normals[i]);
+                point.map_or(Vec3::ZERO, |p| transfer.albedo[p as usize])
+            };
+            let samples = SurfaceSamples::new(scene, area, &positions, hits, unit, unfound);
+            VisibilityCuts {
+                cuts,
+                lights: Lights::Surface(samples),
+            }
+        }
+    }
 }
 
 fn matrix(stored: format::WeightRows) -> Rows {

@@ -134,7 +134,7 @@ impl Transfer {
     /// solved on clusters from that, and all together sent once more through T.
     pub fn indirect_from_direct(&self, direct: &[Vec3]) -> (Vec<VectorIrradiance>, TransferStats) {
         let mut stats = TransferStats::default();
-        let mut radiosity: Vec<Vec3> = direct.iter().zip(&self.albedo).map(|(e, a)| *e * *a).collect();
+        let mut radiosity = self.radiosity(direct);
         if self.bounces != Some(1) {
             let once = self.one_bounce(&radiosity, &mut stats);
             let start = Instant::now();
@@ -143,6 +143,32 @@ impl Transfer {
         }
         let values = self.one_bounce(&radiosity, &mut stats);
         (values, stats)
+    }
+
+    /// [`Transfer::indirect_from_direct`] in two parts that sum to it: the first bounce, and all further ones.
+    pub fn first_and_further(
+        &self,
+        direct: &[Vec3],
+    ) -> (Vec<VectorIrradiance>, Vec<VectorIrradiance>, TransferStats) {
+        let mut stats = TransferStats::default();
+        let first = self.one_bounce(&self.radiosity(direct), &mut stats);
+        if self.bounces == Some(1) {
+            let nothing = vec![VectorIrradiance::default(); first.len()];
+            return (first, nothing, stats);
+        }
+        let start = Instant::now();
+        let mut further = vec![Vec3::ZERO; first.len()];
+        self.add_bounces(&mut further, &first, &mut stats);
+        stats.bounce_ms += milliseconds(start);
+        let further = self.one_bounce(&further, &mut stats);
+        (first, further, stats)
+    }
+
+    /// What the finest points reflect of irradiance there.
+    fn radiosity(&self, irradiance: &[Vec3]) -> Vec<Vec3> {
+        (irradiance.iter().zip(&self.albedo))
+            .map(|(e, a)| *e * *a)
+            .collect()
     }
 
     /// Vector irradiance at the finest points that radiosity there causes by way of T.

@@ -1,4 +1,4 @@
-//! What an environment sends into each node of the light tree, and the cut through it for a frame.
+//! What each node of the light tree sends, and the cut through it for a frame.
 //!
 //! Source: Cheslack-Postava et al. 2008, section 3.2: first every node's error is brought under a threshold, then the
 //! brightest nodes are split until the cut has its largest size.
@@ -7,7 +7,6 @@
 //! the same, and where visibility made the nodes small, light is as fine. The cut only says where light wants small
 //! nodes.
 
-use super::DirectionTree;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use relight_scene::environment::{direction_from_uv, luminance};
@@ -99,7 +98,8 @@ fn part_angle(y: usize, width: usize, height: usize) -> f32 {
 
 /// Light in the nodes of a tree, and a cut through it.
 pub struct Illumination {
-    /// Flux on a perpendicular surface from each node, RGB, W/m², by [`Node::slot`].
+    /// Flux on a perpendicular surface from each node, RGB, W/m², by [`Node::slot`]: where its cuts hold more than
+    /// visibility, without that.
     pub flux: Vec<Vec3>,
     /// Heights of the cut's nodes from left to right.
     pub heights: Vec<u8>,
@@ -116,22 +116,23 @@ impl Illumination {
         }
     }
 
-    /// Sums up the flux of the leaves and chooses a cut of at most `most` nodes (more only where the coarsest allowed
+    /// Sums up the flux of the leaves (a power of two of them) and chooses a cut of at most `most` nodes (more only where the coarsest allowed
     /// nodes are more).
-    pub fn new(leaves: &[Vec3], tree: &DirectionTree, most: usize) -> Illumination {
+    pub fn new(leaves: &[Vec3], most: usize) -> Illumination {
+        let height = leaves.len().trailing_zeros() as u8;
         let flux = sums(leaves);
         let bright: Vec<f64> = leaves.iter().map(|&f| f64::from(luminance(f))).collect();
         let squares = sums(&bright.iter().map(|b| b * b).collect::<Vec<f64>>());
         let bright = sums(&bright);
         let limit = (ERROR * bright[1]).powi(2);
         let error = |node: Node| {
-            let slot = node.slot(tree.height);
+            let slot = node.slot(height);
             (squares[slot] - bright[slot] * bright[slot] / f64::from(node.len())).max(0.0)
         };
-        let intensity = |node: Node| bright[node.slot(tree.height)];
+        let intensity = |node: Node| bright[node.slot(height)];
 
-        let coarsest = tree.height.saturating_sub(COARSEST);
-        let nodes = (0..1u32 << (tree.height - coarsest))
+        let coarsest = height.saturating_sub(COARSEST);
+        let nodes = (0..1u32 << (height - coarsest))
             .map(|index| Node {
                 height: coarsest,
                 index,

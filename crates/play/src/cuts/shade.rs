@@ -1,4 +1,4 @@
-//! Reflected light of the even directions at fragments: illumination × visibility × BRDF over merged cuts.
+//! Reflected light of many lights at fragments: illumination × visibility × BRDF over merged cuts.
 //!
 //! Source: Cheslack-Postava et al. 2008, sections 3.2 and 4.2. Fragments that interpolate between the same sites share
 //! one traversal.
@@ -8,7 +8,7 @@
 
 use super::illumination::Illumination;
 use super::sites::{FragmentSites, SITES};
-use super::{DirectionTree, VisibilityCuts};
+use super::{Lights, NodeView, SurfaceSamples, VisibilityCuts, position_tree};
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::bsdf::{self, Incident, Lobe};
@@ -28,59 +28,77 @@ pub struct ShadeStats {
     pub fragments: u64,
 }
 
-/// Radiance that each fragment reflects towards its viewer (`views`, unit). Fragments without sites get none.
-pub fn shade(
-    cuts: &VisibilityCuts,
-    light: &Illumination,
-    sites: &FragmentSites,
-    points: &[Option<ShadingPoint>],
-    views: &[Vec3],
-) -> (Vec<Vec3>, ShadeStats) {
-    let tasks: Vec<(Vec<Vec3>, u64)> = (sites.order.par_chunks(TASK))
+/// What is shaded.
+#[derive(Clone, Copy)]
+pub struct Fragments<'a> {
+    /// Between which sites each fragment interpolates.
+    pub sites: &'a FragmentSites,
+    /// How each reflects.
+    pub points: &'a [Option<ShadingPoint>],
+    /// Unit directions to the viewer.
+    pub views: &'a [Vec3],
+    /// Shade surfaces that are matt, too.
+    pub matt: bool,
+}
+
+/// Radiance that each fragment reflects towards its viewer. Fragments without sites get none.
+pub fn shade(cuts: &VisibilityCuts, light: &Illumination, fragments: &Fragments) -> (Vec<Vec3>, ShadeStats) {
+    let Fragments {
+        sites, points, views, ..
+    } = *fragments;
+    let tasks: Vec<(Vec<Vec3>, ShadeStats)> = (sites.order.par_chunks(TASK))
         .zip(sites.sites.par_chunks(TASK))
         .zip(sites.weights.par_chunks(TASK))
         .map_init(Merged::default, |merged, ((order, sites), weights)| {
-            let mut nodes = 0;
+            let mut stats = ShadeStats::default();
             let mut last = None;
             let radiance = (0..order.len())
                 .map(|i| {
+                    let fragment = order[i] as usize;
+                    let wanted = |point: &&ShadingPoint| fragments.matt || !point.lambert;
+                    let Some(point) = points[fragment].as_ref().filter(wanted) else {
+                        return Vec3::ZERO;
+                    };
                     if last != Some(sites[i]) {
                         merged.fill(cuts, light, sites[i]);
                         last = Some(sites[i]);
                     }
-                    nodes += merged.nodes;
-                    let fragment = order[i] as usize;
-                    points[fragment].as_ref().map_or(Vec3::ZERO, |point| {
-                        reflected(cuts, light, merged, point, views[fragment], &weights[i])
-                    })
+                    stats.merged_nodes += merged.nodes;
+                    stats.fragments += 1;
+                    reflected(&cuts.lights, light, merged, point, views[fragment], &weights[i])
                 })
                 .collect();
-            (radiance, nodes)
+            (radiance, stats)
         })
         .collect();
     let mut out = vec![Vec3::ZERO; points.len()];
-    let mut stats = ShadeStats {
-        fragments: sites.order.len() as u64,
-        ..ShadeStats::default()
-    };
     let radiance = tasks.iter().flat_map(|task| &task.0);
     for (&fragment, &radiance) in sites.order.iter().zip(radiance) {
         out[fragment as usize] = radiance;
     }
-    stats.merged_nodes = tasks.iter().map(|task| task.1).sum();
+    let stats = ShadeStats {
+        merged_nodes: tasks.iter().map(|task| task.1.merged_nodes).sum(),
+        fragments: tasks.iter().map(|task| task.1.fragments).sum(),
+    };
     (out, stats)
 }
 
-/// Irradiance of every site on a surface with the site's unit normal.
-pub fn irradiance_at_sites(cuts: &VisibilityCuts, light: &Illumination, normals: &[Vec3]) -> Vec<Vec3> {
-    let tree = &cuts.tree;
+/// Irradiance of every site on a surface with the site's place and unit normal.
+pub fn irradiance_at_sites(
+    cuts: &VisibilityCuts,
+    light: &Illumination,
+    positions: &[Vec3],
+    normals: &[Vec3],
+) -> Vec<Vec3> {
+    let height = cuts.lights.height();
     let illumination = light.as_cut();
-    (normals.par_iter().with_min_len(64).enumerate())
-        .map(|(site, normal)| {
+    (normals.par_iter().zip(positions).with_min_len(64).enumerate())
+        .map(|(site, (normal, &position))| {
             let mut sum = Vec3::ZERO;
             merge([cuts.cuts.cut(site), illumination], |node, [seen, _]| {
-                let slot = node.slot(tree.height);
-                let cosine = normal.dot(tree.directions[slot]).max(0.0) * tree.lengths[slot];
+                let slot = node.slot(height);
+                let node = cuts.lights.view(slot, position);
+                let cosine = normal.dot(node.direction).max(0.0) * node.length;
                 sum += light.flux[slot] * (seen * cosine);
             });
             sum
@@ -127,27 +145,31 @@ struct Merged {
     /// Nodes before dark ones were dropped.
     nodes: u64,
     slots: Vec<u32>,
-    /// Visibility of the node from each site, times the length of the mean of its directions: by so much the mean of
-    /// their cosines is smaller than the cosine of their mean.
+    /// Visibility of the node from each site.
     seen: [Vec<f32>; SITES],
-    /// Angular radii of the nodes.
+    /// [`NodeView`] of each node, its direction being in `whole`.
+    lengths: Vec<f32>,
     radii: Vec<f32>,
+    /// Middles (x, y, z), spreads and radii of nodes of surface samples, see [`position_tree::PositionTree`].
+    near: [Vec<f32>; 5],
     /// The nodes with visibility between the sites of the fragment at hand.
     whole: Columns,
-    /// Parts of nodes that are wider than the lobe of the fragment at hand.
+    /// Parts of nodes that are too wide for the fragment at hand.
     split: Columns,
 }
 
 impl Merged {
     fn fill(&mut self, cuts: &VisibilityCuts, light: &Illumination, sites: [u32; SITES]) {
-        let tree = &cuts.tree;
+        let height = cuts.lights.height();
         self.nodes = 0;
         self.slots.clear();
         self.seen.iter_mut().for_each(Vec::clear);
+        self.lengths.clear();
         self.radii.clear();
+        self.near.iter_mut().for_each(Vec::clear);
         self.whole.clear();
         // A site that is not there sees nothing, and costs nothing: its only node is the root.
-        let root = [tree.height];
+        let root = [height];
         let nothing = Cut {
             heights: &root,
             values: &[0.0],
@@ -163,34 +185,76 @@ impl Merged {
         merge([a, b, c, d, light.as_cut()], |node, values| {
             self.nodes += 1;
             let seen = values[0] + values[1] + values[2] + values[3];
-            let slot = node.slot(tree.height);
+            let slot = node.slot(height);
             let flux = light.flux[slot];
             if seen <= 0.0 || flux == Vec3::ZERO {
                 return;
             }
             self.slots.push(slot as u32);
-            let length = tree.lengths[slot];
             for (column, &value) in self.seen.iter_mut().zip(values) {
-                column.push(value * length);
+                column.push(value);
             }
-            self.radii.push(tree.radii[slot]);
-            self.whole.push(tree.directions[slot], 0.0, flux);
+            // Distant lights look the same from everywhere; others are looked at from each fragment.
+            let view = match &cuts.lights {
+                Lights::Directions(_) => cuts.lights.view(slot, Vec3::ZERO),
+                Lights::Surface(SurfaceSamples { tree, .. }) => {
+                    let [x, y, z] = tree.middles[slot].to_array();
+                    let node = [x, y, z, tree.spreads[slot], tree.radii[slot]];
+                    (self.near.iter_mut().zip(node)).for_each(|(column, value)| column.push(value));
+                    NodeView::default()
+                }
+            };
+            self.lengths.push(view.length);
+            self.radii.push(view.radius);
+            self.whole.push(view.direction, 0.0, flux);
         });
     }
 
-    /// Visibility between the sites.
+    /// Looks at nodes of surface samples from a fragment.
+    fn look_from(&mut self, from: Vec3) {
+        let n = self.slots.len();
+        let [x, y, z, spreads, radii] = self.near.each_ref().map(|column| &column[..n]);
+        let [dx, dy, dz] = self.whole.direction.each_mut().map(|column| &mut column[..n]);
+        let (seen_lengths, seen_radii) = (&mut self.lengths[..n], &mut self.radii[..n]);
+        for i in 0..n {
+            let middle = Vec3::new(x[i], y[i], z[i]);
+            let view = position_tree::view(middle, spreads[i], radii[i], from);
+            (dx[i], dy[i], dz[i]) = view.direction.into();
+            seen_lengths[i] = view.length;
+            seen_radii[i] = view.radius;
+        }
+    }
+
+    /// Visibility between the sites, times the lengths.
     fn interpolate(&mut self, weights: &[f32; SITES]) {
         let n = self.slots.len();
         let [a, b, c, d] = &self.seen;
         let (a, b, c, d) = (&a[..n], &b[..n], &c[..n], &d[..n]);
+        let lengths = &self.lengths[..n];
         let [wa, wb, wc, wd] = *weights;
         for (i, out) in self.whole.visibility[..n].iter_mut().enumerate() {
-            *out = a[i] * wa + b[i] * wb + c[i] * wc + d[i] * wd;
+            *out = (a[i] * wa + b[i] * wb + c[i] * wc + d[i] * wd) * lengths[i];
         }
     }
 
-    /// Moves the nodes that are wider than a lobe which they overlap to `split`, in parts.
-    fn split_for(&mut self, tree: &DirectionTree, light: &Illumination, lobe: &Lobe) {
+    /// Mean angular radius of the leaves in a lobe, weighted by how much the lobe sees of them.
+    fn grain(&self, samples: &SurfaceSamples, lobe: &Lobe) -> f32 {
+        let tree = &samples.tree;
+        let leaf = tree.radii[tree.middles.len() / 2];
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (i, &seen) in self.whole.visibility.iter().enumerate() {
+            let direction = Vec3::from(self.whole.direction.each_ref().map(|column| column[i]));
+            if seen > 0.0 && overlaps(lobe, direction, self.radii[i]) {
+                // The node's own radius is known in metres and as it is seen.
+                sum += seen * leaf * self.radii[i] / tree.radii[self.slots[i] as usize];
+                weight += seen;
+            }
+        }
+        if weight > 0.0 { sum / weight } else { 0.0 }
+    }
+
+    /// Moves the nodes that are too wide to `split`, in parts.
+    fn split_by(&mut self, splitter: &Splitter) {
         self.split.clear();
         let Columns {
             direction: [x, y, z],
@@ -199,16 +263,9 @@ impl Merged {
         } = &mut self.whole;
         for (i, seen) in visibility.iter_mut().enumerate() {
             let direction = Vec3::new(x[i], y[i], z[i]);
-            if *seen > 0.0 && is_too_wide(lobe, direction, self.radii[i]) {
+            if *seen > 0.0 && splitter.is_too_wide(direction, self.radii[i]) {
                 let slot = self.slots[i] as usize;
-                push_parts(
-                    tree,
-                    light,
-                    lobe,
-                    slot,
-                    *seen / tree.lengths[slot],
-                    &mut self.split,
-                );
+                splitter.push_parts(slot, *seen / self.lengths[i], &mut self.split);
                 *seen = 0.0;
             }
         }
@@ -219,56 +276,87 @@ impl Merged {
 /// 90 % of the lobe.
 const RESOLUTION: f32 = 1.0 / 3.0;
 
-fn is_too_wide(lobe: &Lobe, direction: Vec3, radius: f32) -> bool {
+/// Angular radius (radians) above which a node of near lights is split whatever the lobe: directions to its leaves then
+/// differ by more than the second order in which their mean is known, and a fragment within it has no direction to it.
+const WIDEST: f32 = 0.5;
+
+fn overlaps(lobe: &Lobe, direction: Vec3, radius: f32) -> bool {
     // Between unit vectors |a − b|² = 2 − 2 cos, and a chord is never longer than its arc.
     let reach = radius + lobe.width;
-    2.0 * radius > RESOLUTION * lobe.width && reach * reach > 2.0 - 2.0 * direction.dot(lobe.direction)
+    reach * reach > 2.0 - 2.0 * direction.dot(lobe.direction)
 }
 
-/// Appends a node of visibility `seen`, or, where it is too wide for the lobe, its descendants.
-fn push_parts(
-    tree: &DirectionTree,
-    light: &Illumination,
-    lobe: &Lobe,
-    slot: usize,
-    seen: f32,
-    out: &mut Columns,
-) {
-    let flux = light.flux[slot];
-    if flux == Vec3::ZERO {
-        return;
+/// Which nodes are too wide for a fragment.
+struct Splitter<'a> {
+    lights: &'a Lights,
+    light: &'a Illumination,
+    /// Where the fragment is.
+    from: Vec3,
+    lobe: Option<Lobe>,
+    /// Largest angular radius whatever the lobe.
+    widest: f32,
+}
+
+impl Splitter<'_> {
+    fn is_too_wide(&self, direction: Vec3, radius: f32) -> bool {
+        radius > self.widest
+            || self.lobe.is_some_and(|lobe| {
+                2.0 * radius > RESOLUTION * lobe.width && overlaps(&lobe, direction, radius)
+            })
     }
-    let direction = tree.directions[slot];
-    if slot < tree.leaves() && is_too_wide(lobe, direction, tree.radii[slot]) {
-        push_parts(tree, light, lobe, 2 * slot, seen, out);
-        push_parts(tree, light, lobe, 2 * slot + 1, seen, out);
-    } else {
-        out.push(direction, seen * tree.lengths[slot], flux);
+
+    /// Appends a node of visibility `seen`, or, where it is too wide, its descendants.
+    fn push_parts(&self, slot: usize, seen: f32, out: &mut Columns) {
+        let flux = self.light.flux[slot];
+        if flux == Vec3::ZERO {
+            return;
+        }
+        let view = self.lights.view(slot, self.from);
+        if slot < self.lights.leaves() && self.is_too_wide(view.direction, view.radius) {
+            self.push_parts(2 * slot, seen, out);
+            self.push_parts(2 * slot + 1, seen, out);
+        } else {
+            out.push(view.direction, seen * view.length, flux);
+        }
     }
 }
 
 fn reflected(
-    cuts: &VisibilityCuts,
+    lights: &Lights,
     light: &Illumination,
     merged: &mut Merged,
     point: &ShadingPoint,
     view: Vec3,
     weights: &[f32; SITES],
 ) -> Vec3 {
+    if let Lights::Surface(_) = lights {
+        merged.look_from(point.position);
+    }
     merged.interpolate(weights);
+    let mut splitter = Splitter {
+        lights,
+        light,
+        from: point.position,
+        lobe: None,
+        widest: match lights {
+            Lights::Directions(_) => f32::INFINITY,
+            Lights::Surface(_) => WIDEST,
+        },
+    };
     if point.lambert {
-        return bsdf::irradiance(point, &merged.whole.incident()) * point.diffuse * FRAC_1_PI;
+        merged.split_by(&splitter);
+        let sum = |part: &Columns| bsdf::irradiance(point, &part.incident());
+        return (sum(&merged.whole) + sum(&merged.split)) * point.diffuse * FRAC_1_PI;
     }
-    let tree = &cuts.tree;
-    // A lobe narrower than the even directions would fall between them: it is widened to theirs.
-    let point = bsdf::at_least_as_wide(point, tree.radii[tree.leaves()]);
-    match bsdf::lobe(&point, view) {
-        Some(lobe) => {
-            merged.split_for(tree, light, &lobe);
-            bsdf::integrate(&point, view, &merged.whole.incident())
-                + bsdf::integrate(&point, view, &merged.split.incident())
-        }
-        // Matt by its parameters, or seen from below its horizon.
-        None => bsdf::integrate(&point, view, &merged.whole.incident()),
-    }
+    // A lobe narrower than the lights would fall between them: it is widened to theirs.
+    let grain = match lights {
+        Lights::Directions(directions) => directions.tree.radii[lights.leaves()],
+        Lights::Surface(samples) => bsdf::lobe(point, view).map_or(0.0, |lobe| merged.grain(samples, &lobe)),
+    };
+    let point = bsdf::at_least_as_wide(point, grain);
+    // None where it is matt by its parameters, or seen from below its horizon.
+    splitter.lobe = bsdf::lobe(&point, view);
+    merged.split_by(&splitter);
+    bsdf::integrate(&point, view, &merged.whole.incident())
+        + bsdf::integrate(&point, view, &merged.split.incident())
 }

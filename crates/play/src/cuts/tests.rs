@@ -1,7 +1,7 @@
-//! Truth: the dense sum over all directions in f64, with visibility interpolated between the sites.
+//! Truth: the dense sum over all lights in f64, with visibility interpolated between the sites.
 
 use super::illumination::Illumination;
-use super::shade::shade;
+use super::shade::{Fragments, shade};
 use super::sites::{FragmentSites, SITES};
 use super::*;
 use glam::DVec3;
@@ -16,7 +16,9 @@ const LIGHTS: u32 = 1024;
 const SITE_COUNT: usize = 9;
 
 struct World {
-    directions: Vec<Vec3>,
+    /// Directions, or places in a box around the fragments' place.
+    lights: Vec<Vec3>,
+    near: bool,
     /// Per site what it sees of each leaf.
     seen: Vec<Vec<f32>>,
     flux: Vec<Vec3>,
@@ -63,11 +65,26 @@ fn world() -> World {
         })
         .collect();
     World {
-        directions,
+        lights: directions,
+        near: false,
         seen,
         flux,
     }
 }
+
+/// The same lights as surface samples, from a tenth of a metre to some metres away.
+fn near_world() -> World {
+    let mut world = world();
+    let mut s = Stream::new(5, 0, 0);
+    for light in &mut world.lights {
+        let far = s.uniform();
+        *light = FROM + *light * (0.1 + 4.0 * far * far);
+    }
+    World { near: true, ..world }
+}
+
+/// Where all fragments are.
+const FROM: Vec3 = Vec3::new(1.0, -2.0, 3.0);
 
 fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
     let mut cuts = SiteCuts {
@@ -79,7 +96,19 @@ fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
         selector.select(seen, sigma, usize::MAX, &mut cuts.heights, &mut cuts.values);
         cuts.offsets.push(cuts.heights.len() as u32);
     }
-    VisibilityCuts::new(cuts, world.directions.clone())
+    if !world.near {
+        return VisibilityCuts::of_directions(cuts, &world.lights);
+    }
+    let samples = SurfaceSamples {
+        tree: PositionTree::new(&world.lights, 1e-6),
+        hits: Vec::new(),
+        albedo: Vec::new(),
+        unit: 1.0,
+    };
+    VisibilityCuts {
+        cuts,
+        lights: Lights::Surface(samples),
+    }
 }
 
 /// Fragments of all kinds between random sites, some of which repeat.
@@ -90,7 +119,7 @@ fn fragments() -> (FragmentSites, Vec<Option<ShadingPoint>>, Vec<Vec3>) {
         let normal = Vec3::new(s.uniform() - 0.5, s.uniform() - 0.5, s.uniform() - 0.5).normalize_or(Vec3::Y);
         let hit = SurfaceHit {
             t: 1.0,
-            position: Vec3::ZERO,
+            position: FROM,
             position_error: Vec3::ZERO,
             geometric_normal: normal,
             normal,
@@ -133,7 +162,12 @@ fn dense(
         .map(|i| {
             let point = points[i].unwrap();
             let mut sum = DVec3::ZERO;
-            for (leaf, &d) in world.directions.iter().enumerate() {
+            for (leaf, &light) in world.lights.iter().enumerate() {
+                let d = if world.near {
+                    (light - FROM).normalize()
+                } else {
+                    light
+                };
                 let seen: f64 = (sites.sites[i].iter().zip(&sites.weights[i]))
                     .filter(|(site, _)| **site != u32::MAX)
                     .map(|(&site, &w)| f64::from(w) * f64::from(world.seen[site as usize][leaf]))
@@ -150,9 +184,15 @@ fn dense(
 /// Relative errors of all fragments: the largest, and the root of their mean square.
 fn errors(world: &World, sigma: f32, most: usize) -> (f64, f64) {
     let cuts = cuts(world, sigma);
-    let light = Illumination::new(&world.flux, &cuts.tree, most);
+    let light = Illumination::new(&world.flux, most);
     let (sites, points, views) = fragments();
-    let (found, _) = shade(&cuts, &light, &sites, &points, &views);
+    let fragments = Fragments {
+        sites: &sites,
+        points: &points,
+        views: &views,
+        matt: true,
+    };
+    let (found, _) = shade(&cuts, &light, &fragments);
     let truth = dense(world, &sites, &points, &views);
     let mean = truth.iter().map(|t| t.max_element()).sum::<f64>() / truth.len() as f64;
     let errors = (found.iter().zip(&truth))
@@ -164,8 +204,10 @@ fn errors(world: &World, sigma: f32, most: usize) -> (f64, f64) {
 #[test]
 fn cuts_of_all_leaves_give_the_dense_sum() {
     // f32 sums of a thousand terms.
-    let (largest, _) = errors(&world(), 0.0, LIGHTS as usize);
-    assert!(largest < 1e-4, "{largest}");
+    for world in [world(), near_world()] {
+        let (largest, _) = errors(&world, 0.0, LIGHTS as usize);
+        assert!(largest < 1e-4, "{largest}");
+    }
 }
 
 #[test]
@@ -178,9 +220,18 @@ fn shorter_cuts_are_nearly_as_good() {
 }
 
 #[test]
+fn nodes_of_near_lights_are_split_where_they_are_wide() {
+    // The random distances of this world put the leaves of a node anywhere along its line of sight, not elsewhere.
+    let world = near_world();
+    let (largest, typical) = errors(&world, 0.35, 128);
+    assert!(typical < 0.04 && largest < 0.2, "{typical} {largest}");
+    assert!(typical > 1e-4, "nothing was approximated");
+}
+
+#[test]
 fn the_flux_of_all_cells_is_that_of_the_sphere() {
     let world = world();
-    let cells = illumination::Cells::new(&world.directions);
+    let cells = illumination::Cells::new(&world.lights);
     let flux = cells.flux(LIGHTS as usize, |d| Vec3::new(1.0, 1.0 + d.y, 2.0));
     let total: DVec3 = flux.iter().map(|f| f.as_dvec3()).sum();
     let expected = DVec3::new(1.0, 1.0, 2.0) * 4.0 * std::f64::consts::PI;
@@ -197,10 +248,10 @@ fn the_flux_of_all_cells_is_that_of_the_sphere() {
 #[test]
 fn an_illumination_cut_is_a_cut_of_the_size_asked_for() {
     let world = world();
-    let tree = cuts(&world, 1.0).tree;
+    let height = LIGHTS.ilog2() as u8;
     for most in [1, 32, 100, 256, 1024, 5000] {
-        let light = Illumination::new(&world.flux, &tree, most);
-        assert!(relight_transport::cuts::is_cut(&light.heights, tree.height));
+        let light = Illumination::new(&world.flux, most);
+        assert!(relight_transport::cuts::is_cut(&light.heights, height));
         // 32 nodes are the fewest.
         assert_eq!(light.heights.len(), most.clamp(32, 1024));
     }
