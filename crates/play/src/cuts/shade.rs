@@ -8,7 +8,7 @@
 
 use super::illumination::Illumination;
 use super::sites::{FragmentSites, SITES};
-use super::{Lights, NodeView, SurfaceSamples, VisibilityCuts, position_tree};
+use super::{Directions, Lights, SurfaceSamples, VisibilityCuts, position_tree};
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::bsdf::{self, Incident, Lobe};
@@ -139,11 +139,18 @@ impl Columns {
     }
 }
 
+fn fill_column<T>(column: &mut Vec<T>, values: impl ExactSizeIterator<Item = T>) {
+    column.clear();
+    column.extend(values);
+}
+
 /// The merged cut of some sites and of the illumination, without the nodes that are dark for all.
 #[derive(Default)]
 struct Merged {
     /// Nodes before dark ones were dropped.
     nodes: u64,
+    /// Slot of each node and its visibility from each site, as the traversal finds them.
+    found: Vec<(u32, [f32; SITES])>,
     slots: Vec<u32>,
     /// Visibility of the node from each site.
     seen: [Vec<f32>; SITES],
@@ -162,12 +169,7 @@ impl Merged {
     fn fill(&mut self, cuts: &VisibilityCuts, light: &Illumination, sites: [u32; SITES]) {
         let height = cuts.lights.height();
         self.nodes = 0;
-        self.slots.clear();
-        self.seen.iter_mut().for_each(Vec::clear);
-        self.lengths.clear();
-        self.radii.clear();
-        self.near.iter_mut().for_each(Vec::clear);
-        self.whole.clear();
+        self.found.clear();
         // A site that is not there sees nothing, and costs nothing: its only node is the root.
         let root = [height];
         let nothing = Cut {
@@ -190,24 +192,60 @@ impl Merged {
             if seen <= 0.0 || flux == Vec3::ZERO {
                 return;
             }
-            self.slots.push(slot as u32);
-            for (column, &value) in self.seen.iter_mut().zip(values) {
-                column.push(value);
-            }
-            // Distant lights look the same from everywhere; others are looked at from each fragment.
-            let view = match &cuts.lights {
-                Lights::Directions(_) => cuts.lights.view(slot, Vec3::ZERO),
-                Lights::Surface(SurfaceSamples { tree, .. }) => {
-                    let [x, y, z] = tree.middles[slot].to_array();
-                    let node = [x, y, z, tree.spreads[slot], tree.radii[slot]];
-                    (self.near.iter_mut().zip(node)).for_each(|(column, value)| column.push(value));
-                    NodeView::default()
-                }
-            };
-            self.lengths.push(view.length);
-            self.radii.push(view.radius);
-            self.whole.push(view.direction, 0.0, flux);
+            let [a, b, c, d, _] = *values;
+            self.found.push((slot as u32, [a, b, c, d]));
         });
+        self.spread_out(cuts, light);
+    }
+
+    /// Fills the columns for the nodes that were found.
+    fn spread_out(&mut self, cuts: &VisibilityCuts, light: &Illumination) {
+        let Merged {
+            found,
+            slots,
+            seen,
+            lengths,
+            radii,
+            near,
+            whole,
+            ..
+        } = self;
+        fill_column(slots, found.iter().map(|node| node.0));
+        for (k, column) in seen.iter_mut().enumerate() {
+            fill_column(column, found.iter().map(|node| node.1[k]));
+        }
+        for (axis, column) in whole.flux.iter_mut().enumerate() {
+            fill_column(column, slots.iter().map(|&slot| light.flux[slot as usize][axis]));
+        }
+        whole.visibility.resize(slots.len(), 0.0);
+        match &cuts.lights {
+            // Distant lights look the same from everywhere.
+            Lights::Directions(Directions { tree, .. }) => {
+                fill_column(lengths, slots.iter().map(|&slot| tree.lengths[slot as usize]));
+                fill_column(radii, slots.iter().map(|&slot| tree.radii[slot as usize]));
+                for (axis, column) in whole.direction.iter_mut().enumerate() {
+                    fill_column(
+                        column,
+                        slots.iter().map(|&slot| tree.directions[slot as usize][axis]),
+                    );
+                }
+            }
+            // Others are looked at from each fragment.
+            Lights::Surface(SurfaceSamples { tree, .. }) => {
+                let [x, y, z, spreads, wide] = near;
+                for (axis, column) in [x, y, z].into_iter().enumerate() {
+                    fill_column(
+                        column,
+                        slots.iter().map(|&slot| tree.middles[slot as usize][axis]),
+                    );
+                }
+                fill_column(spreads, slots.iter().map(|&slot| tree.spreads[slot as usize]));
+                fill_column(wide, slots.iter().map(|&slot| tree.radii[slot as usize]));
+                for column in whole.direction.iter_mut().chain([lengths, radii]) {
+                    column.resize(slots.len(), 0.0);
+                }
+            }
+        }
     }
 
     /// Looks at nodes of surface samples from a fragment.
@@ -344,6 +382,9 @@ fn reflected(
         },
     };
     if point.lambert {
+        if splitter.widest == f32::INFINITY {
+            return bsdf::irradiance(point, &merged.whole.incident()) * point.diffuse * FRAC_1_PI;
+        }
         merged.split_by(&splitter);
         let sum = |part: &Columns| bsdf::irradiance(point, &part.incident());
         return (sum(&merged.whole) + sum(&merged.split)) * point.diffuse * FRAC_1_PI;

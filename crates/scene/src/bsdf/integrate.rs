@@ -60,29 +60,15 @@ fn accumulate(light: &Incident, factor: impl Fn([Lanes; 3], Lanes) -> [Lanes; 3]
     let direction = light.direction.map(|column| &column[..n]);
     let flux = light.flux.map(|column| &column[..n]);
     let mut sums = [Lanes::splat(0.0); 3];
-    let mut add = |direction: [Lanes; 3], weight: Lanes, flux: [Lanes; 3]| {
-        let factors = factor(direction, weight);
-        for c in 0..3 {
-            sums[c] = sums[c] + factors[c] * flux[c];
-        }
-    };
-    let whole = |column: &[f32], chunk: usize| Lanes(column.as_chunks::<LANES>().0[chunk]);
-    for chunk in 0..n / LANES {
-        add(
-            direction.map(|column| whole(column, chunk)),
-            whole(light.weight, chunk),
-            flux.map(|column| whole(column, chunk)),
+    // One place that calls `factor`, or it would not be compiled into the loop.
+    for chunk in 0..n.div_ceil(LANES) {
+        let factors = factor(
+            direction.map(|column| Lanes::of(column, chunk)),
+            Lanes::of(light.weight, chunk),
         );
-    }
-    // What is left over, filled up with directions of weight zero.
-    let rest = |column: &[f32]| {
-        let mut lanes = [0.0; LANES];
-        let left = column.as_chunks::<LANES>().1;
-        lanes[..left.len()].copy_from_slice(left);
-        Lanes(lanes)
-    };
-    if !n.is_multiple_of(LANES) {
-        add(direction.map(rest), rest(light.weight), flux.map(rest));
+        for c in 0..3 {
+            sums[c] = sums[c] + factors[c] * Lanes::of(flux[c], chunk);
+        }
     }
     Vec3::from(sums.map(Lanes::sum))
 }

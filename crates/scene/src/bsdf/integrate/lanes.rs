@@ -15,6 +15,20 @@ impl Lanes {
         Lanes([value; LANES])
     }
 
+    /// The `chunk`-th numbers of a column, filled up with zeros behind its end.
+    #[inline(always)]
+    pub fn of(column: &[f32], chunk: usize) -> Lanes {
+        let (whole, rest) = column.as_chunks::<LANES>();
+        match whole.get(chunk) {
+            Some(&lanes) => Lanes(lanes),
+            None => {
+                let mut lanes = [0.0; LANES];
+                lanes[..rest.len()].copy_from_slice(rest);
+                Lanes(lanes)
+            }
+        }
+    }
+
     #[inline(always)]
     fn map(self, f: impl Fn(f32) -> f32) -> Lanes {
         let mut out = self.0;
