@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod bake;
+mod choice;
 mod compare;
 mod console;
 mod demo;
@@ -14,6 +15,7 @@ mod images;
 mod inspect;
 mod output;
 mod play;
+mod session;
 mod signals;
 mod words;
 
