@@ -33,24 +33,37 @@ const MOVING_SPP: u32 = 1;
 
 /// What lasts from frame to frame.
 pub struct Session<'a> {
+    /// What was asked for.
     pub args: &'a PlayArgs,
+    /// The asset.
     pub loaded: &'a mut Loaded,
+    /// Edits of its materials.
     pub editor: Option<Editor>,
+    /// The lights of all frames.
     pub rig: &'a LightRig<'a>,
     /// The parts of each light's environment, where visibility cuts take it.
     pub splits: Option<Vec<Option<Arc<Split>>>>,
+    /// What visibility cuts are used for.
     pub by_cuts: ByCuts,
+    /// How light is made.
     pub integrator: Integrator,
+    /// Seed of all random numbers.
     pub seed: u64,
+    /// Pixels across.
     pub width: usize,
+    /// Pixels down.
     pub height: usize,
+    /// What the camera sees, once it has looked.
     pub shot: Option<Shot>,
+    /// Whether the camera stands still.
     pub fixed: bool,
+    /// Milliseconds of what is done once per shot, for the JSON.
     pub once: Map<String, Value>,
     /// Milliseconds of the frame at hand that count as done once per shot.
     pub apart_ms: f64,
 }
 
+/// Layers of a frame and the milliseconds of its stages.
 pub type Rendered = (Layers, Map<String, Value>);
 
 impl Session<'_> {
@@ -69,6 +82,10 @@ impl Session<'_> {
         Ok(Some(milliseconds(start)))
     }
 
+    /// Renders a frame.
+    ///
+    /// # Errors
+    /// A signal asked to stop.
     pub fn render(&mut self, frame: u32, camera: &Camera, console: &Console) -> Result<Rendered, Failure> {
         match self.integrator {
             Integrator::Transfer | Integrator::Cuts | Integrator::Auto => self.relit(frame, camera, console),
