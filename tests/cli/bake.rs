@@ -1,22 +1,7 @@
 //! `relight bake`.
 
-use crate::stage::{SQUARE, TINY, cornell, data, folder, gltf, json, names, relight, sequence};
+use crate::stage::{SQUARE, TINY, bake_json, cornell, data, folder, gltf, json, names, relight, sequence};
 use serde_json::Value;
-
-fn bake_json(scene: &std::path::Path, asset: &std::path::Path, more: &[&str]) -> Value {
-    let output = relight()
-        .arg("bake")
-        .arg(scene)
-        .arg("-o")
-        .arg(asset)
-        .args(more)
-        .arg("--json")
-        .assert()
-        .success()
-        .get_output()
-        .clone();
-    json(&output.stdout)
-}
 
 #[test]
 fn the_json_of_a_bake_holds_what_scripts_rely_on() {

@@ -1,6 +1,6 @@
 //! Visibility cuts: baked on demand, played where they are, refused where they are not.
 
-use crate::stage::{TINY, complaint, cornell, data, folder, json, relight};
+use crate::stage::{TINY, bake_json, complaint, cornell, data, folder, json, mean, relight};
 use relight_scene::image::{FloatImage, Layers, Limits, read_exr};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -23,25 +23,8 @@ fn table() -> (&'static Path, &'static Value) {
 }
 
 fn bake(asset: &Path, more: &[&str]) -> Value {
-    let run = relight()
-        .arg("bake")
-        .arg(data("table.glb"))
-        .arg("-o")
-        .arg(asset)
-        .args([
-            "--levels",
-            "2",
-            "--sender-levels",
-            "1",
-            "--coarse-radius",
-            "0.1",
-            "--json",
-        ])
-        .args(FEW)
-        .args(more)
-        .assert()
-        .success();
-    json(&run.get_output().stdout)
+    let coarse = ["--levels", "2", "--sender-levels", "1", "--coarse-radius", "0.1"];
+    bake_json(&data("table.glb"), asset, &[&coarse, &FEW[..], more].concat())
 }
 
 fn direct(frame: &Path) -> FloatImage {
@@ -121,10 +104,6 @@ fn cuts_light_like_paths() {
         "path.exr",
         &["--integrator", "path", "--spp", "64", "--max-bounces", "1"],
     );
-    let mean = |image: &FloatImage| {
-        let sum: f64 = image.pixels.iter().flatten().map(|&v| f64::from(v)).sum();
-        sum / image.pixels.len() as f64
-    };
     // Directions 6° apart and points 5 cm apart blur shadows, but all of the light is there.
     let ratio = mean(&cuts) / mean(&path);
     assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
@@ -238,16 +217,6 @@ fn a_tiny_bake_with_cuts_of_the_cornell_box_sees_its_opening() {
     // The box is open to the front only: its sites see a share of the directions.
     let folder = folder();
     let asset = folder.path().join("a.relight");
-    let run = relight()
-        .arg("bake")
-        .arg(data("cornell.glb"))
-        .arg("-o")
-        .arg(&asset)
-        .args(TINY)
-        .args(FEW)
-        .arg("--json")
-        .assert()
-        .success();
-    let said = json(&run.get_output().stdout);
+    let said = bake_json(&data("cornell.glb"), &asset, &[&TINY[..], &FEW].concat());
     assert!(said["cuts"]["mean_length"].as_f64().unwrap() > 10.0);
 }

@@ -1,6 +1,6 @@
 //! Visibility cuts of surface samples: one bounce of any light.
 
-use crate::stage::{TINY, data, folder, json, relight};
+use crate::stage::{TINY, bake_json, data, folder, json, mean, relight};
 use relight_scene::image::{BEAUTY, FloatImage, Limits, read_exr};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -22,18 +22,11 @@ fn cornell() -> (&'static Path, &'static Value) {
 }
 
 fn bake(asset: &Path, more: &[&str]) -> Value {
-    let run = relight()
-        .arg("bake")
-        .arg(data("cornell.glb"))
-        .arg("-o")
-        .arg(asset)
-        .args(TINY)
-        .args(INDIRECT)
-        .args(more)
-        .arg("--json")
-        .assert()
-        .success();
-    json(&run.get_output().stdout)
+    bake_json(
+        &data("cornell.glb"),
+        asset,
+        &[&TINY[..], &INDIRECT, more].concat(),
+    )
 }
 
 /// A panel and a lamp.
@@ -63,11 +56,6 @@ fn play(asset: &Path, frame: &Path, more: &[&str]) -> (String, Value) {
 
 fn layer(frame: &Path, name: &str) -> FloatImage {
     read_exr(frame, &Limits::default()).unwrap().rgb(name).unwrap()
-}
-
-fn mean(image: &FloatImage) -> f64 {
-    let sum: f64 = image.pixels.iter().flatten().map(|&v| f64::from(v)).sum();
-    sum / image.pixels.len() as f64
 }
 
 /// Largest difference of two images, relative to the mean of the first.

@@ -1,6 +1,7 @@
 //! What the tests share: the program, scenes, and a small asset that is baked once.
 
 use assert_cmd::Command;
+use relight_scene::image::FloatImage;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -42,6 +43,28 @@ pub fn cornell() -> &'static Path {
             (folder, asset)
         })
         .1
+}
+
+/// Bakes; the JSON that it prints.
+pub fn bake_json(scene: &Path, asset: &Path, more: &[&str]) -> Value {
+    let output = relight()
+        .arg("bake")
+        .arg(scene)
+        .arg("-o")
+        .arg(asset)
+        .args(more)
+        .arg("--json")
+        .assert()
+        .success()
+        .get_output()
+        .clone();
+    json(&output.stdout)
+}
+
+/// Sum of the channels, mean over the pixels.
+pub fn mean(image: &FloatImage) -> f64 {
+    let sum: f64 = image.pixels.iter().flatten().map(|&v| f64::from(v)).sum();
+    sum / image.pixels.len() as f64
 }
 
 /// The one JSON object on stdout.

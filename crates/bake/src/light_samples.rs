@@ -143,7 +143,7 @@ pub fn in_tree(surfaces: &dyn Surfaces, sites: &[Candidate], lights: &Lights, be
 }
 
 /// At most `count` sites, spread evenly: one of each run along a space-filling curve, which stands for the paper's
-/// cluster of sites. Averaging several of a run makes cuts longer, not shorter (docs/cuts.md).
+/// cluster of sites.
 fn chosen(sites: &[Candidate], count: usize) -> Vec<Candidate> {
     let positions: Vec<Vec3> = sites.iter().map(|s| s.position).collect();
     let order = morton_order(&positions);

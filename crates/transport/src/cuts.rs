@@ -97,20 +97,44 @@ struct Cursor {
 /// All cuts must be through the same tree; the traversal ends with the shortest. No cuts, no calls.
 #[inline]
 pub fn merge<const N: usize>(cuts: [Cut<'_>; N], mut visit: impl FnMut(Node, &[f32; N])) {
-    if N == 0 || cuts.iter().any(|c| c.heights.is_empty() || c.values.is_empty()) {
-        return;
-    }
-    let mut cursors = [Cursor::default(); N];
-    let mut values = [0.0; N];
-    for j in 0..N {
-        cursors[j].end = 1 << cuts[j].heights[0];
-        values[j] = cuts[j].values[0];
+    let (mut cursors, mut values) = ([Cursor::default(); N], [0.0; N]);
+    traverse(&cuts, &mut cursors, &mut values, |node, values| {
+        if let Ok(values) = values.try_into() {
+            visit(node, values);
+        }
+    });
+}
+
+/// [`merge`] for a number of cuts that is known only at run time; `scratch` is reused from call to call.
+pub fn merge_any(cuts: &[Cut<'_>], scratch: &mut MergeScratch, visit: impl FnMut(Node, &[f32])) {
+    let MergeScratch { cursors, values } = scratch;
+    cursors.resize(cuts.len(), Cursor::default());
+    values.resize(cuts.len(), 0.0);
+    traverse(cuts, cursors, values, visit);
+}
+
+/// The traversal; a cursor and a value per cut.
+#[inline(always)]
+fn traverse(
+    cuts: &[Cut<'_>],
+    cursors: &mut [Cursor],
+    values: &mut [f32],
+    mut visit: impl FnMut(Node, &[f32]),
+) {
+    for j in 0..cuts.len() {
+        let (Some(&height), Some(&value)) = (cuts[j].heights.first(), cuts[j].values.first()) else {
+            return;
+        };
+        cursors[j] = Cursor {
+            at: 0,
+            end: 1 << height,
+        };
+        values[j] = value;
     }
     let mut start = 0;
-    loop {
-        let end = cursors.iter().fold(u32::MAX, |end, c| end.min(c.end));
-        visit(node_between(start, end), &values);
-        for j in 0..N {
+    while let Some(end) = cursors.iter().map(|c| c.end).min() {
+        visit(node_between(start, end), values);
+        for j in 0..cuts.len() {
             let cursor = &mut cursors[j];
             if cursor.end == end {
                 cursor.at += 1;
@@ -121,39 +145,6 @@ pub fn merge<const N: usize>(cuts: [Cut<'_>; N], mut visit: impl FnMut(Node, &[f
                 };
                 cursor.end += 1 << height;
                 values[j] = value;
-            }
-        }
-        start = end;
-    }
-}
-
-/// [`merge`] for a number of cuts that is known only at run time; `scratch` is reused from call to call.
-pub fn merge_any(cuts: &[Cut<'_>], scratch: &mut MergeScratch, mut visit: impl FnMut(Node, &[f32])) {
-    let MergeScratch { cursors, values } = scratch;
-    cursors.clear();
-    values.clear();
-    for cut in cuts {
-        let (Some(&height), Some(&value)) = (cut.heights.first(), cut.values.first()) else {
-            return;
-        };
-        cursors.push(Cursor {
-            at: 0,
-            end: 1 << height,
-        });
-        values.push(value);
-    }
-    let mut start = 0;
-    while let Some(end) = cursors.iter().map(|c| c.end).min() {
-        visit(node_between(start, end), values);
-        for ((cut, cursor), value) in cuts.iter().zip(cursors.iter_mut()).zip(values.iter_mut()) {
-            if cursor.end == end {
-                cursor.at += 1;
-                let (Some(&height), Some(&next)) = (cut.heights.get(cursor.at), cut.values.get(cursor.at))
-                else {
-                    return;
-                };
-                cursor.end += 1 << height;
-                *value = next;
             }
         }
         start = end;

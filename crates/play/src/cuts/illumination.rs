@@ -20,8 +20,8 @@ use std::collections::BinaryHeap;
 /// visibility cuts of σ = 2 a node's product is then off by at most a thousandth of all light (equation 8).
 const ERROR: f64 = 5e-4;
 
-/// Height above which no node of an illumination cut lies: 1/32 of the sphere, over which a cosine changes by less than
-/// a third of itself.
+/// How far below the root the coarsest nodes of an illumination cut lie: at 1/32 of the sphere, a cone of 20° around
+/// their middle.
 const COARSEST: u8 = 5;
 
 /// Which direction each small part of the sphere is nearest to: columns of longitude, rows of latitude.

@@ -310,7 +310,7 @@ impl Merged {
     }
 }
 
-/// Diameter of a node, in angular radii of a lobe, above which it is split: three to four nodes then span what holds
+/// Diameter of a node, in angular radii of a lobe, above which it is split: six nodes then lie side by side in what holds
 /// 90 % of the lobe.
 const RESOLUTION: f32 = 1.0 / 3.0;
 

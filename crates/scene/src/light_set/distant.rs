@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// stays a light. At 1 % a shadow's edge that is off by one direction is off by 1 % of the light.
 const BRIGHT_SHARE: f64 = 0.01;
 
-/// Columns of the smooth map at most: 8 for each of the 128 or so directions along the equator of 32 768.
+/// Columns of the smooth map at most: 3 for each of the some 320 directions along the equator of 32 768.
 const SMOOTH_WIDTH: usize = 1024;
 
 /// An environment map in two parts that add up to it.
