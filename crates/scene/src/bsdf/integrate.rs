@@ -1,7 +1,6 @@
 //! Reflected light of many directions at once, laid out for the compiler to take several at a time.
 
 mod lanes;
-mod wide;
 
 use super::{FRAC_1_PI, MIN_COSINE, PI, albedo, cosines, eval, smith_root};
 use crate::shading::{Gloss, ShadingPoint};
@@ -36,11 +35,6 @@ pub fn integrate(point: &ShadingPoint, wo: Vec3, light: &Incident) -> Vec3 {
 /// Σ cosine × weight × flux above both horizons. `direction` may be shorter than 1: a mean of directions gives the mean
 /// of their cosines.
 pub fn irradiance(point: &ShadingPoint, light: &Incident) -> Vec3 {
-    wide::irradiance(point, light)
-}
-
-#[inline(always)]
-fn irradiance_lanes(point: &ShadingPoint, light: &Incident) -> Vec3 {
     let (shading, geometric) = (point.shading_normal, point.geometric_normal);
     accumulate(light, |direction, weight| {
         let cosine = dot(direction, shading).at_least(0.0);
@@ -144,11 +138,10 @@ impl<'a> Ggx<'a> {
     }
 
     fn integrate(&self, light: &Incident) -> Vec3 {
-        wide::ggx(self, light) - self.overstated(light)
+        self.lanes(light) - self.overstated(light)
     }
 
     /// The sum with s(wi) = 1 everywhere.
-    #[inline(always)]
     fn lanes(&self, light: &Incident) -> Vec3 {
         let point = self.point;
         let (shading, geometric, wo) = (point.shading_normal, point.geometric_normal, self.wo);
@@ -264,10 +257,6 @@ mod tests {
                 ..ShadingPoint::lambert(&hit, Vec3::new(white, 0.5, 0.0))
             };
             let wo = (normal + unit() * 0.9).normalize();
-            if let Some(ggx) = Ggx::new(&point, wo) {
-                assert_eq!(wide::ggx(&ggx, &light), ggx.lanes(&light));
-            }
-            assert_eq!(wide::irradiance(&point, &light), irradiance_lanes(&point, &light));
             let truth = one_by_one(&point, wo, &light);
             let found = integrate(&point, wo, &light);
             // f32 sums of 200 terms; the narrowest lobe magnifies the rounding of the half vector by 1/α².
