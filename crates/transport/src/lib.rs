@@ -12,6 +12,7 @@ pub mod grid;
 pub mod kernel;
 pub mod light_tree;
 pub mod links;
+pub mod point_light;
 pub mod poisson;
 pub mod pyramid;
 pub mod random;

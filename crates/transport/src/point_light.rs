@@ -1,0 +1,140 @@
+//! Lights without extent, as which many-light methods see every light.
+//!
+//! Source: Walter et al. 2005, section 3 (omni, oriented and directional lights; L = Σ M G V I); spot lights are beyond
+//! that paper and fall off as the sequence's do.
+
+use glam::Vec3;
+
+/// How a light without extent shines.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Emission {
+    /// Alike in all directions.
+    Omni,
+    /// With the cosine about the axis: a point of a surface that emits or reflects like Lambert's.
+    Oriented,
+    /// Within a cone about the axis.
+    Spot {
+        /// Factor and summand of the cosine to the axis; their sum, clamped to 0..1 and squared, scales the intensity
+        /// (KHR_lights_punctual).
+        scale: f32,
+        /// See `scale`.
+        offset: f32,
+    },
+    /// From infinitely far, along the axis.
+    Directional,
+}
+
+/// A light without extent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointLight {
+    /// How it shines.
+    pub emission: Emission,
+    /// World space, metres; of directional lights unused and zero.
+    pub position: Vec3,
+    /// Unit: the way in which it shines; of omni lights unused and zero.
+    pub axis: Vec3,
+    /// RGB: W/sr along the axis; of directional lights W/m² on a surface that faces them. Finite, not negative.
+    pub intensity: Vec3,
+}
+
+/// What reaches a point from a light if nothing is in between.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arrival {
+    /// Unit, towards the light.
+    pub direction: Vec3,
+    /// Metres; infinite from directional lights.
+    pub distance: f32,
+    /// What the light's intensity is multiplied with to give the irradiance on a surface that faces the light: per m²,
+    /// or 1 for directional lights.
+    pub factor: f32,
+}
+
+impl PointLight {
+    /// What reaches `x`; `None` if nothing does, because `x` lies behind the light, outside its cone, or on it.
+    pub fn arrival(&self, x: Vec3) -> Option<Arrival> {
+        if self.emission == Emission::Directional {
+            return Some(Arrival {
+                direction: -self.axis,
+                distance: f32::INFINITY,
+                factor: 1.0,
+            });
+        }
+        let to_light = self.position - x;
+        let distance = to_light.length();
+        let direction = to_light / distance;
+        let emitted = self.emission.towards(-direction.dot(self.axis));
+        let factor = emitted / (distance * distance);
+        (factor > 0.0 && factor.is_finite()).then_some(Arrival {
+            direction,
+            distance,
+            factor,
+        })
+    }
+}
+
+impl Emission {
+    /// Share of the intensity along the axis that leaves at the cosine `cos` to it.
+    pub fn towards(self, cos: f32) -> f32 {
+        match self {
+            Emission::Omni | Emission::Directional => 1.0,
+            Emission::Oriented => cos.max(0.0),
+            Emission::Spot { scale, offset } => {
+                let share = (cos * scale + offset).clamp(0.0, 1.0);
+                share * share
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_light_reaches_what_it_shines_at_with_the_inverse_square() {
+        let light = |emission| PointLight {
+            emission,
+            position: Vec3::new(0.0, 2.0, 0.0),
+            axis: Vec3::NEG_Y,
+            intensity: Vec3::ONE,
+        };
+        let below = Vec3::ZERO;
+        let arrival = light(Emission::Oriented).arrival(below).unwrap();
+        assert_eq!(
+            (arrival.direction, arrival.distance, arrival.factor),
+            (Vec3::Y, 2.0, 0.25)
+        );
+        let aslant = Vec3::new(2.0, 0.0, 0.0);
+        let cos = 0.5f32.sqrt();
+        let arrival = light(Emission::Oriented).arrival(aslant).unwrap();
+        assert!((arrival.factor - cos / 8.0).abs() < 1e-7);
+        assert!(
+            light(Emission::Oriented)
+                .arrival(Vec3::new(0.0, 3.0, 0.0))
+                .is_none()
+        );
+        assert_eq!(
+            light(Emission::Omni)
+                .arrival(Vec3::new(0.0, 3.0, 0.0))
+                .unwrap()
+                .factor,
+            1.0
+        );
+        assert!(
+            light(Emission::Omni)
+                .arrival(light(Emission::Omni).position)
+                .is_none()
+        );
+        let sun = light(Emission::Directional).arrival(aslant).unwrap();
+        assert_eq!(
+            (sun.direction, sun.distance, sun.factor),
+            (Vec3::Y, f32::INFINITY, 1.0)
+        );
+        let spot = Emission::Spot {
+            scale: 1.0 / (1.0 - cos),
+            offset: -cos / (1.0 - cos),
+        };
+        assert_eq!(light(spot).arrival(below).unwrap().factor, 0.25);
+        assert!(light(spot).arrival(aslant * 1.01).is_none());
+    }
+}
