@@ -114,11 +114,7 @@ impl Lights {
     #[inline]
     pub fn view(&self, slot: usize, from: Vec3) -> NodeView {
         match self {
-            Lights::Directions(Directions { tree, .. }) => NodeView {
-                direction: tree.directions[slot],
-                length: tree.lengths[slot],
-                radius: tree.radii[slot],
-            },
+            Lights::Directions(directions) => directions.tree.views[slot],
             Lights::Surface(samples) => samples.tree.view(slot, from),
         }
     }
@@ -174,38 +170,36 @@ pub fn reflectances(
         });
 }
 
-/// A complete tree of directions; arrays over nodes by [`Node::slot`].
+/// A complete tree of directions, seen alike from everywhere.
 pub struct DirectionTree {
     /// Height of the root.
     pub height: u8,
-    /// Unit mean direction of each node.
-    pub directions: Vec<Vec3>,
-    /// Length of the mean of the node's directions: a cosine with the mean is the mean of its leaves' cosines.
-    pub lengths: Vec<f32>,
-    /// Angular radius of each node around it, radians: its leaves and their cells lie within.
-    pub radii: Vec<f32>,
+    /// The nodes, by [`Node::slot`].
+    pub views: Vec<NodeView>,
 }
 
 impl DirectionTree {
     fn new(leaves: &[Vec3]) -> DirectionTree {
         let n = leaves.len();
-        let height = n.trailing_zeros() as u8;
         let all = sums(leaves);
+        let mean_length = |slot: usize| all[slot].length() * (slot.max(1).ilog2() as f32).exp2() / n as f32;
         let directions: Vec<Vec3> = all.iter().map(|d| d.normalize_or(Vec3::Y)).collect();
-        let lengths = (0..all.len())
-            .map(|slot| all[slot].length() * (slot.max(1).ilog2() as f32).exp2() / n as f32)
-            .collect();
         // A leaf is a disc of 4π/n steradians.
         let leaf = 2.0 / (n as f32).sqrt();
         // atan2 of the chord, because the arc cosine of f32 loses small angles.
         let radii = radii(leaves, leaf, |slot, d| {
             directions[slot].cross(d).length().atan2(directions[slot].dot(d))
         });
+        let views = (directions.iter().zip(radii).enumerate())
+            .map(|(slot, (&direction, radius))| NodeView {
+                direction,
+                length: mean_length(slot),
+                radius,
+            })
+            .collect();
         DirectionTree {
-            height,
-            directions,
-            lengths,
-            radii,
+            height: n.trailing_zeros() as u8,
+            views,
         }
     }
 }

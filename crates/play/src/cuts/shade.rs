@@ -139,26 +139,23 @@ impl Columns {
     }
 }
 
-fn fill_column<T>(column: &mut Vec<T>, values: impl ExactSizeIterator<Item = T>) {
-    column.clear();
-    column.extend(values);
-}
-
 /// The merged cut of some sites and of the illumination, without the nodes that are dark for all.
 #[derive(Default)]
 struct Merged {
     /// Nodes before dark ones were dropped.
     nodes: u64,
-    /// Slot of each node and its visibility from each site, as the traversal finds them.
+    /// Slot of each node and its visibility from each site, as the traversal finds them; more than there are.
     found: Vec<(u32, [f32; SITES])>,
     slots: Vec<u32>,
     /// Visibility of the node from each site.
     seen: [Vec<f32>; SITES],
-    /// [`NodeView`] of each node, its direction being in `whole`.
+    /// [`super::NodeView`] of each node, its direction being in `whole`.
     lengths: Vec<f32>,
     radii: Vec<f32>,
     /// Middles (x, y, z), spreads and radii of nodes of surface samples, see [`position_tree::PositionTree`].
     near: [Vec<f32>; 5],
+    /// Whether each node is too wide for the fragment at hand.
+    wide: Vec<bool>,
     /// The nodes with visibility between the sites of the fragment at hand.
     whole: Columns,
     /// Parts of nodes that are too wide for the fragment at hand.
@@ -168,8 +165,6 @@ struct Merged {
 impl Merged {
     fn fill(&mut self, cuts: &VisibilityCuts, light: &Illumination, sites: [u32; SITES]) {
         let height = cuts.lights.height();
-        self.nodes = 0;
-        self.found.clear();
         // A site that is not there sees nothing, and costs nothing: its only node is the root.
         let root = [height];
         let nothing = Cut {
@@ -183,66 +178,60 @@ impl Merged {
                 cuts.cuts.cut(site as usize)
             }
         };
-        let [a, b, c, d] = sites.map(cut);
-        merge([a, b, c, d, light.as_cut()], |node, values| {
-            self.nodes += 1;
-            let seen = values[0] + values[1] + values[2] + values[3];
+        let [a, b, c] = sites.map(cut);
+        let all = [a, b, c, light.as_cut()];
+        // A merged cut has at most as many nodes as its parts together.
+        let most = all.iter().map(|cut| cut.heights.len()).sum();
+        if self.found.len() < most {
+            self.found.resize(most, (0, [0.0; SITES]));
+        }
+        let found = &mut self.found[..most];
+        let (mut nodes, mut lit) = (0, 0);
+        merge(all, |node, values| {
             let slot = node.slot(height);
-            let flux = light.flux[slot];
-            if seen <= 0.0 || flux == Vec3::ZERO {
-                return;
-            }
-            let [a, b, c, d, _] = *values;
-            self.found.push((slot as u32, [a, b, c, d]));
+            let [a, b, c, _] = *values;
+            // Without a branch, see the traversal: the next node overwrites a dark one.
+            found[lit] = (slot as u32, [a, b, c]);
+            lit += usize::from((a + b + c > 0.0) & (light.flux[slot] != Vec3::ZERO));
+            nodes += 1;
         });
-        self.spread_out(cuts, light);
+        self.nodes = nodes;
+        self.spread_out(cuts, light, lit);
     }
 
-    /// Fills the columns for the nodes that were found.
-    fn spread_out(&mut self, cuts: &VisibilityCuts, light: &Illumination) {
-        let Merged {
-            found,
-            slots,
-            seen,
-            lengths,
-            radii,
-            near,
-            whole,
-            ..
-        } = self;
-        fill_column(slots, found.iter().map(|node| node.0));
-        for (k, column) in seen.iter_mut().enumerate() {
-            fill_column(column, found.iter().map(|node| node.1[k]));
+    /// Fills the columns for the first `n` nodes that were found.
+    fn spread_out(&mut self, cuts: &VisibilityCuts, light: &Illumination, n: usize) {
+        let found = &self.found[..n];
+        self.slots.clear();
+        self.slots.extend(found.iter().map(|node| node.0));
+        let [a, b, c] = self.seen.each_mut().map(|column| sized(column, n));
+        let [red, green, blue] = self.whole.flux.each_mut().map(|column| sized(column, n));
+        for i in 0..n {
+            let (slot, seen) = found[i];
+            [a[i], b[i], c[i]] = seen;
+            [red[i], green[i], blue[i]] = light.flux[slot as usize].to_array();
         }
-        for (axis, column) in whole.flux.iter_mut().enumerate() {
-            fill_column(column, slots.iter().map(|&slot| light.flux[slot as usize][axis]));
-        }
-        whole.visibility.resize(slots.len(), 0.0);
+        sized(&mut self.whole.visibility, n);
+        let [x, y, z] = self.whole.direction.each_mut().map(|column| sized(column, n));
+        let (lengths, radii) = (sized(&mut self.lengths, n), sized(&mut self.radii, n));
         match &cuts.lights {
             // Distant lights look the same from everywhere.
             Lights::Directions(Directions { tree, .. }) => {
-                fill_column(lengths, slots.iter().map(|&slot| tree.lengths[slot as usize]));
-                fill_column(radii, slots.iter().map(|&slot| tree.radii[slot as usize]));
-                for (axis, column) in whole.direction.iter_mut().enumerate() {
-                    fill_column(
-                        column,
-                        slots.iter().map(|&slot| tree.directions[slot as usize][axis]),
-                    );
+                for i in 0..n {
+                    let view = tree.views[found[i].0 as usize];
+                    [x[i], y[i], z[i]] = view.direction.to_array();
+                    lengths[i] = view.length;
+                    radii[i] = view.radius;
                 }
             }
             // Others are looked at from each fragment.
             Lights::Surface(SurfaceSamples { tree, .. }) => {
-                let [x, y, z, spreads, wide] = near;
-                for (axis, column) in [x, y, z].into_iter().enumerate() {
-                    fill_column(
-                        column,
-                        slots.iter().map(|&slot| tree.middles[slot as usize][axis]),
-                    );
-                }
-                fill_column(spreads, slots.iter().map(|&slot| tree.spreads[slot as usize]));
-                fill_column(wide, slots.iter().map(|&slot| tree.radii[slot as usize]));
-                for column in whole.direction.iter_mut().chain([lengths, radii]) {
-                    column.resize(slots.len(), 0.0);
+                let [x, y, z, spreads, wide] = self.near.each_mut().map(|column| sized(column, n));
+                for i in 0..n {
+                    let slot = found[i].0 as usize;
+                    [x[i], y[i], z[i]] = tree.middles[slot].to_array();
+                    spreads[i] = tree.spreads[slot];
+                    wide[i] = tree.radii[slot];
                 }
             }
         }
@@ -266,12 +255,12 @@ impl Merged {
     /// Visibility between the sites, times the lengths.
     fn interpolate(&mut self, weights: &[f32; SITES]) {
         let n = self.slots.len();
-        let [a, b, c, d] = &self.seen;
-        let (a, b, c, d) = (&a[..n], &b[..n], &c[..n], &d[..n]);
+        let [a, b, c] = &self.seen;
+        let (a, b, c) = (&a[..n], &b[..n], &c[..n]);
         let lengths = &self.lengths[..n];
-        let [wa, wb, wc, wd] = *weights;
+        let [wa, wb, wc] = *weights;
         for (i, out) in self.whole.visibility[..n].iter_mut().enumerate() {
-            *out = (a[i] * wa + b[i] * wb + c[i] * wc + d[i] * wd) * lengths[i];
+            *out = (a[i] * wa + b[i] * wb + c[i] * wc) * lengths[i];
         }
     }
 
@@ -294,20 +283,29 @@ impl Merged {
     /// Moves the nodes that are too wide to `split`, in parts.
     fn split_by(&mut self, splitter: &Splitter) {
         self.split.clear();
-        let Columns {
-            direction: [x, y, z],
-            visibility,
-            ..
-        } = &mut self.whole;
-        for (i, seen) in visibility.iter_mut().enumerate() {
-            let direction = Vec3::new(x[i], y[i], z[i]);
-            if *seen > 0.0 && splitter.is_too_wide(direction, self.radii[i]) {
+        let n = self.slots.len();
+        let [x, y, z] = self.whole.direction.each_ref().map(|column| &column[..n]);
+        let radii = &self.radii[..n];
+        // First all of them without a branch, since few are.
+        let wide = sized(&mut self.wide, n);
+        for i in 0..n {
+            wide[i] = splitter.is_too_wide(Vec3::new(x[i], y[i], z[i]), radii[i]);
+        }
+        for (i, &wide) in wide.iter().enumerate() {
+            let seen = self.whole.visibility[i];
+            if wide && seen > 0.0 {
                 let slot = self.slots[i] as usize;
-                splitter.push_parts(slot, *seen / self.lengths[i], &mut self.split);
-                *seen = 0.0;
+                splitter.push_parts(slot, seen / self.lengths[i], &mut self.split);
+                self.whole.visibility[i] = 0.0;
             }
         }
     }
+}
+
+/// A column as a slice of `n` entries, whatever they hold.
+fn sized<T: Copy + Default>(column: &mut Vec<T>, n: usize) -> &mut [T] {
+    column.resize(n, T::default());
+    &mut column[..n]
 }
 
 /// Diameter of a node, in angular radii of a lobe, above which it is split: six nodes then lie side by side in what holds
@@ -318,6 +316,13 @@ const RESOLUTION: f32 = 1.0 / 3.0;
 /// differ by more than the second order in which their mean is known, and a fragment within it has no direction to it.
 const WIDEST: f32 = 0.5;
 
+/// What is matt has a lobe for which no node is too wide.
+const NO_LOBE: Lobe = Lobe {
+    direction: Vec3::Y,
+    width: f32::INFINITY,
+};
+
+#[inline(always)]
 fn overlaps(lobe: &Lobe, direction: Vec3, radius: f32) -> bool {
     // Between unit vectors |a − b|² = 2 − 2 cos, and a chord is never longer than its arc.
     let reach = radius + lobe.width;
@@ -330,17 +335,17 @@ struct Splitter<'a> {
     light: &'a Illumination,
     /// Where the fragment is.
     from: Vec3,
-    lobe: Option<Lobe>,
+    lobe: Lobe,
     /// Largest angular radius whatever the lobe.
     widest: f32,
 }
 
 impl Splitter<'_> {
+    #[inline(always)]
     fn is_too_wide(&self, direction: Vec3, radius: f32) -> bool {
-        radius > self.widest
-            || self.lobe.is_some_and(|lobe| {
-                2.0 * radius > RESOLUTION * lobe.width && overlaps(&lobe, direction, radius)
-            })
+        // & instead of &&: without branches the compiler takes several nodes at a time.
+        (radius > self.widest)
+            | ((2.0 * radius > RESOLUTION * self.lobe.width) & overlaps(&self.lobe, direction, radius))
     }
 
     /// Appends a node of visibility `seen`, or, where it is too wide, its descendants.
@@ -375,7 +380,7 @@ fn reflected(
         lights,
         light,
         from: point.position,
-        lobe: None,
+        lobe: NO_LOBE,
         widest: match lights {
             Lights::Directions(_) => f32::INFINITY,
             Lights::Surface(_) => WIDEST,
@@ -391,12 +396,12 @@ fn reflected(
     }
     // A lobe narrower than the lights would fall between them: it is widened to theirs.
     let grain = match lights {
-        Lights::Directions(directions) => directions.tree.radii[lights.leaves()],
+        Lights::Directions(directions) => directions.tree.views[lights.leaves()].radius,
         Lights::Surface(samples) => bsdf::lobe(point, view).map_or(0.0, |lobe| merged.grain(samples, &lobe)),
     };
     let point = bsdf::at_least_as_wide(point, grain);
     // None where it is matt by its parameters, or seen from below its horizon.
-    splitter.lobe = bsdf::lobe(&point, view);
+    splitter.lobe = bsdf::lobe(&point, view).unwrap_or(NO_LOBE);
     merged.split_by(&splitter);
     bsdf::integrate(&point, view, &merged.whole.incident())
         + bsdf::integrate(&point, view, &merged.split.incident())

@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 use relight_transport::sparse::Rows;
 
-/// Sites of a fragment: "three or four are enough" (design section 7).
-pub const SITES: usize = 4;
+/// Sites of a fragment: "three or four are enough" (design section 7). Four gave the same errors, 5 % more nodes and a
+/// fifth cut to traverse (docs/cuts.md).
+pub const SITES: usize = 3;
 
 /// The sites of every fragment, fragments with the same ones side by side.
 #[derive(Clone, Debug, Default)]

@@ -115,6 +115,19 @@ fn place(x: f32, nodes: usize) -> (usize, f32) {
     (at, x - at as f32)
 }
 
+/// (A, B) at every node of the cosines, at one roughness.
+struct Row([[f32; 2]; COSINES]);
+
+impl Row {
+    fn new(alpha: f32) -> Row {
+        let (row, f) = place(alpha_place(alpha), ROUGHNESSES);
+        let (low, high) = TABLES.specular[row * COSINES..(row + 2) * COSINES].split_at(COSINES);
+        Row(std::array::from_fn(|at| {
+            [0, 1].map(|k| low[at][k] * (1.0 - f) + high[at][k] * f)
+        }))
+    }
+}
+
 /// (A, B), interpolated.
 fn specular_factors(alpha: f32, cos: f32) -> [f32; 2] {
     let (row, fr) = place(alpha_place(alpha), ROUGHNESSES);
@@ -128,30 +141,73 @@ fn specular_factors(alpha: f32, cos: f32) -> [f32; 2] {
     })
 }
 
+/// K, interpolated.
+fn diffuse_factor(cos: f32) -> f32 {
+    let (at, f) = place(cosine_place(cos), COSINES);
+    TABLES.diffuse[at] * (1.0 - f) + TABLES.diffuse[at + 1] * f
+}
+
 /// Directional albedo E of the specular part alone, seen at cosine `cos` with the normal; RGB in 0..=1.
 pub fn specular(f0: Vec3, alpha: f32, cos: f32) -> Vec3 {
-    let [a, b] = specular_factors(alpha, cos);
+    specular_albedo(f0, specular_factors(alpha, cos))
+}
+
+fn specular_albedo(f0: Vec3, [a, b]: [f32; 2]) -> Vec3 {
     (f0 * a + b).clamp(Vec3::ZERO, Vec3::ONE)
 }
 
 /// Directional albedo D of the diffuse part as glTF prints it.
 fn diffuse_printed(point: &ShadingPoint, cos: f32) -> Vec3 {
-    let (at, f) = place(cosine_place(cos), COSINES);
-    let k = TABLES.diffuse[at] * (1.0 - f) + TABLES.diffuse[at + 1] * f;
-    point.diffuse * (Vec3::ONE - point.f0) * k
+    point.diffuse * (Vec3::ONE - point.f0) * diffuse_factor(cos)
 }
 
 /// Largest directional albedo of the diffuse part that conserves energy: min(D, 1 − E).
 pub(super) fn diffuse_limit(point: &ShadingPoint, cos: f32) -> Vec3 {
-    let left = Vec3::splat(1.0 - TABLE_MARGIN) - specular(point.f0, point.alpha, cos);
-    diffuse_printed(point, cos).min(left.max(Vec3::ZERO))
+    let specular = specular(point.f0, point.alpha, cos);
+    limit(diffuse_printed(point, cos), specular)
+}
+
+fn limit(printed: Vec3, specular: Vec3) -> Vec3 {
+    let left = Vec3::splat(1.0 - TABLE_MARGIN) - specular;
+    printed.min(left.max(Vec3::ZERO))
 }
 
 /// The factor s(μ) of the module [`super`], per channel in 0..=1.
 pub(super) fn diffuse_scale(point: &ShadingPoint, cos: f32) -> Vec3 {
-    let printed = diffuse_printed(point, cos);
+    let specular = specular(point.f0, point.alpha, cos);
+    scale(diffuse_printed(point, cos), specular)
+}
+
+fn scale(printed: Vec3, specular: Vec3) -> Vec3 {
     // 0/0 where there is no diffuse part in a channel: any factor will do.
-    diffuse_limit(point, cos) / printed.max(Vec3::splat(f32::MIN_POSITIVE))
+    limit(printed, specular) / printed.max(Vec3::splat(f32::MIN_POSITIVE))
+}
+
+/// s(μ) of one point at many angles.
+pub(super) struct DiffuseScale {
+    f0: Vec3,
+    /// D over K.
+    printed: Vec3,
+    row: Row,
+}
+
+impl DiffuseScale {
+    pub fn new(point: &ShadingPoint) -> DiffuseScale {
+        DiffuseScale {
+            f0: point.f0,
+            printed: point.diffuse * (Vec3::ONE - point.f0),
+            row: Row::new(point.alpha),
+        }
+    }
+
+    /// The same as [`diffuse_scale`] but for rounding.
+    pub fn at(&self, cos: f32) -> Vec3 {
+        let (at, f) = place(cosine_place(cos), COSINES);
+        let (low, high) = (self.row.0[at], self.row.0[at + 1]);
+        let factors = [0, 1].map(|k| low[k] * (1.0 - f) + high[k] * f);
+        let diffuse = TABLES.diffuse[at] * (1.0 - f) + TABLES.diffuse[at + 1] * f;
+        scale(self.printed * diffuse, specular_albedo(self.f0, factors))
+    }
 }
 
 /// Share of the light that a point reflects in all, averaged over cosine-weighted directions of arrival: RGB in

@@ -2,7 +2,8 @@
 
 mod lanes;
 
-use super::{FRAC_1_PI, MIN_COSINE, PI, albedo, cosines, eval, smith_root};
+use super::albedo::{self, DiffuseScale};
+use super::{FRAC_1_PI, MIN_COSINE, PI, cosines, eval, smith_root};
 use crate::shading::{Gloss, ShadingPoint};
 use glam::Vec3;
 use lanes::{LANES, Lanes};
@@ -89,6 +90,8 @@ struct Ggx<'a> {
     alpha2: f32,
     /// Diffuse reflectance over π, with s(wo).
     diffuse: Vec3,
+    /// s(wi).
+    scale: Option<DiffuseScale>,
     /// Cosine above which s(wi) is 1.
     unscaled: f32,
 }
@@ -97,8 +100,8 @@ struct Ggx<'a> {
 const HALVINGS: usize = 5;
 
 /// A cosine from which s is 1 on: it grows with the cosine. Infinite where it never is.
-fn unscaled_from(point: &ShadingPoint) -> f32 {
-    let is_one = |cosine: f32| albedo::diffuse_scale(point, cosine).min_element() >= 1.0;
+fn unscaled_from(scale: &DiffuseScale) -> f32 {
+    let is_one = |cosine: f32| scale.at(cosine).min_element() >= 1.0;
     if !is_one(1.0) {
         return f32::INFINITY;
     }
@@ -121,11 +124,7 @@ impl<'a> Ggx<'a> {
         if !(cos_o > MIN_COSINE && point.geometric_normal.dot(wo) > 0.0) {
             return None;
         }
-        let unscaled = if point.diffuse == Vec3::ZERO {
-            0.0
-        } else {
-            unscaled_from(point)
-        };
+        let scale = (point.diffuse != Vec3::ZERO).then(|| DiffuseScale::new(point));
         Some(Ggx {
             point,
             wo,
@@ -133,7 +132,8 @@ impl<'a> Ggx<'a> {
             root_o: smith_root(cos_o, point.alpha),
             alpha2: point.alpha * point.alpha,
             diffuse: point.diffuse * albedo::diffuse_scale(point, cos_o) * FRAC_1_PI,
-            unscaled,
+            unscaled: scale.as_ref().map_or(0.0, unscaled_from),
+            scale,
         })
     }
 
@@ -187,9 +187,7 @@ impl<'a> Ggx<'a> {
     fn overstated(&self, light: &Incident) -> Vec3 {
         let point = self.point;
         let mut sum = Vec3::ZERO;
-        if self.unscaled == 0.0 {
-            return sum;
-        }
+        let Some(scale) = &self.scale else { return sum };
         for (i, &weight) in light.weight.iter().enumerate() {
             let wi = Vec3::from(light.direction.map(|column| column[i]));
             let cosine = point.shading_normal.dot(wi);
@@ -197,7 +195,7 @@ impl<'a> Ggx<'a> {
                 let cos_oh = (0.5 * (self.wo + wi).length()).min(1.0);
                 let fresnel = point.f0 + (Vec3::ONE - point.f0) * (1.0 - cos_oh).powi(5);
                 let flux = Vec3::from(light.flux.map(|column| column[i]));
-                let lacking = Vec3::ONE - albedo::diffuse_scale(point, cosine);
+                let lacking = Vec3::ONE - scale.at(cosine);
                 sum += (Vec3::ONE - fresnel) * self.diffuse * lacking * flux * (cosine * weight);
             }
         }
