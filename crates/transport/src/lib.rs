@@ -10,6 +10,8 @@ pub mod bounce;
 pub mod cuts;
 pub mod grid;
 pub mod kernel;
+pub mod light_bounds;
+pub mod light_clusters;
 pub mod light_tree;
 pub mod links;
 pub mod point_light;
