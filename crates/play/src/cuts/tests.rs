@@ -97,7 +97,7 @@ fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
         cuts.offsets.push(cuts.heights.len() as u32);
     }
     if !world.near {
-        return VisibilityCuts::of_directions(cuts, &world.lights);
+        return VisibilityCuts::of_directions(cuts, SitePlaces::Points, &world.lights);
     }
     let samples = SurfaceSamples {
         tree: PositionTree::new(&world.lights, 1e-6),
@@ -107,6 +107,7 @@ fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
     };
     VisibilityCuts {
         cuts,
+        places: SitePlaces::Points,
         lights: Lights::Surface(samples),
     }
 }
