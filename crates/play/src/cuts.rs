@@ -4,6 +4,8 @@
 //! Per frame an [`illumination`] cut is chosen; [`shade`] merges it with the cuts of each fragment's [`sites`] and
 //! multiplies with the BRDF on the way.
 
+#[cfg(test)]
+mod environment_tests;
 pub mod illumination;
 pub mod position_tree;
 pub mod shade;
