@@ -10,7 +10,7 @@ use anyhow::Context;
 use clap::{Args, ValueEnum};
 use glam::Vec3;
 use relight_bake::error::BakeError;
-use relight_bake::params::{BakeParams, CutMode, CutParams, Preset};
+use relight_bake::params::{BakeParams, CutMode, CutParams, CutSites, Preset};
 use relight_bake::{BakeStats, bake};
 use relight_format as format;
 use relight_scene::gltf::{ImportOptions, LightUnits, import};
@@ -70,6 +70,10 @@ pub struct BakeArgs {
     /// indirect, for glossy reflections of lit surfaces, by one bounce of any light.
     #[arg(long, value_enum, default_value_t = CutsName::None)]
     pub cuts: CutsName,
+    /// Where the cuts stand: at the finest points, whose number follows the lighting, or at the vertices of the meshes,
+    /// between which triangles interpolate [default: points].
+    #[arg(long, value_enum)]
+    pub cut_sites: Option<CutSitesName>,
     /// Even directions, or even samples of the surfaces, that the cuts cluster: a power of two, 256 to 1048576 [default: 32768].
     #[arg(long, value_name = "N")]
     pub cut_lights: Option<u32>,
@@ -119,6 +123,15 @@ pub enum CutsName {
     Indirect,
 }
 
+/// Where visibility cuts stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum CutSitesName {
+    /// At the finest points.
+    Points,
+    /// At the vertices of the meshes.
+    Vertices,
+}
+
 /// Names of [`LightUnits`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Units {
@@ -165,6 +178,7 @@ pub fn params(args: &BakeArgs, seed: u64) -> Result<BakeParams, Failure> {
 
 fn cut_params(args: &BakeArgs) -> Result<Option<CutParams>, Failure> {
     let given = [
+        ("--cut-sites", args.cut_sites.is_some()),
         ("--cut-lights", args.cut_lights.is_some()),
         ("--sigma", args.sigma.is_some()),
         ("--beta", args.beta.is_some()),
@@ -184,6 +198,10 @@ fn cut_params(args: &BakeArgs) -> Result<Option<CutParams>, Failure> {
     let defaults = CutParams::default();
     Ok(Some(CutParams {
         mode,
+        sites: match args.cut_sites {
+            Some(CutSitesName::Vertices) => CutSites::Vertices,
+            Some(CutSitesName::Points) | None => CutSites::Points,
+        },
         lights: args.cut_lights.unwrap_or(defaults.lights),
         sigma: args.sigma.unwrap_or(defaults.sigma),
         beta: args.beta.unwrap_or(defaults.beta),

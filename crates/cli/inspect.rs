@@ -161,9 +161,14 @@ fn cuts_json(asset: &Asset) -> Value {
         format::LightSamples::Surface { .. } => "indirect",
     };
     let sites = cuts.row_offsets.len().saturating_sub(1);
+    let place = match cuts.sites {
+        format::CutSites::Points => "points",
+        format::CutSites::Vertices => "vertices",
+    };
     let estimates = asset.estimates.iter().flat_map(|e| &e.values);
     json!({
         "mode": mode,
+        "sites_at": place,
         "lights": tree.lights.len(),
         "sites": sites,
         "elements": cuts.heights.len(),
@@ -274,10 +279,11 @@ pub fn describe(json: &Value) -> String {
     if cuts.is_object() {
         let of_cuts = |key: &str| cuts[key].as_u64().unwrap_or(0);
         line(format!(
-            "cuts       {}: {} elements of {} sites, {:.0} each, over {} lights, RMS error {:.3}",
+            "cuts       {}: {} elements of {} sites at {}, {:.0} each, over {} lights, RMS error {:.3}",
             cuts["mode"].as_str().unwrap_or("-"),
             count(of_cuts("elements")),
             count(of_cuts("sites")),
+            cuts["sites_at"].as_str().unwrap_or("-"),
             cuts["mean_length"].as_f64().unwrap_or(0.0),
             count(of_cuts("lights")),
             cuts["rms_error"].as_f64().unwrap_or(0.0),

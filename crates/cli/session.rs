@@ -166,8 +166,8 @@ impl Session<'_> {
             if let Some(transfer) = &player.transfer {
                 shot.weigh(&transfer.finest);
             }
-            if self.by_cuts != ByCuts::Nothing {
-                shot.choose_sites();
+            if let (Some(cuts), true) = (&player.cuts, self.by_cuts != ByCuts::Nothing) {
+                shot.choose_sites(&cuts.places);
             }
             if let Some(editor) = &self.editor {
                 editor.reshade(player, &mut shot);

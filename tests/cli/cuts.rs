@@ -1,6 +1,8 @@
 //! Visibility cuts: baked on demand, played where they are, refused where they are not.
 
-use crate::stage::{TINY, bake_json, complaint, cornell, data, folder, json, mean, relight};
+use crate::stage::{
+    SQUARE, TINY, bake_json, complaint, cornell, data, folder, gltf, json, mean, names, relight,
+};
 use relight_scene::image::{FloatImage, Layers, Limits, read_exr};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -219,4 +221,171 @@ fn a_tiny_bake_with_cuts_of_the_cornell_box_sees_its_opening() {
     let asset = folder.path().join("a.relight");
     let said = bake_json(&data("cornell.glb"), &asset, &[&TINY[..], &FEW].concat());
     assert!(said["cuts"]["mean_length"].as_f64().unwrap() > 10.0);
+}
+
+/// A map as OpenEXR, which can hold what Radiance cannot.
+fn float_map(
+    folder: &Path,
+    name: &str,
+    width: usize,
+    height: usize,
+    pixel: impl Fn(usize) -> [f32; 3] + Sync,
+) -> PathBuf {
+    // Not by relight's own writer, which repairs what is not finite.
+    exr::prelude::write_rgb_file(folder.join(name), width, height, |x, y| {
+        <(f32, f32, f32)>::from(pixel(y * width + x))
+    })
+    .unwrap();
+    let lights = folder.join(format!("{name}.json"));
+    let sequence = format!(
+        r#"{{ "relight_sequence": 1, "lights": [ {{ "name": "sky", "type": "environment", "file": "{name}" }} ] }}"#
+    );
+    std::fs::write(&lights, sequence).unwrap();
+    lights
+}
+
+#[test]
+fn maps_with_impossible_pixels_are_refused_with_the_first_of_them_and_nothing_is_written() {
+    let (asset, _) = table();
+    let folder = folder();
+    for (name, bad) in [
+        ("nan.exr", f32::NAN),
+        ("negative.exr", -0.5),
+        ("infinite.exr", f32::INFINITY),
+    ] {
+        let lights = float_map(folder.path(), name, 16, 8, |i| {
+            if i == 3 * 16 + 5 {
+                [1.0, bad, 1.0]
+            } else {
+                [1.0; 3]
+            }
+        });
+        let before = names(folder.path());
+        for integrator in ["cuts", "auto", "brute"] {
+            let mut play = relight();
+            play.arg("play").arg(asset).arg("--lights").arg(&lights);
+            play.args(["--integrator", integrator, "--size", "8x8", "-o"]);
+            let text = complaint(play.arg(folder.path().join("f.exr")), 1);
+            assert!(
+                text.contains(name) && text.contains("column 5, row 3") && text.contains("1 of 128"),
+                "{text}"
+            );
+        }
+        assert_eq!(names(folder.path()), before);
+    }
+}
+
+#[test]
+fn a_single_pixel_of_a_million_shines_as_brute_force_says() {
+    let (asset, _) = table();
+    let folder = folder();
+    let lights = float_map(folder.path(), "sun.exr", 64, 32, |i| {
+        if i == 9 * 64 + 33 { [1e6; 3] } else { [0.0; 3] }
+    });
+    let lit = |integrator: &str| {
+        let frame = folder.path().join("f.exr");
+        play(
+            asset,
+            &lights,
+            &frame,
+            &["--integrator", integrator, "--spp", "16"],
+        );
+        let image = direct(&frame);
+        assert!(image.pixels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
+        mean(&image)
+    };
+    let (cuts, rays) = (lit("cuts"), lit("brute"));
+    // What of the pixel is not bright by itself is a thousandth; both sample it with few rays.
+    assert!(cuts > 0.0 && (cuts / rays - 1.0).abs() < 0.05, "{cuts} {rays}");
+}
+
+/// The options of a bake at vertices.
+const AT_VERTICES: [&str; 2] = ["--cut-sites", "vertices"];
+
+#[test]
+fn cuts_at_vertices_say_so_and_do_not_depend_on_threads() {
+    let folder = folder();
+    let asset = |name: &str| folder.path().join(name);
+    let said = bake_json(
+        &data("cornell.glb"),
+        &asset("a.relight"),
+        &[&TINY[..], &FEW, &AT_VERTICES].concat(),
+    );
+    let cuts = &said["cuts"];
+    assert_eq!(cuts["sites_at"], "vertices");
+    assert_eq!(said["settings"]["cut_sites"], "vertices");
+    // 68 vertices in the file, all of them corners.
+    assert_eq!(cuts["sites"], 68);
+    let inspect = relight()
+        .arg("inspect")
+        .arg(asset("a.relight"))
+        .assert()
+        .success();
+    let text = String::from_utf8(inspect.get_output().stdout.clone()).unwrap();
+    assert!(text.contains("68 sites at vertices"), "{text}");
+    let again = [&TINY[..], &FEW, &AT_VERTICES, &["--threads", "1"]].concat();
+    bake_json(&data("cornell.glb"), &asset("b.relight"), &again);
+    let bytes = |name: &str| std::fs::read(asset(name)).unwrap();
+    assert!(bytes("a.relight") == bytes("b.relight"), "assets differ");
+
+    let (points, _) = table();
+    let inspect = relight()
+        .arg("inspect")
+        .arg(points)
+        .args(["--json"])
+        .assert()
+        .success();
+    assert_eq!(json(&inspect.get_output().stdout)["cuts"]["sites_at"], "points");
+}
+
+/// Truth: a lone square sees all of its hemisphere from everywhere, so that where its sites are is all one.
+#[test]
+fn a_lone_square_is_lit_alike_from_its_corners_and_from_its_points() {
+    let folder = folder();
+    let scene = gltf(folder.path(), &SQUARE);
+    let sky = map(folder.path(), "sky.hdr", 16, 8, |i| [100, 90 + i as u8, 60, 129]);
+    let frame = |at: &str, integrator: &str| {
+        let asset = folder.path().join("a.relight");
+        let few = ["--levels", "2", "--sender-levels", "1", "--coarse-radius", "0.4"];
+        let said = bake_json(&scene, &asset, &[&few[..], &FEW, &["--cut-sites", at]].concat());
+        // Without normals each of the six corners is a site.
+        assert_eq!(said["cuts"]["sites"] == 6, at == "vertices");
+        let frame = folder.path().join("f.exr");
+        play(&asset, &sky, &frame, &["--integrator", integrator]);
+        direct(&frame)
+    };
+    for integrator in ["cuts", "auto"] {
+        let (points, vertices) = (frame("points", integrator), frame("vertices", integrator));
+        assert!(mean(&points) > 0.1);
+        for (a, b) in points
+            .pixels
+            .iter()
+            .flatten()
+            .zip(vertices.pixels.iter().flatten())
+        {
+            assert!((a - b).abs() <= 1e-5 * a.abs(), "{a} {b}");
+        }
+    }
+}
+
+/// Against cuts at points: what the points receive, and reflect further, comes from between the vertices.
+#[test]
+fn light_at_the_vertices_of_a_box_goes_into_indirect_light_too() {
+    let folder = folder();
+    let sky = map(folder.path(), "sky.hdr", 16, 8, |_| [128, 128, 128, 129]);
+    let indirect = |at: &str| {
+        let asset = folder.path().join("a.relight");
+        bake_json(
+            &data("cornell.glb"),
+            &asset,
+            &[&TINY[..], &FEW, &["--cut-sites", at]].concat(),
+        );
+        let frame = folder.path().join("f.exr");
+        play(&asset, &sky, &frame, &[]);
+        let layers: Layers = read_exr(&frame, &Limits::default()).unwrap();
+        mean(&layers.rgb("indirect").unwrap())
+    };
+    // Eight corners of a wall stand for all of it: the light is there, but not where exactly.
+    let ratio = indirect("vertices") / indirect("points");
+    assert!((0.5..2.0).contains(&ratio), "{ratio}");
 }

@@ -1,12 +1,14 @@
 //! From finest points to the light tree and the cuts of an asset.
 
 use crate::bake::Progress;
+use crate::convert;
 use crate::error::BakeError;
 use crate::light_samples::{Lights, in_tree};
-use crate::params::{CutMode, CutParams};
+use crate::params::{CutMode, CutParams, CutSites};
 use crate::points::PointLevels;
 use crate::surface_lights::surface_lights;
 use crate::transport::levels_of;
+use crate::vertex_sites::vertex_sites;
 use crate::visibility::site_cuts;
 use relight_format as format;
 use relight_scene::surface::Surfaces;
@@ -18,7 +20,7 @@ pub struct World<'a> {
     pub scene: &'a TracedScene,
     /// The same, for rays.
     pub surfaces: &'a dyn Surfaces,
-    /// The finest of them are the sites.
+    /// The finest of them are the sites, or say which sides of vertices are.
     pub points: &'a PointLevels,
 }
 
@@ -34,7 +36,14 @@ pub struct CutSections {
     pub rays: u64,
 }
 
-/// Places lights, builds their tree and selects the cuts of the finest points.
+impl World<'_> {
+    /// Meshes as they will be stored, as far as sites depend on them.
+    fn geometry(&self) -> format::Geometry {
+        convert::geometry(self.scene.scene())
+    }
+}
+
+/// Places lights, builds their tree and selects the cuts of the sites.
 ///
 /// # Errors
 /// `progress` said stop, or there are more elements than a file can count.
@@ -45,25 +54,38 @@ pub fn cut_sections(
     progress: &dyn Progress,
 ) -> Result<CutSections, BakeError> {
     let sites = (world.points.levels.last()).map_or(&[][..], |level| &level.points);
-    progress.stage("cuts", Some(sites.len() as u64));
-    let lights = match (params.mode, levels_of(world.points).last()) {
+    let finest = levels_of(world.points).pop();
+    let vertices = match (params.sites, &finest) {
+        (CutSites::Vertices, Some(finest)) => Some(vertex_sites(world.scene, &world.geometry(), finest)),
+        _ => None,
+    };
+    let count = vertices.as_ref().map_or(sites.len(), Vec::len);
+    progress.stage("cuts", Some(count as u64));
+    let lights = match (params.mode, &finest) {
         (CutMode::Indirect, Some(finest)) => {
             Lights::Surface(surface_lights(world.scene, finest, params.lights as usize, seed))
         }
         _ => Lights::directions(params.lights),
     };
     let leaves = in_tree(world.surfaces, sites, &lights, params.beta);
-    let made = site_cuts(world.surfaces, sites, &leaves, params, |done| {
+    let step = |done| {
         progress.advance(done as u64);
         if progress.stopped() {
             Err(BakeError::Stopped)
         } else {
             Ok(())
         }
-    })?;
+    };
+    let made = match &vertices {
+        Some(vertices) => site_cuts(world.surfaces, vertices, &leaves, params, step)?,
+        None => site_cuts(world.surfaces, sites, &leaves, params, step)?,
+    };
     // The largest means may not fit a narrow σ's steps: quantised, they do.
     let cuts = format::quantised_cuts(&format::Cuts {
-        sites: format::CutSites::Points,
+        sites: match vertices {
+            Some(_) => format::CutSites::Vertices,
+            None => format::CutSites::Points,
+        },
         sigma: params.sigma(),
         unit: leaves.unit,
         row_offsets: made.cuts.offsets,

@@ -25,6 +25,7 @@ pub mod solution;
 pub mod surface_lights;
 pub mod timed;
 pub mod transport;
+pub mod vertex_sites;
 pub mod viewpoint;
 pub mod visibility;
 

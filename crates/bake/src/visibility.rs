@@ -29,6 +29,27 @@ pub struct Cuts {
     pub rms_error: f64,
 }
 
+/// A place that looks at lights.
+pub trait Site: Sync {
+    /// What an unoccluded light counts for, as [`Lights::factor`] says; NaN for what counts for nothing.
+    fn factor(&self, lights: &Lights, light: usize) -> f32;
+
+    /// The shadow ray to a light whose factor is above 0.
+    fn ray(&self, lights: &Lights, light: usize) -> Ray;
+}
+
+impl Site for Candidate {
+    #[inline]
+    fn factor(&self, lights: &Lights, light: usize) -> f32 {
+        lights.factor(self, light)
+    }
+
+    #[inline]
+    fn ray(&self, lights: &Lights, light: usize) -> Ray {
+        lights.ray(self, light)
+    }
+}
+
 /// Sites per parallel task.
 const TASK: usize = 64;
 
@@ -38,7 +59,7 @@ const TASK: usize = 64;
 /// What `step`, called with each number of sites done, returns.
 pub fn site_cuts(
     surfaces: &dyn Surfaces,
-    sites: &[Candidate],
+    sites: &[impl Site],
     leaves: &LightLeaves,
     params: &CutParams,
     step: impl Fn(usize) -> Result<(), BakeError> + Sync,
@@ -155,9 +176,9 @@ impl<'a> Sampler<'a> {
     }
 
     /// Fills `seen`; returns the number of rays cast.
-    fn sample(&mut self, surfaces: &dyn Surfaces, site: &Candidate) -> u64 {
+    fn sample(&mut self, surfaces: &dyn Surfaces, site: &impl Site) -> u64 {
         for (light, (seen, factor)) in self.seen.iter_mut().zip(&mut self.factors).enumerate() {
-            *factor = self.lights.factor(site, light) * self.scale;
+            *factor = site.factor(self.lights, light) * self.scale;
             *seen = match *factor {
                 f if f > 0.0 => UNKNOWN,
                 0.0 => AWAY,
@@ -198,7 +219,7 @@ impl<'a> Sampler<'a> {
     }
 
     /// Chooses a light that gets a ray in each part of the open nodes that has none yet.
-    fn aim(&mut self, site: &Candidate, height: u32) {
+    fn aim(&mut self, site: &impl Site, height: u32) {
         let part = 1usize << (height - RAYS_HEIGHT);
         for &node in &self.open {
             let start = (node as usize) << height;
@@ -214,7 +235,7 @@ impl<'a> Sampler<'a> {
                     .find(|&k| lights[k] == UNKNOWN);
                 if let Some(k) = above {
                     self.targets.push((first + k) as u32);
-                    self.rays.push(self.lights.ray(site, first + k));
+                    self.rays.push(site.ray(self.lights, first + k));
                 }
             }
         }

@@ -373,7 +373,7 @@ pub enum CutSites {
     /// Site i is point i of the finest level.
     #[default]
     Points,
-    /// The vertices of every instance's mesh, instance by instance.
+    /// The vertices of every instance's mesh, instance by instance; see [`vertex_sites`](crate::vertex_sites).
     Vertices,
 }
 

@@ -50,6 +50,7 @@ mod file;
 pub mod layout;
 mod section;
 mod validate;
+mod vertices;
 
 pub use asset::{
     AlphaMode, Asset, BounceLinks, CutSites, Cuts, Estimates, Filter, Geometry, Instance, LeftOut, Level,
@@ -67,3 +68,4 @@ pub use section::light_tree::quantised_light_tree;
 pub use section::links::quantised_links;
 pub use section::points::quantised_level;
 pub use section::weights::quantised_weights;
+pub use vertices::{VertexSites, vertex_site_count, vertex_sites};

@@ -4,6 +4,8 @@
 //! Per frame an [`illumination`] cut is chosen; [`shade`] merges it with the cuts of each fragment's [`sites`] and
 //! multiplies with the BRDF on the way.
 
+#[cfg(test)]
+mod environment_tests;
 pub mod illumination;
 pub mod position_tree;
 pub mod shade;
@@ -21,10 +23,20 @@ use relight_transport::light_tree::{Node, sums};
 
 /// What sites see of many lights, as the asset has it.
 pub struct VisibilityCuts {
-    /// The cut of each finest point.
+    /// The cut of each site.
     pub cuts: SiteCuts,
+    /// Where the sites are.
+    pub places: SitePlaces,
     /// The lights.
     pub lights: Lights,
+}
+
+/// Where the sites of cuts are.
+pub enum SitePlaces {
+    /// Site i is finest point i.
+    Points,
+    /// The site of each corner of each triangle of the scene, in the order of barycentric weights.
+    Vertices(Vec<[u32; 3]>),
 }
 
 /// Lights that cuts cluster.
@@ -69,12 +81,12 @@ pub struct NodeView {
 
 impl VisibilityCuts {
     /// Cuts through the tree whose leaves look into `directions` (unit; a power of two of them).
-    pub fn of_directions(cuts: SiteCuts, directions: &[Vec3]) -> VisibilityCuts {
+    pub fn of_directions(cuts: SiteCuts, places: SitePlaces, directions: &[Vec3]) -> VisibilityCuts {
         let lights = Lights::Directions(Directions {
             tree: DirectionTree::new(directions),
             cells: illumination::Cells::new(directions),
         });
-        VisibilityCuts { cuts, lights }
+        VisibilityCuts { cuts, places, lights }
     }
 
     /// The even directions, if those are the lights.

@@ -4,9 +4,10 @@
 //! vector irradiance, dotted with the shading normal, times the surface's total hemispherical reflectance
 //! over π. A glossy surface so reflects the right amount of indirect light, spread like a matt one.
 
-use crate::cuts::VisibilityCuts;
 use crate::cuts::illumination::Illumination;
 use crate::cuts::shade::{Fragments, ShadeStats, irradiance_at_sites, shade};
+use crate::cuts::sites::FragmentSites;
+use crate::cuts::{SitePlaces, VisibilityCuts};
 use crate::lighting;
 use crate::reconstruct;
 use crate::shot::Shot;
@@ -15,6 +16,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::light_set::{DistantLight, LightSet};
 use relight_scene::rays::Ray;
+use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces};
 use relight_scene::traced::TracedScene;
 use relight_transport::pyramid::VectorIrradiance;
@@ -240,9 +242,12 @@ impl Player {
         times.shade += milliseconds(start);
         let start = Instant::now();
         let irradiance = match &self.transfer {
-            Some(transfer) if settings.indirect => {
-                irradiance_at_sites(cuts, &light, &transfer.finest.positions, &transfer.finest.normals)
-            }
+            Some(transfer) if settings.indirect => match &cuts.places {
+                SitePlaces::Points => {
+                    irradiance_at_sites(cuts, &light, &transfer.finest.positions, &transfer.finest.normals)
+                }
+                SitePlaces::Vertices(corners) => self.irradiance_between(cuts, &light, corners),
+            },
             _ => Vec::new(),
         };
         times.direct_points += milliseconds(start);
@@ -251,6 +256,27 @@ impl Player {
             irradiance,
             stats: Some((light.heights.len(), stats)),
         }
+    }
+
+    /// Irradiance of the finest points between the vertices at which cuts stand: what they would reflect if they were
+    /// matt and reflected π. Points that no triangle was found for get none.
+    fn irradiance_between(
+        &self,
+        cuts: &VisibilityCuts,
+        light: &Illumination,
+        corners: &[[u32; 3]],
+    ) -> Vec<Vec3> {
+        let matt = |hit: &SurfaceHit| ShadingPoint::lambert(hit, Vec3::splat(PI));
+        let points: Vec<Option<ShadingPoint>> =
+            (self.points.iter()).map(|hit| hit.as_ref().map(matt)).collect();
+        let fragments = Fragments {
+            sites: &FragmentSites::at_corners(&self.points, corners),
+            points: &points,
+            // What is matt looks the same from everywhere.
+            views: &vec![Vec3::Z; points.len()],
+            matt: true,
+        };
+        shade(cuts, light, &fragments).0
     }
 
     /// Indirect light at the fragments, and how transfer and cuts went.

@@ -5,6 +5,7 @@
 //! its rays' reflectances and normals, and a lobe as much wider as the normal map spreads them. Nearly all pixels have one fragment, so that antialiased silhouettes and filtered
 //! textures cost a frame little more than one sample per pixel.
 
+use crate::cuts::SitePlaces;
 use crate::cuts::sites::FragmentSites;
 use crate::reconstruct;
 use glam::{Vec2, Vec3};
@@ -223,9 +224,12 @@ impl Shot {
         self.components = reconstruct::components(&self.weights, finest, &normals);
     }
 
-    /// Chooses the sites of every fragment; after [`Shot::weigh`].
-    pub fn choose_sites(&mut self) {
-        self.sites = FragmentSites::new(&self.weights);
+    /// Chooses the sites of every fragment; where those are points, after [`Shot::weigh`].
+    pub fn choose_sites(&mut self, places: &SitePlaces) {
+        self.sites = match places {
+            SitePlaces::Points => FragmentSites::new(&self.weights),
+            SitePlaces::Vertices(corners) => FragmentSites::at_corners(&self.hits, corners),
+        };
     }
 
     /// Number of fragments.

@@ -6,6 +6,7 @@ use crate::codec::cut::{MAX_CODE, steps};
 use crate::error::Result;
 use crate::layout::Kind;
 use crate::section::light_tree::is_tree_size;
+use crate::vertices::vertex_site_count;
 
 fn check_above_zero(kind: Kind, what: &str, value: f32) -> Result<()> {
     let holds = value > 0.0 && value.is_finite();
@@ -155,10 +156,8 @@ pub(super) fn validate(asset: &Asset) -> Result<()> {
             )
         }
         CutSites::Vertices => {
-            let meshes = &asset.geometry.meshes;
-            let instances = asset.geometry.instances.iter();
-            let vertices = instances.map(|i| meshes[i.mesh as usize].positions.len()).sum();
-            ("sites, one per vertex of each instance", vertices)
+            let sites = vertex_site_count(&asset.geometry).unwrap_or(0);
+            ("sites, one per vertex of each instance", sites)
         }
     };
     check_length(Kind::Cuts, what, cuts.row_offsets.len() - 1, sites)

@@ -12,19 +12,19 @@ use relight_transport::cuts::Selector;
 use relight_transport::light_tree::{Features, order, sphere_direction};
 use relight_transport::random::Stream;
 
-const LIGHTS: u32 = 1024;
+pub(super) const LIGHTS: u32 = 1024;
 const SITE_COUNT: usize = 9;
 
-struct World {
+pub(super) struct World {
     /// Directions, or places in a box around the fragments' place.
-    lights: Vec<Vec3>,
+    pub(super) lights: Vec<Vec3>,
     near: bool,
     /// Per site what it sees of each leaf.
     seen: Vec<Vec<f32>>,
-    flux: Vec<Vec3>,
+    pub(super) flux: Vec<Vec3>,
 }
 
-fn world() -> World {
+pub(super) fn world() -> World {
     let lattice: Vec<Vec3> = (0..LIGHTS).map(|i| sphere_direction(i, LIGHTS)).collect();
     let features = Features {
         positions: &lattice,
@@ -86,7 +86,7 @@ fn near_world() -> World {
 /// Where all fragments are.
 const FROM: Vec3 = Vec3::new(1.0, -2.0, 3.0);
 
-fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
+pub(super) fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
     let mut cuts = SiteCuts {
         offsets: vec![0],
         ..SiteCuts::default()
@@ -97,7 +97,7 @@ fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
         cuts.offsets.push(cuts.heights.len() as u32);
     }
     if !world.near {
-        return VisibilityCuts::of_directions(cuts, &world.lights);
+        return VisibilityCuts::of_directions(cuts, SitePlaces::Points, &world.lights);
     }
     let samples = SurfaceSamples {
         tree: PositionTree::new(&world.lights, 1e-6),
@@ -107,12 +107,13 @@ fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
     };
     VisibilityCuts {
         cuts,
+        places: SitePlaces::Points,
         lights: Lights::Surface(samples),
     }
 }
 
 /// Fragments of all kinds between random sites, some of which repeat.
-fn fragments() -> (FragmentSites, Vec<Option<ShadingPoint>>, Vec<Vec3>) {
+pub(super) fn fragments() -> (FragmentSites, Vec<Option<ShadingPoint>>, Vec<Vec3>) {
     let mut s = Stream::new(3, 0, 0);
     let (mut sites, mut points, mut views) = (FragmentSites::default(), Vec::new(), Vec::new());
     for i in 0..200u32 {
@@ -152,7 +153,7 @@ fn fragments() -> (FragmentSites, Vec<Option<ShadingPoint>>, Vec<Vec3>) {
     (sites, points, views)
 }
 
-fn dense(
+pub(super) fn dense(
     world: &World,
     sites: &FragmentSites,
     points: &[Option<ShadingPoint>],

@@ -1,0 +1,119 @@
+//! At a site itself, visibility cuts are what shadow rays are. Truth: every direction by itself, with the BRDF and a
+//! shadow ray from where the surface was hit, summed in f64.
+
+use crate::stage::data;
+use glam::{DVec3, Vec2, Vec3};
+use relight_bake::candidates::Candidate;
+use relight_bake::light_samples::{Lights, in_tree};
+use relight_bake::params::CutParams;
+use relight_bake::visibility::site_cuts;
+use relight_play::cuts::illumination::Illumination;
+use relight_play::cuts::shade::{Fragments, shade};
+use relight_play::cuts::sites::FragmentSites;
+use relight_play::cuts::{SitePlaces, VisibilityCuts};
+use relight_scene::bsdf;
+use relight_scene::gltf::{ImportOptions, import};
+use relight_scene::rays::Ray;
+use relight_scene::shading::ShadingPoint;
+use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
+use relight_scene::traced::{Shading, TracedScene};
+use relight_transport::random::Stream;
+use std::sync::Arc;
+
+const LIGHTS: u32 = 2048;
+/// Pixels across and down.
+const PIXELS: usize = 24;
+
+/// What the box's camera sees in a few pixels: every other one glossy.
+fn fragments(scene: &TracedScene) -> Vec<(SurfaceHit, ShadingPoint, Vec3)> {
+    let camera = scene.scene().cameras[0].at(0.0);
+    let mut seen = Vec::new();
+    for pixel in 0..PIXELS * PIXELS {
+        let place = Vec2::new((pixel % PIXELS) as f32 + 0.5, (pixel / PIXELS) as f32 + 0.5);
+        let direction = camera.direction(place, Vec2::splat(PIXELS as f32));
+        let ray = Ray {
+            origin: camera.position,
+            direction,
+            t_min: 0.0,
+            t_max: f32::INFINITY,
+        };
+        let Some(hit) = scene.closest_hit(&ray) else {
+            continue;
+        };
+        let matt = scene.shading_point(&hit);
+        // Glossy lobes wide enough for directions 4° apart.
+        let glossy = ShadingPoint {
+            lambert: false,
+            f0: Vec3::new(0.9, 0.6, 0.2),
+            alpha: 0.1 + 0.4 * (pixel % 7) as f32 / 7.0,
+            ..matt
+        };
+        let point = if pixel % 2 == 0 { matt } else { glossy }.facing(-direction);
+        // The box is flat: what is below its horizon is below the shading normal's.
+        if point.shading_normal == hit.geometric_normal {
+            seen.push((hit, point, -direction));
+        }
+    }
+    seen
+}
+
+#[test]
+fn at_a_site_cuts_of_all_leaves_are_brute_force() {
+    let scene = Arc::new(import(&data("cornell.glb"), &ImportOptions::default()).unwrap());
+    let scene = TracedScene::new(scene, Shading::Full).unwrap();
+    let fragments = fragments(&scene);
+    assert!(fragments.len() > PIXELS * PIXELS / 2, "{}", fragments.len());
+    let candidates: Vec<Candidate> = fragments.iter().map(|f| Candidate::at(&scene, &f.0)).collect();
+    let leaves = in_tree(&scene, &candidates, &Lights::directions(LIGHTS), 0.45);
+    let Lights::Directions { directions, .. } = &leaves.lights else {
+        unreachable!()
+    };
+    let params = CutParams {
+        lights: LIGHTS,
+        sigma: 1e-4,
+        every_light: true,
+        ..CutParams::default()
+    };
+    let made = site_cuts(&scene, &candidates, &leaves, &params, |_| Ok(())).unwrap();
+    let mut random = Stream::new(4, 0, 0);
+    let flux: Vec<Vec3> = (0..LIGHTS)
+        .map(|_| Vec3::new(random.uniform(), 0.5, random.uniform()) * random.uniform())
+        .collect();
+
+    let count = fragments.len() as u32;
+    let sites = FragmentSites {
+        order: (0..count).collect(),
+        sites: (0..count).map(|i| [i, u32::MAX, u32::MAX, u32::MAX]).collect(),
+        weights: vec![[1.0, 0.0, 0.0, 0.0]; count as usize],
+    };
+    let points: Vec<Option<ShadingPoint>> = fragments.iter().map(|f| Some(f.1)).collect();
+    let views: Vec<Vec3> = fragments.iter().map(|f| f.2).collect();
+    let (found, _) = shade(
+        &VisibilityCuts::of_directions(made.cuts, SitePlaces::Points, directions),
+        &Illumination::new(&flux, LIGHTS as usize),
+        &Fragments {
+            sites: &sites,
+            points: &points,
+            views: &views,
+            matt: true,
+        },
+    );
+    let mut shadowed = 0;
+    for ((hit, point, view), found) in fragments.iter().zip(found) {
+        let mut truth = DVec3::ZERO;
+        for (&direction, flux) in directions.iter().zip(&flux) {
+            let cosine = f64::from(point.shading_normal.dot(direction).max(0.0));
+            if cosine > 0.0 && scene.occluded(&ray_from(hit, direction)) {
+                shadowed += 1;
+            } else {
+                truth += bsdf::eval(point, *view, direction).as_dvec3() * flux.as_dvec3() * cosine;
+            }
+        }
+        let error = (found.as_dvec3() - truth).abs().max_element() / truth.max_element();
+        // f32 sums of two thousand terms.
+        assert!(error < 1e-4, "{error} at {}", hit.position);
+    }
+    // The box hides most of the sky from all of them, but not the sky through its open side.
+    let all = fragments.len() * LIGHTS as usize / 2;
+    assert!(shadowed > all / 4 && shadowed < all, "{shadowed} of {all}");
+}
