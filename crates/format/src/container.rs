@@ -402,12 +402,24 @@ pub(crate) fn verify(section: &SectionInfo, stored: &[u8]) -> Result<()> {
     ))
 }
 
+/// First bytes of a zstd frame that is not to be skipped (RFC 8878, 3.1.1).
+const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+
 /// The raw bytes of verified zstd bytes, whose declared length was checked by [`parse_table`].
 pub(crate) fn decompress(section: &SectionInfo, stored: &[u8]) -> Result<Vec<u8>> {
     let fail = |found: &dyn std::fmt::Display| {
         let expected = format_args!("a zstd frame of {} raw bytes", section.raw_bytes);
         invalid(&section.name, Place::File(section.offset), expected, found)
     };
+    // zstd itself would read several frames, and skip those that it may.
+    let frame = zstd::zstd_safe::find_frame_compressed_size(stored)
+        .map_err(|code| fail(&zstd::zstd_safe::get_error_name(code)))?;
+    if frame != stored.len() || !stored.starts_with(&ZSTD_MAGIC) {
+        return Err(fail(&format_args!(
+            "{frame} of {} stored bytes in one",
+            stored.len()
+        )));
+    }
     let capacity = usize::try_from(section.raw_bytes).map_err(|error| fail(&error))?;
     let raw = zstd::bulk::decompress(stored, capacity).map_err(|error| fail(&error))?;
     if raw.len() == capacity {

@@ -125,6 +125,10 @@ pub(super) fn decode_positions(cursor: &mut Cursor<'_>, points: usize) -> Result
         origin: [cursor.f32()?, cursor.f32()?, cursor.f32()?],
         step: cursor.f32()?,
     };
+    // Of no points nothing would show it later.
+    if !(grid.origin.iter().all(|c| c.is_finite()) && grid.step.is_finite()) {
+        return Err(cursor.invalid("a finite grid", format_args!("{grid:?}")));
+    }
     for axis in 0..3 {
         let width = cursor.plane_width()?;
         let mut previous = 0u32;

@@ -1,6 +1,9 @@
 //! A small asset with every section, and a writer of containers that is independent of the crate's own.
 #![allow(dead_code)] // each test file uses its part
 
+pub mod assets;
+pub mod dump;
+
 use relight_format::*;
 use xxhash_rust::xxh3::xxh3_64;
 
