@@ -38,6 +38,11 @@ impl Console {
         }
     }
 
+    /// One that says nothing, for commands that another command runs.
+    pub fn silent(&self) -> Console {
+        Console::new(true, false)
+    }
+
     /// A sentence for people.
     pub fn note(&self, text: impl AsRef<str>) {
         if !self.quiet {

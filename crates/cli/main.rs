@@ -16,6 +16,7 @@ mod inspect;
 mod many_lights;
 mod output;
 mod play;
+mod report;
 mod session;
 mod signals;
 mod words;
@@ -64,6 +65,7 @@ enum Command {
     Play(play::PlayArgs),
     Inspect(inspect::InspectArgs),
     Compare(compare::CompareArgs),
+    Report(report::ReportArgs),
     Demo(demo::DemoArgs),
 }
 
@@ -96,6 +98,7 @@ fn run(cli: &Cli, console: &Console) -> Result<Outcome, Failure> {
         Command::Play(args) => play::run(args, seed, console),
         Command::Inspect(args) => inspect::run(args, console),
         Command::Compare(args) => compare::run(args, console),
+        Command::Report(args) => report::run(args, seed, console),
         Command::Demo(args) => demo::run(args, seed, console),
     }
 }

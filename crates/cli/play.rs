@@ -20,7 +20,7 @@ use relight_scene::scene::Scene;
 use relight_scene::sequence::{Sequence, SequenceCamera, read_sequence};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Relight an asset for a sequence of lights and write OpenEXR frames.
@@ -190,7 +190,7 @@ pub fn play(
     let integrator = integrator(args, &loaded)?;
     let scene = loaded.scene.clone();
     let sequence = given.as_ref().unwrap_or(&scene.sequence);
-    let track = camera(args, &scene, sequence)?;
+    let track = camera(&args.asset, args.camera.as_deref(), &scene, sequence)?;
     let (width, height) = args.size.unwrap_or_else(|| default_size(&track));
     let range = frame_range(args, sequence)?;
     if let Some(editor) = &mut editor {
@@ -333,7 +333,12 @@ fn integrator(args: &PlayArgs, loaded: &Loaded) -> Result<Integrator, Failure> {
     Ok(integrator)
 }
 
-fn camera(args: &PlayArgs, scene: &Scene, sequence: &Sequence) -> Result<CameraTrack, Failure> {
+fn camera(
+    asset: &Path,
+    wanted: Option<&str>,
+    scene: &Scene,
+    sequence: &Sequence,
+) -> Result<CameraTrack, Failure> {
     let named = |name: &str, whence: &str| {
         scene
             .cameras
@@ -349,11 +354,11 @@ fn camera(args: &PlayArgs, scene: &Scene, sequence: &Sequence) -> Result<CameraT
                 };
                 anyhow::anyhow!(
                     "{}: no camera is named {name:?}, as {whence} asks; {known}",
-                    args.asset.display()
+                    asset.display()
                 )
             })
     };
-    if let Some(name) = &args.camera {
+    if let Some(name) = wanted {
         return Ok(named(name, "--camera")?);
     }
     match &sequence.camera {
@@ -365,9 +370,17 @@ fn camera(args: &PlayArgs, scene: &Scene, sequence: &Sequence) -> Result<CameraT
         Failure::Failed(anyhow::anyhow!(
             "{}: the scene has no camera; give the lighting sequence one: \
              \"camera\": {{\"position\": [x,y,z], \"look_at\": [x,y,z], \"up\": [0,1,0], \"vfov_deg\": 50}}",
-            args.asset.display()
+            asset.display()
         ))
     })
+}
+
+/// Size in pixels of a play that nobody gives a size.
+///
+/// # Errors
+/// There is no camera.
+pub fn default_size_of(asset: &Path, scene: &Scene, sequence: &Sequence) -> Result<(usize, usize), Failure> {
+    Ok(default_size(&camera(asset, None, scene, sequence)?))
 }
 
 fn default_size(track: &CameraTrack) -> (usize, usize) {

@@ -12,5 +12,6 @@ mod general;
 mod inspect;
 mod materials;
 mod play;
+mod report;
 mod signals;
 mod stage;

@@ -1,0 +1,319 @@
+//! `relight report`: error against run time, bake time and size, over settings and integrators.
+//!
+//! The way of a report: [`settings`] lists what to try, [`reference`] path-traces what all are judged by, [`measure`]
+//! bakes and plays them, [`findings`] finds the Pareto fronts and says in words what they mean, [`page`] and [`plot`]
+//! show it.
+
+mod cache;
+mod findings;
+mod measure;
+mod page;
+mod plot;
+mod reference;
+mod settings;
+
+use crate::bake::log_path;
+use crate::console::Console;
+use crate::failure::{Failure, Outcome};
+use crate::frames::{self, FrameRange};
+use crate::inspect;
+use crate::output::{self, SCHEMA};
+use crate::words;
+use anyhow::Context;
+use clap::Args;
+use measure::{Measured, Runs};
+use reference::Reference;
+use relight_format::{self as format, Limits};
+use relight_play::load::load;
+use relight_scene::image::write_atomically;
+use relight_scene::sequence::read_sequence;
+use serde_json::{Value, json};
+use settings::{Facts, Setting};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Measure error against run time, bake time and size, and show it.
+///
+/// Path-traces references of some frames, whose own error is known from two independent halves; plays the asset with
+/// every integrator over a range of its options, and bakes the scene in it again with other options; writes
+/// report.html (plots, pictures with error maps, tables; opens offline), report.json, report.csv and plots/*.svg.
+/// References, bakes and measurements are kept in DIR by what they are of: a report that was stopped goes on.
+#[derive(Args)]
+pub struct ReportArgs {
+    /// Asset to report on.
+    #[arg(value_name = "ASSET.relight")]
+    pub asset: PathBuf,
+    /// Lighting sequence.
+    #[arg(long, value_name = "SEQ.json")]
+    pub lights: PathBuf,
+    /// Folder for everything that is written.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// One frame, 240 pixels wide, the most telling settings, within 8 minutes [default].
+    #[arg(long, conflicts_with = "full")]
+    pub quick: bool,
+    /// Three frames, 480 pixels wide, all settings, within 2 hours.
+    #[arg(long)]
+    pub full: bool,
+    /// Time for everything, such as 90s, 10m or 2h: a third at most goes into references; settings that find no time
+    /// any more are named.
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
+    pub budget: Option<Duration>,
+    /// Folder with references instead of path tracing them: frame_0000.exr, or two independent halves,
+    /// frame_0000_a.exr and frame_0000_b.exr, by which their own error is known.
+    #[arg(long, value_name = "DIR")]
+    pub reference: Option<PathBuf>,
+    /// Frames to measure, both ends included, every Nth [default: one or three, evenly over the sequence].
+    #[arg(long, value_name = "A-BxN", value_parser = frames::parse_range)]
+    pub frames: Option<FrameRange>,
+    /// Size of the images in pixels.
+    #[arg(long, value_name = "WxH", value_parser = frames::parse_size)]
+    pub size: Option<(usize, usize)>,
+    /// Print report.json on stdout, too.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What a preset means.
+struct Preset {
+    name: &'static str,
+    width: usize,
+    frames: u32,
+    budget: Duration,
+    /// Repetitions of each timing.
+    repetitions: usize,
+}
+
+const QUICK: Preset = Preset {
+    name: "quick",
+    width: 240,
+    frames: 1,
+    // Less than the ten minutes that are promised: the setting that is being measured at the end is finished.
+    budget: Duration::from_secs(8 * 60),
+    repetitions: 3,
+};
+const FULL: Preset = Preset {
+    name: "full",
+    width: 480,
+    frames: 3,
+    budget: Duration::from_secs(2 * 3600),
+    repetitions: 5,
+};
+
+/// Share of the budget that references may take.
+const REFERENCE_SHARE: f64 = 1.0 / 3.0;
+
+fn parse_duration(text: &str) -> Result<Duration, String> {
+    let expected = || "expected a time such as 90s, 10m or 2h".to_owned();
+    let (number, unit) = text.split_at(text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len()));
+    let seconds = match unit {
+        "s" => 1.0,
+        "m" => 60.0,
+        "h" => 3600.0,
+        _ => return Err(expected()),
+    };
+    match number.parse::<f64>() {
+        Ok(n) if n > 0.0 && n * seconds < 1e9 => Ok(Duration::from_secs_f64(n * seconds)),
+        _ => Err(expected()),
+    }
+}
+
+/// What all settings have in common.
+pub(crate) struct Task {
+    /// Folder for everything that is written.
+    pub folder: PathBuf,
+    /// The asset to report on.
+    pub asset: PathBuf,
+    /// The lighting sequence.
+    pub lights: PathBuf,
+    /// Frames to measure.
+    pub frames: FrameRange,
+    /// Pixels across and down.
+    pub size: (usize, usize),
+    /// Seed of everything.
+    pub seed: u64,
+    /// Identifies scene, lights, frames and size: what references and measurements are of.
+    pub key: u64,
+}
+
+/// Options that clap parses as a command of ours would.
+///
+/// # Errors
+/// The words are no such options.
+pub(crate) fn parsed<T: Args>(words: &[String]) -> Result<T, Failure> {
+    let command = T::augment_args(clap::Command::new("relight").no_binary_name(true));
+    let matches = command
+        .try_get_matches_from(words)
+        .map_err(|error| Failure::Usage(error.to_string()))?;
+    T::from_arg_matches(&matches).map_err(|error| Failure::Usage(error.to_string()))
+}
+
+/// Runs the command.
+pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, Failure> {
+    let preset = if args.full { FULL } else { QUICK };
+    let start = Instant::now();
+    let budget = args.budget.unwrap_or(preset.budget);
+    output::prepare_output(&args.output.join("report.json"))?;
+    let sequence = read_sequence(&args.lights)?;
+    let asset = format::read_file(&args.asset, &Limits::default())
+        .with_context(|| args.asset.display().to_string())?;
+    let described = described(&args.asset, &asset)?;
+    let loaded = load(&args.asset, false)?;
+    let facts = Facts::new(&asset, &sequence);
+    let frames = args
+        .frames
+        .unwrap_or_else(|| evenly(sequence.frames, preset.frames));
+    let size = match args.size {
+        Some(size) => size,
+        None => default_size(args, &loaded, &sequence, preset.width)?,
+    };
+    let task = Task {
+        folder: args.output.clone(),
+        asset: args.asset.clone(),
+        lights: args.lights.clone(),
+        frames,
+        size,
+        seed,
+        key: cache::task_key(&asset, &sequence, &args.lights, frames, size, seed)?,
+    };
+    drop(asset);
+    let until = start + budget.mul_f64(REFERENCE_SHARE);
+    let references: Vec<Reference> = match &args.reference {
+        Some(folder) => reference::read(&task, folder)?,
+        None => reference::converge(&task, until, console)?,
+    };
+    let settings = settings::sweep(&facts, args.full);
+    let runs = Runs {
+        task: &task,
+        scene: loaded.scene.clone(),
+        shading: facts.shading,
+        references: &references,
+        base_bake: &described,
+        repetitions: preset.repetitions,
+        until: start + budget,
+    };
+    let (measured, skipped) = measure::all(&runs, &settings, console)?;
+    let json = report_json(
+        args,
+        &preset,
+        &task,
+        &described,
+        &references,
+        &measured,
+        &skipped,
+        start,
+    );
+    write_report(&task, &json, &measured, &references)?;
+    console.close();
+    for sentence in json["findings"].as_array().into_iter().flatten() {
+        console.note(sentence.as_str().unwrap_or_default());
+    }
+    console.note(format!("Wrote {}.", task.folder.join("report.html").display()));
+    if args.json {
+        output::print_json(&json)?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// What `inspect` says, with the bake's seconds from the log beside the asset, if there is one.
+fn described(path: &Path, asset: &format::Asset) -> Result<Value, Failure> {
+    let mut json = inspect::asset_json(path, asset)?;
+    let log = std::fs::read_to_string(log_path(path)).ok();
+    let log: Option<Value> = log.and_then(|text| serde_json::from_str(&text).ok());
+    if let Some(log) = log {
+        crate::bake::merge(&mut json, &log);
+    }
+    Ok(json)
+}
+
+/// So many frames of a sequence, the first among them.
+fn evenly(frames: u32, wanted: u32) -> FrameRange {
+    let step = frames.div_ceil(wanted).max(1);
+    FrameRange {
+        first: 0,
+        last: (frames.max(1) - 1) / step * step,
+        step,
+    }
+}
+
+fn default_size(
+    args: &ReportArgs,
+    loaded: &relight_play::load::Loaded,
+    sequence: &relight_scene::sequence::Sequence,
+    width: usize,
+) -> Result<(usize, usize), Failure> {
+    let (w, h) = crate::play::default_size_of(&args.asset, &loaded.scene, sequence)?;
+    Ok((width, (width * h).div_ceil(w).max(1)))
+}
+
+fn report_json(
+    args: &ReportArgs,
+    preset: &Preset,
+    task: &Task,
+    asset: &Value,
+    references: &[Reference],
+    measured: &[Measured],
+    skipped: &[Setting],
+    start: Instant,
+) -> Value {
+    let front = findings::pareto(measured);
+    let settings: Vec<Value> = measured
+        .iter()
+        .zip(&front)
+        .map(|(m, &pareto)| m.json(pareto))
+        .collect();
+    json!({
+        "schema": SCHEMA,
+        "command": "report",
+        "preset": preset.name,
+        "asset": asset,
+        "lights": args.lights.display().to_string(),
+        "frames": task.frames.iter().collect::<Vec<_>>(),
+        "width": task.size.0,
+        "height": task.size.1,
+        "seed": task.seed,
+        "machine": machine(),
+        "threads": rayon::current_num_threads(),
+        "error_measure": "root of relMSE less the reference's own error",
+        "references": references.iter().map(Reference::json).collect::<Vec<_>>(),
+        "settings": settings,
+        "not_measured": skipped.iter().map(Setting::command).collect::<Vec<_>>(),
+        "findings": findings::sentences(measured, references, skipped.len()),
+        "seconds": start.elapsed().as_secs_f64(),
+    })
+}
+
+/// Processor and number of cores, as far as the system says.
+fn machine() -> String {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info
+        .lines()
+        .find_map(|line| line.strip_prefix("model name")?.split_once(':'))
+        .map_or("unknown processor", |(_, name)| name.trim());
+    format!("{model}, {}", words::plural(cores, "core"))
+}
+
+fn write_report(
+    task: &Task,
+    json: &Value,
+    measured: &[Measured],
+    references: &[Reference],
+) -> Result<(), Failure> {
+    let write = |name: &str, text: &str| -> Result<(), Failure> {
+        let path = task.folder.join(name);
+        output::prepare_output(&path)?;
+        Ok(write_atomically(&path, text.as_bytes())?)
+    };
+    let plots = plot::all(measured, references)?;
+    for plot in &plots {
+        write(&format!("plots/{}.svg", plot.name), &plot.svg)?;
+    }
+    write("report.csv", &page::csv(measured))?;
+    write(
+        "report.html",
+        &page::html(task, json, measured, references, &plots)?,
+    )?;
+    write("report.json", &format!("{json:#}\n"))?;
+    Ok(())
+}

@@ -1,0 +1,106 @@
+//! What the measurements mean.
+
+use super::measure::Measured;
+use super::reference::Reference;
+use crate::words;
+use relight_scene::image::BEAUTY;
+
+/// Errors that a report speaks of.
+const WANTED: [f64; 3] = [0.01, 0.03, 0.10];
+
+/// Whether each setting is on the Pareto front of those that make the same layers: no other is at least as fast and as
+/// right, and better in one of the two.
+pub fn pareto(measured: &[Measured]) -> Vec<bool> {
+    let of = |m: &Measured| (m.setting.layer, m.ms(), m.judged().relative());
+    (measured.iter().map(of))
+        .map(|(layer, ms, error)| {
+            !measured.iter().map(of).any(|(other, other_ms, other_error)| {
+                other == layer
+                    && other_ms <= ms
+                    && other_error <= error
+                    && (other_ms < ms || other_error < error)
+            })
+        })
+        .collect()
+}
+
+/// Sentences for the top of the page.
+pub fn sentences(measured: &[Measured], references: &[Reference], skipped: usize) -> Vec<String> {
+    let mut all: Vec<String> = WANTED.iter().map(|&wanted| advice(measured, wanted)).collect();
+    let own = references.iter().map(|r| r.floor_of(BEAUTY)).sum::<f64>() / references.len().max(1) as f64;
+    if references.iter().any(|r| r.floor.is_none()) {
+        all.push(
+            "How far the given references are from the truth is not known: errors count theirs, too.".into(),
+        );
+    } else if own.sqrt() > WANTED[0] {
+        all.push(format!(
+            "The references' own error is {:.1} %: errors below that are differences of large numbers; a longer --budget \
+             makes them certain.",
+            100.0 * own.sqrt()
+        ));
+    }
+    if skipped > 0 {
+        all.push(format!(
+            "{} found no time and were not measured; a longer --budget takes them up.",
+            words::plural(skipped, "setting")
+        ));
+    }
+    all
+}
+
+/// Milliseconds that a path tracer takes for an error: its variance falls as 1 over time, the constant is that of its
+/// longest measurement. `None` if it was not measured.
+fn path_ms(measured: &[Measured], error: f64) -> Option<f64> {
+    let paths = measured.iter().filter(|m| is_path(m));
+    let longest = paths.max_by(|a, b| a.ms().total_cmp(&b.ms()))?;
+    let reached = longest.judged().relative();
+    (reached > 0.0).then(|| longest.ms() * (reached / error).powi(2))
+}
+
+fn is_path(m: &Measured) -> bool {
+    m.setting.integrator == "path" && m.setting.layer != "direct"
+}
+
+fn advice(measured: &[Measured], wanted: f64) -> String {
+    let percent = 100.0 * wanted;
+    let whole = || measured.iter().filter(|m| m.setting.layer != "direct");
+    let fastest = whole()
+        .filter(|m| m.judged().relative() <= wanted)
+        .min_by(|a, b| a.ms().total_cmp(&b.ms()));
+    let path = path_ms(measured, wanted);
+    let Some(best) = fastest else {
+        let closest = whole().min_by(|a, b| a.judged().relative().total_cmp(&b.judged().relative()));
+        let closest = closest.map_or_else(String::new, |m| {
+            format!(
+                " The closest was {}, {:.1} % in {:.0} ms a frame.",
+                m.setting.label(),
+                100.0 * m.judged().relative(),
+                m.ms()
+            )
+        });
+        let path = path.map_or_else(String::new, |ms| {
+            format!(" The path tracer would take some {:.0} ms a frame.", ms)
+        });
+        return format!("For {percent:.0} % error no setting that was measured will do.{closest}{path}");
+    };
+    let first = format!(
+        "For {percent:.0} % error use {}: {:.1} ms a frame, {:.1} %",
+        best.setting.label(),
+        best.ms(),
+        100.0 * best.judged().relative()
+    );
+    if !best.needs_bake() {
+        return format!("{first}. Nothing that was baked is as fast at that error.");
+    }
+    let (Some(path), Some(bake)) = (path, best.bake_seconds) else {
+        return format!("{first}.");
+    };
+    if path <= best.ms() {
+        return format!("{first}; path tracing takes {path:.0} ms for it, so the bake never pays.");
+    }
+    let once = super::measure::median(&best.once);
+    let frames = ((1e3 * bake + once) / (path - best.ms())).ceil();
+    format!(
+        "{first}; path tracing takes {path:.0} ms for it, so the bake of {bake:.0} s pays from frame {frames:.0} on."
+    )
+}

@@ -1,0 +1,361 @@
+//! Bakes and plays settings: errors once, times again and again, one repetition of all settings after another, so that
+//! what the machine does beside hits all alike.
+
+use super::reference::{LAYERS, Reference};
+use super::settings::Setting;
+use super::{Task, cache, parsed};
+use crate::bake::{self, BakeArgs, Job};
+use crate::console::Console;
+use crate::failure::Failure;
+use crate::output;
+use crate::play::{self, PlayArgs};
+use relight_scene::image::Layers;
+use relight_scene::image::metrics::{Comparison, compare};
+use relight_scene::image::{Limits, read_exr, write_atomically};
+use relight_scene::scene::Scene;
+use relight_scene::traced::Shading;
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How to measure.
+pub struct Runs<'a> {
+    /// What all have in common.
+    pub task: &'a Task,
+    /// The scene of the asset, for other bakes.
+    pub scene: Arc<Scene>,
+    /// How the asset evaluates materials.
+    pub shading: Shading,
+    /// What they are judged by.
+    pub references: &'a [Reference],
+    /// What is known of the asset's own bake.
+    pub base_bake: &'a Value,
+    /// Times each setting is timed.
+    pub repetitions: usize,
+    /// When no new setting is begun.
+    pub until: Instant,
+}
+
+/// Errors of a layer over all frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Errors {
+    /// Root of the mean square over the frames.
+    pub rmse: f64,
+    /// Mean over the frames.
+    pub relmse: f64,
+    /// The references' own, mean over the frames.
+    pub floor: f64,
+    /// Mean over the frames.
+    pub bias: f64,
+    /// Mean over the frames.
+    pub flip: f64,
+    /// Largest of the frames.
+    pub p99: f64,
+}
+
+impl Errors {
+    /// Root of relMSE less the reference's own error.
+    pub fn relative(&self) -> f64 {
+        (self.relmse - self.floor).max(0.0).sqrt()
+    }
+}
+
+/// A setting and what came of it.
+pub struct Measured {
+    /// What was tried.
+    pub setting: Setting,
+    /// The asset that was played.
+    pub asset: PathBuf,
+    /// Where frames are: one EXR per frame, `frame_0000.exr`.
+    pub images: PathBuf,
+    /// Milliseconds a frame (mean over the frames), one per repetition.
+    pub milliseconds: Vec<f64>,
+    /// Stages of a frame, likewise.
+    pub stages: BTreeMap<String, Vec<f64>>,
+    /// Milliseconds of what a standing camera needs once.
+    pub once: Vec<f64>,
+    /// By the names of [`LAYERS`]; those that the integrator makes.
+    pub errors: BTreeMap<&'static str, Errors>,
+    /// Seconds of the bake; `None` where no log says.
+    pub bake_seconds: Option<f64>,
+    /// What `inspect` says of the asset.
+    pub described: Value,
+    /// Most memory during play, bytes.
+    pub peak_memory: Option<u64>,
+}
+
+/// Median; 0 of nothing.
+pub fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
+impl Measured {
+    /// Errors of the layer by which the setting is judged.
+    pub fn judged(&self) -> Errors {
+        self.errors.get(self.setting.layer).copied().unwrap_or_default()
+    }
+
+    /// Median milliseconds a frame.
+    pub fn ms(&self) -> f64 {
+        median(&self.milliseconds)
+    }
+
+    /// Bytes of the asset file.
+    pub fn asset_bytes(&self) -> u64 {
+        self.described["bytes"]["total"].as_u64().unwrap_or(0)
+    }
+
+    /// Whether the integrator needs what the bake made.
+    pub fn needs_bake(&self) -> bool {
+        !matches!(
+            self.setting.integrator,
+            "path" | "brute" | "lightcuts" | "pixelcuts"
+        )
+    }
+
+    /// For the report.
+    pub fn json(&self, pareto: bool) -> Value {
+        let errors = self.judged();
+        let mut knobs: Map<String, Value> = Map::new();
+        for (option, value) in self.setting.varied.iter().chain(&self.setting.play) {
+            let number = value.parse::<f64>().map_or_else(|_| json!(value), |n| json!(n));
+            knobs.insert(option.trim_start_matches('-').replace('-', "_"), number);
+        }
+        let stages: Map<String, Value> = self
+            .stages
+            .iter()
+            .map(|(name, values)| (name.clone(), median(values).into()))
+            .collect();
+        let layers: Map<String, Value> = self
+            .errors
+            .iter()
+            .map(|(name, e)| {
+                let values = json!({
+                    "rmse": e.rmse, "relmse": e.relmse, "floor_relmse": e.floor, "bias": e.bias, "flip": e.flip,
+                    "p99": e.p99,
+                });
+                ((*name).to_owned(), values)
+            })
+            .collect();
+        json!({
+            "integrator": self.setting.integrator,
+            "knobs": knobs,
+            "label": self.setting.label(),
+            "command": self.setting.command(),
+            "layer": self.setting.layer,
+            "ms_per_frame": self.ms(),
+            "ms_by_stage": stages,
+            "ms_once_per_shot": median(&self.once),
+            "repetitions": self.milliseconds,
+            "bake_seconds": self.bake_seconds,
+            "asset_bytes": self.asset_bytes(),
+            "bytes": self.described["bytes"],
+            "rays": self.described["rays"],
+            "error": errors.relative(),
+            "rmse": errors.rmse,
+            "relmse": errors.relmse,
+            "bias": errors.bias,
+            "flip": errors.flip,
+            "p99": errors.p99,
+            "layers": layers,
+            "peak_memory_bytes": self.peak_memory,
+            "pareto": pareto,
+        })
+    }
+}
+
+/// Measures settings until all are or it is time to stop; also returns those that found no time.
+///
+/// # Errors
+/// A bake or a play fails; a signal asks to stop.
+pub fn all(
+    runs: &Runs,
+    settings: &[Setting],
+    console: &Console,
+) -> Result<(Vec<Measured>, Vec<Setting>), Failure> {
+    let mut measured: Vec<Measured> = Vec::new();
+    let mut skipped = Vec::new();
+    console.begin(
+        "Measuring settings",
+        Some((settings.len() * runs.repetitions) as u64),
+    );
+    let mut done = 0;
+    for setting in settings {
+        // Another bake takes about as long as the first one did.
+        let bake = runs.base_bake["seconds"]["total"]
+            .as_f64()
+            .filter(|_| !setting.bake.is_empty());
+        let ready = Instant::now() + Duration::from_secs_f64(bake.unwrap_or(0.0).clamp(0.0, 1e6));
+        if ready > runs.until && !measured.is_empty() {
+            skipped.push(setting.clone());
+            continue;
+        }
+        let mut one = begin(runs, setting, console)?;
+        play_once(runs, &mut one, console)?;
+        one.errors = errors(runs, &one)?;
+        console.detail(format!(
+            "{}: error {:.4}, {:.1} ms a frame",
+            setting.label(),
+            one.judged().relative(),
+            one.ms()
+        ));
+        measured.push(one);
+        done += 1;
+        console.advance_to(done);
+    }
+    for _ in 1..runs.repetitions {
+        if Instant::now() > runs.until {
+            break;
+        }
+        for one in &mut measured {
+            play_once(runs, one, console)?;
+            done += 1;
+            console.advance_to(done);
+        }
+    }
+    Ok((measured, skipped))
+}
+
+/// Bakes a setting's asset, if it isn't there yet.
+fn begin(runs: &Runs, setting: &Setting, console: &Console) -> Result<Measured, Failure> {
+    let (asset, described) = if setting.bake.is_empty() {
+        (runs.task.asset.clone(), runs.base_bake.clone())
+    } else {
+        baked(runs, &setting.bake, console)?
+    };
+    Ok(Measured {
+        setting: setting.clone(),
+        asset,
+        images: cache::place(runs.task, "images", &setting.command(), ""),
+        milliseconds: Vec::new(),
+        stages: BTreeMap::new(),
+        once: Vec::new(),
+        errors: BTreeMap::new(),
+        bake_seconds: described["seconds"]["total"].as_f64(),
+        described,
+        peak_memory: None,
+    })
+}
+
+/// An asset by the given options of `bake`, and what the command says of it.
+fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf, Value), Failure> {
+    let task = runs.task;
+    let asset = cache::place(task, "assets", &options.join(" "), ".relight");
+    let said = asset.with_extension("json");
+    let kept = std::fs::read_to_string(&said).ok();
+    if let Some(json) = kept.and_then(|text| serde_json::from_str(&text).ok())
+        && asset.exists()
+    {
+        return Ok((asset, json));
+    }
+    output::prepare_output(&asset)?;
+    let words: Vec<String> = [
+        task.asset.display().to_string(),
+        "-o".into(),
+        asset.display().to_string(),
+    ]
+    .into_iter()
+    .chain(options.iter().cloned())
+    .collect();
+    let args: BakeArgs = parsed(&words)?;
+    let params = bake::params(&args, task.seed)?;
+    let job = Job {
+        params: &params,
+        shading: runs.shading,
+        lights: None,
+        source_hash: u64::from_str_radix(runs.base_bake["source_hash"].as_str().unwrap_or("0"), 16)
+            .unwrap_or(0),
+    };
+    let result = bake::run_job(&job, runs.scene.clone(), &asset, 0.0, &console.silent())?;
+    write_atomically(&said, format!("{:#}\n", result.json).as_bytes())?;
+    Ok((asset, result.json))
+}
+
+/// Plays a setting once more.
+fn play_once(runs: &Runs, one: &mut Measured, console: &Console) -> Result<(), Failure> {
+    let task = runs.task;
+    let range = task.frames;
+    let words: Vec<String> = [
+        one.asset.display().to_string(),
+        "--lights".into(),
+        task.lights.display().to_string(),
+        "-o".into(),
+        one.images.join("frame_####.exr").display().to_string(),
+        "--size".into(),
+        format!("{}x{}", task.size.0, task.size.1),
+        "--frames".into(),
+        format!("{}-{}x{}", range.first, range.last, range.step),
+        "--float".into(),
+    ]
+    .into_iter()
+    .chain(one.setting.play_words())
+    .collect();
+    let args: PlayArgs = parsed(&words)?;
+    forget_peak_memory();
+    // Not the references' seed: they must not share random numbers.
+    let played = play::play(&args, task.seed ^ 1, &console.silent(), |_, _| {})?;
+    one.peak_memory = one.peak_memory.max(output::peak_memory_bytes());
+    let frames = played["frames"].as_array().map_or(&[][..], Vec::as_slice);
+    let mean =
+        |name: &str| frames.iter().filter_map(|f| f[name].as_f64()).sum::<f64>() / frames.len().max(1) as f64;
+    // Writing the picture costs the same for all and is no part of making light.
+    one.milliseconds.push(mean("total") - mean("write"));
+    for name in frames
+        .iter()
+        .filter_map(Value::as_object)
+        .flat_map(Map::keys)
+        .filter(|n| *n != "frame")
+    {
+        let values = one.stages.entry(name.clone()).or_default();
+        if values.len() < one.milliseconds.len() {
+            values.push(mean(name));
+        }
+    }
+    let once = played["once_per_shot"].as_object();
+    let once = once.into_iter().flatten().filter(|(name, _)| *name != "load");
+    one.once.push(once.filter_map(|(_, ms)| ms.as_f64()).sum());
+    Ok(())
+}
+
+/// Lets the system measure the most memory anew, where it can.
+fn forget_peak_memory() {
+    // Where it can't, the figure is that of the whole process so far: too large, never too small.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+}
+
+fn errors(runs: &Runs, one: &Measured) -> Result<BTreeMap<&'static str, Errors>, Failure> {
+    let direct_only = one.setting.layer == "direct";
+    let mut sums: BTreeMap<&'static str, Errors> = BTreeMap::new();
+    for reference in runs.references {
+        let image = read_exr(
+            &one.images.join(format!("frame_{:04}.exr", reference.frame)),
+            &Limits::default(),
+        )?;
+        for layer in LAYERS.into_iter().filter(|l| !direct_only || *l == "direct") {
+            if let Some(found) = compared(&image, &reference.layers, layer)? {
+                let sum = sums.entry(layer).or_default();
+                let share = 1.0 / runs.references.len() as f64;
+                sum.rmse += found.rmse * found.rmse * share;
+                sum.relmse += found.relmse * share;
+                sum.floor += reference.floor_of(layer) * share;
+                sum.bias += found.bias * share;
+                sum.flip += found.flip * share;
+                sum.p99 = sum.p99.max(found.relative_error_p99);
+            }
+        }
+    }
+    sums.values_mut().for_each(|sum| sum.rmse = sum.rmse.sqrt());
+    Ok(sums)
+}
+
+/// `None` where one of them lacks the layer.
+fn compared(image: &Layers, reference: &Layers, layer: &str) -> Result<Option<Comparison>, Failure> {
+    let (Some(a), Some(b)) = (image.rgb(layer), reference.rgb(layer)) else {
+        return Ok(None);
+    };
+    Ok(Some(compare(&a, &b)?))
+}

@@ -1,0 +1,275 @@
+//! The report as a page and as a table of values.
+
+use super::Task;
+use super::findings::pareto;
+use super::measure::Measured;
+use super::plot::Plot;
+use super::reference::Reference;
+use crate::failure::Failure;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use relight_scene::image::{
+    FloatImage, Image8, Limits, display_encoded, error_map, read_exr, tone_mapped, write_png,
+};
+use serde_json::Value;
+use std::fmt::Write;
+use std::path::Path;
+
+/// Style and behaviour of the page.
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+
+/// One line per setting, names in the first.
+pub fn csv(measured: &[Measured]) -> String {
+    let mut text =
+        "integrator,layer,label,ms_per_frame,ms_once_per_shot,bake_seconds,asset_bytes,error,rmse,relmse,\
+                    floor_relmse,bias,flip,p99,peak_memory_bytes,pareto\n"
+            .to_owned();
+    for (m, pareto) in measured.iter().zip(pareto(measured)) {
+        let e = m.judged();
+        let known = |value: Option<f64>| value.map_or_else(String::new, |v| v.to_string());
+        // Labels hold commas, never quotes.
+        let _ = writeln!(
+            text,
+            "{},{},\"{}\",{},{},{},{},{},{},{},{},{},{},{},{},{pareto}",
+            m.setting.integrator,
+            m.setting.layer,
+            m.setting.label(),
+            m.ms(),
+            super::measure::median(&m.once),
+            known(m.bake_seconds),
+            m.asset_bytes(),
+            e.relative(),
+            e.rmse,
+            e.relmse,
+            e.floor,
+            e.bias,
+            e.flip,
+            e.p99,
+            known(m.peak_memory.map(|b| b as f64)),
+        );
+    }
+    text
+}
+
+/// The page, whole: it needs nothing beside it.
+///
+/// # Errors
+/// An image cannot be read or written.
+pub fn html(
+    task: &Task,
+    json: &Value,
+    measured: &[Measured],
+    references: &[Reference],
+    plots: &[Plot],
+) -> Result<String, Failure> {
+    let name = task
+        .asset
+        .file_name()
+        .map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let mut page = String::new();
+    let title = escaped(&format!("{name}: error against run time"));
+    let _ = write!(
+        page,
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n\
+         <style>\n{STYLE}</style></head>\n<body>\n<h1>{title}</h1>\n"
+    );
+    for sentence in json["findings"].as_array().into_iter().flatten() {
+        let _ = writeln!(
+            page,
+            "<p class=\"finding\">{}</p>",
+            escaped(sentence.as_str().unwrap_or_default())
+        );
+    }
+    facts(&mut page, task, json);
+    for plot in plots {
+        let _ = writeln!(
+            page,
+            "<h2>{}</h2>\n<figure class=\"plot\" id=\"{}\">",
+            escaped(&plot.title),
+            plot.name
+        );
+        page += plot
+            .svg
+            .trim_start_matches("<?xml version=\"1.0\" encoding=\"utf-8\"?>");
+        page += "</figure>\n";
+    }
+    page += "<p class=\"note\">Filled dots are on the Pareto front. Error is the root of relMSE, less the reference's \
+             own.</p>\n";
+    table(&mut page, measured);
+    strip(&mut page, task, measured, references)?;
+    commands(&mut page, task, measured, json);
+    let _ = write!(page, "<script>\n{SCRIPT}</script>\n</body></html>\n");
+    Ok(page)
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}
+
+fn facts(page: &mut String, task: &Task, json: &Value) {
+    let frames: Vec<String> = task.frames.iter().map(|f| f.to_string()).collect();
+    let references: Vec<String> = json["references"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .map(|r| {
+            let floor = r["floor_relmse"]["beauty"].as_f64().map(f64::sqrt);
+            let own = floor.map_or("unknown".into(), |f| format!("{:.2} %", 100.0 * f));
+            let spp = r["spp"]
+                .as_u64()
+                .map_or("given".into(), |n| format!("{n} samples a pixel"));
+            format!("frame {}: {spp}, own error {own}", r["frame"])
+        })
+        .collect();
+    let _ = writeln!(
+        page,
+        "<p class=\"note\">Lights {}, frames {}, {} × {} pixels, seed {}. Machine: {}; {} threads. References: {}. \
+         Times are medians of {} interleaved repetitions, without writing the file.</p>",
+        escaped(&task.lights.display().to_string()),
+        frames.join(", "),
+        task.size.0,
+        task.size.1,
+        task.seed,
+        escaped(json["machine"].as_str().unwrap_or_default()),
+        json["threads"],
+        references.join("; "),
+        json["settings"][0]["repetitions"].as_array().map_or(0, Vec::len),
+    );
+}
+
+const COLUMNS: [&str; 11] = [
+    "setting",
+    "layer",
+    "ms a frame",
+    "ms once",
+    "bake s",
+    "asset MB",
+    "error %",
+    "bias %",
+    "FLIP",
+    "p99",
+    "Pareto",
+];
+
+fn table(page: &mut String, measured: &[Measured]) {
+    *page += "<h2>All settings</h2>\n<table class=\"sortable\"><thead><tr>";
+    for column in COLUMNS {
+        let _ = write!(page, "<th tabindex=\"0\">{column}</th>");
+    }
+    *page += "</tr></thead>\n<tbody>\n";
+    for (m, pareto) in measured.iter().zip(pareto(measured)) {
+        let e = m.judged();
+        let bake = m.bake_seconds.filter(|_| m.needs_bake());
+        let megabytes = m.needs_bake().then(|| m.asset_bytes() as f64 / 1e6);
+        let known = |value: Option<f64>| value.map_or_else(|| "–".into(), |v| format!("{v:.1}"));
+        let _ = writeln!(
+            page,
+            "<tr{}><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.1}</td><td>{}</td><td>{}</td><td>{:.3}</td><td>{:+.2}</td>\
+             <td>{:.4}</td><td>{:.3}</td><td>{}</td></tr>",
+            if pareto { " class=\"front\"" } else { "" },
+            escaped(&m.setting.label()),
+            m.setting.layer,
+            m.ms(),
+            super::measure::median(&m.once),
+            known(bake),
+            known(megabytes),
+            100.0 * e.relative(),
+            100.0 * e.bias,
+            e.flip,
+            e.p99,
+            if pareto { "yes" } else { "" },
+        );
+    }
+    *page += "</tbody></table>\n";
+}
+
+/// A picture of each setting, to be flipped against reference and error map.
+fn strip(
+    page: &mut String,
+    task: &Task,
+    measured: &[Measured],
+    references: &[Reference],
+) -> Result<(), Failure> {
+    let Some(reference) = references.first() else {
+        return Ok(());
+    };
+    let folder = task.folder.join("pictures");
+    let frame = reference.frame;
+    let _ = writeln!(
+        page,
+        "<h2>Frame {frame}</h2>\n<p class=\"note\">Click a picture, or press a key: <b>1</b> pictures, <b>2</b> references, \
+         <b>3</b> error maps (relative error, 0.1 % dark to 100 % yellow, logarithmic).</p>\n<div class=\"strip\">"
+    );
+    for (i, m) in measured.iter().enumerate() {
+        let layer = m.setting.layer;
+        let exr = m.images.join(format!("frame_{frame:04}.exr"));
+        let image = read_exr(&exr, &Limits::default())?.rgb(layer);
+        let (Some(image), Some(truth)) = (image, reference.layers.rgb(layer)) else {
+            continue;
+        };
+        let exposure = exposure(&truth);
+        let save = |kind: &str, image: &Image8| embedded(&folder.join(format!("{i:02}_{kind}.png")), image);
+        let _ = writeln!(
+            page,
+            "<figure class=\"flip\" tabindex=\"0\"><img class=\"shown\" alt=\"picture\" src=\"{}\"><img alt=\"reference\" \
+             src=\"{}\"><img alt=\"error map\" src=\"{}\"><figcaption>{}<br>{:.2} %, {:.1} ms</figcaption></figure>",
+            save("picture", &tone_mapped(&image, exposure))?,
+            save("reference", &tone_mapped(&truth, exposure))?,
+            save("error", &display_encoded(&error_map(&image, &truth)?))?,
+            escaped(&m.setting.label()),
+            100.0 * m.judged().relative(),
+            m.ms(),
+        );
+    }
+    *page += "</div>\n";
+    Ok(())
+}
+
+/// Exposure (EV) that brings the mean to middle grey.
+fn exposure(image: &FloatImage) -> f32 {
+    const MIDDLE_GREY: f64 = 0.18;
+    let sum: f64 = image.pixels.as_flattened().iter().map(|&v| f64::from(v)).sum();
+    let mean = sum / (3 * image.pixels.len()).max(1) as f64;
+    if mean > 0.0 {
+        (MIDDLE_GREY / mean).log2() as f32
+    } else {
+        0.0
+    }
+}
+
+/// Writes a PNG and returns it as a data URL.
+fn embedded(path: &Path, image: &Image8) -> Result<String, Failure> {
+    crate::output::prepare_output(path)?;
+    write_png(path, image)?;
+    Ok(format!(
+        "data:image/png;base64,{}",
+        STANDARD.encode(std::fs::read(path)?)
+    ))
+}
+
+fn commands(page: &mut String, task: &Task, measured: &[Measured], json: &Value) {
+    let _ = write!(
+        page,
+        "<h2>Commands</h2>\n<p class=\"note\">ASSET is {}; each play has --lights {} --size {}x{} --float.</p>\n<pre>",
+        escaped(&task.asset.display().to_string()),
+        escaped(&task.lights.display().to_string()),
+        task.size.0,
+        task.size.1,
+    );
+    for m in measured {
+        let _ = writeln!(page, "{}", escaped(&m.setting.command()));
+    }
+    *page += "</pre>\n";
+    let skipped = json["not_measured"].as_array().map_or(&[][..], Vec::as_slice);
+    if !skipped.is_empty() {
+        *page += "<p class=\"note\">Not measured for want of time:</p>\n<pre>";
+        for command in skipped {
+            let _ = writeln!(page, "{}", escaped(command.as_str().unwrap_or_default()));
+        }
+        *page += "</pre>\n";
+    }
+}
