@@ -12,6 +12,8 @@ pub mod grid;
 pub mod kernel;
 pub mod light_tree;
 pub mod links;
+pub mod pixel_scatter;
+pub mod pixel_tree;
 pub mod point_light;
 pub mod poisson;
 pub mod pyramid;
