@@ -1,7 +1,7 @@
 //! The bilateral filter of incident light: 5 × 5 pixels, weights max(0, n·n₀)³² / (1 + 10 ‖x − x₀‖) (section 3,
 //! "Removing artifacts").
 //!
-//! **Deviation:** the distance is relative to the scene, in tenths of the diagonal of what is seen; printed, it depends
+//! **Deviation:** the distance is relative to the scene, in fiftieths of the diagonal of what is seen; printed, it depends
 //! on the unit of length.
 
 use super::view::View;
@@ -13,7 +13,7 @@ const SQUARINGS: u32 = 5;
 /// Of the distance.
 const SLOPE: f32 = 10.0;
 /// Unit of the distance as a share of the diagonal.
-const UNIT: f32 = 0.1;
+const UNIT: f32 = 0.02;
 
 /// Puts the filtered light of point `point` into `out`; both have as many numbers a point.
 pub(super) fn filtered(view: &View, light: &[f32], point: usize, out: &mut [f32]) {
