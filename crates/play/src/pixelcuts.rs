@@ -4,8 +4,8 @@
 //! pixels' points; lights are split at random into ℓ groups with a randomly rotated tree of the points each
 //! ([`relight_transport::pixel_tree`]); for every light a cut of its group's tree is chosen, a shadow ray cast to a random
 //! pixel of each cluster, and what arrives there entered as incident light of the whole cluster
-//! ([`relight_transport::pixel_scatter`]); incident light is filtered ([`filter`]) and reflected ([`shade`]). Bright direct
-//! lights get a shadow ray at every pixel ([`exact`]), the paper's section 4.
+//! ([`relight_transport::pixel_scatter`]); incident light is filtered (`filter`) and reflected (`shade`). Bright direct
+//! lights get a shadow ray at every pixel (`exact`), the paper's section 4.
 //!
 //! **Deviations.** Clusters of pixels with one normal take irradiance from the exact cosine at the representative, not
 //! from harmonics, which would be off by up to 0.09 of a light's strength near the horizon: so matt, flat surfaces are
