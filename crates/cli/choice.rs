@@ -60,6 +60,7 @@ pub fn choice(integrator: Integrator, by_cuts: ByCuts, loaded: &Loaded) -> Strin
     };
     let indirect = match (integrator, by_cuts) {
         (Integrator::Path, _) => return "Light by path tracing.".into(),
+        (Integrator::Pixelcuts, _) => return "Light of points, sent to clusters of pixels.".into(),
         (Integrator::Brute, _) => {
             return "Direct light of every light by shadow rays; no indirect light.".into();
         }

@@ -4,7 +4,7 @@ use crate::choice::{ByCuts, by_cuts, choice, splits};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, FrameRange, Pattern};
-use crate::many_lights::PointArgs;
+use crate::many_lights::{self, PixelcutsArgs, PointArgs};
 use crate::output::{self, SCHEMA};
 use crate::session::{Session, milliseconds};
 use crate::signals;
@@ -32,7 +32,8 @@ use std::time::Instant;
 The JSON of --json: frames, an array of {frame, total, direct_points, bounces, transfer, flatten, direct_pixels,
 reconstruct, resolve, write} in milliseconds (brute and path: {frame, total, render, write}); once_per_shot, what
 is done once: load, expose, weigh (with a moving camera expose and weigh are in the frames). Over lights without
-extent a frame also has points (milliseconds), lights, virtual_lights and shadow_rays_per_pixel. With --materials a
+extent a frame also has points (milliseconds), lights, virtual_lights and shadow_rays_per_pixel; with pixelcuts also
+nodes_per_pixel, exact_lights, and in milliseconds eye, exact, estimate, trees, cuts, scatter, shade and resolve. With --materials a
 frame also has edit, the milliseconds of evaluating changed materials again.
 
 Models and parameters for --materials: metallic_roughness (metallic, roughness, metallic_roughness_texture),
@@ -55,7 +56,8 @@ pub struct PlayArgs {
     pub output: Pattern,
     /// How to make light: transfer (the asset's operators), cuts (as the asset's visibility cuts were baked: direct
     /// light of environments, or one bounce of indirect light; other direct light by shadow rays), brute (every light
-    /// with its own shadow rays; direct light only, or, with --area-samples or --vpls, all light of these points), path (a path tracer, the reference), or auto (cuts where the asset
+    /// with its own shadow rays; direct light only, or, with --area-samples or --vpls, all light of these points), pixelcuts
+    /// (the same points, each sent to clusters of pixels: fast and without sharp shadows of many lights), path (a path tracer, the reference), or auto (cuts where the asset
     /// has them: environments, or the first bounce at surfaces that are not matt; transfer for other indirect light;
     /// path without points).
     #[arg(long, value_enum, default_value_t = Integrator::Auto)]
@@ -86,7 +88,7 @@ pub struct PlayArgs {
     /// cuts.
     #[arg(long, value_name = "N", default_value_t = ILLUMINATION_CUT, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub illumination_cut: u32,
-    /// Samples per pixel [default: transfer 16, with a moving camera 1; brute 16; path 64].
+    /// Samples per pixel [default: transfer 16, with a moving camera 1; brute 16; pixelcuts 1; path 64].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub spp: Option<u32>,
     /// Most reflections of a path (path only) [default: no limit].
@@ -95,6 +97,9 @@ pub struct PlayArgs {
     /// Lights without extent.
     #[command(flatten)]
     pub points: PointArgs,
+    /// Pixelcuts.
+    #[command(flatten)]
+    pub pixelcuts: PixelcutsArgs,
     /// Print one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
@@ -111,6 +116,8 @@ pub enum Integrator {
     Cuts,
     /// Every light with its own shadow rays.
     Brute,
+    /// Points that stand for all lights, each sent to clusters of pixels.
+    Pixelcuts,
     /// The path tracer.
     Path,
 }
@@ -180,7 +187,10 @@ pub fn play(
     let start = Instant::now();
     console.begin("Reading the asset", None);
     let given = args.lights.as_deref().map(read_sequence).transpose()?;
-    let with_operators = !matches!(args.integrator, Integrator::Brute | Integrator::Path);
+    let with_operators = !matches!(
+        args.integrator,
+        Integrator::Brute | Integrator::Pixelcuts | Integrator::Path
+    );
     let mut loaded = load(&args.asset, with_operators)?;
     signals::go_on()?;
     check_kept(&loaded, given.as_ref())?;
@@ -325,11 +335,7 @@ fn integrator(args: &PlayArgs, loaded: &Loaded) -> Result<Integrator, Failure> {
                 .into(),
         ));
     }
-    if args.points.given() && integrator != Integrator::Brute {
-        return Err(Failure::Usage(
-            "--area-samples and --vpls belong to --integrator brute".into(),
-        ));
-    }
+    many_lights::check(integrator, &args.points, &args.pixelcuts)?;
     Ok(integrator)
 }
 
