@@ -38,6 +38,11 @@ impl Console {
         }
     }
 
+    /// Whether people asked for more.
+    pub fn is_verbose(&self) -> bool {
+        self.verbose
+    }
+
     /// A sentence for people.
     pub fn note(&self, text: impl AsRef<str>) {
         if !self.quiet {

@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod bake;
+mod check;
 mod choice;
 mod compare;
 mod console;
@@ -37,7 +38,7 @@ struct Cli {
 
 const EXIT_CODES: &str = "\
 Words for people go to stderr, data to stdout; --json prints exactly one JSON object there.
-Exit codes: 0 done; 1 failed (bad input, input or output); 2 wrong usage; 3 a comparison fell short;
+Exit codes: 0 done; 1 failed (bad input, input or output); 2 wrong usage; 3 a check or comparison fell short;
 130 and 143 stopped by Ctrl-C or SIGTERM, with everything left whole.";
 
 /// Options that every command knows.
@@ -62,6 +63,7 @@ enum Command {
     Bake(bake::BakeArgs),
     Play(play::PlayArgs),
     Inspect(inspect::InspectArgs),
+    Check(check::CheckArgs),
     Compare(compare::CompareArgs),
     Demo(demo::DemoArgs),
 }
@@ -94,6 +96,7 @@ fn run(cli: &Cli, console: &Console) -> Result<Outcome, Failure> {
         Command::Bake(args) => bake::run(args, seed, console),
         Command::Play(args) => play::run(args, seed, console),
         Command::Inspect(args) => inspect::run(args, console),
+        Command::Check(args) => check::run(args, seed, console),
         Command::Compare(args) => compare::run(args, console),
         Command::Demo(args) => demo::run(args, seed, console),
     }
