@@ -191,7 +191,7 @@ fn bounces(transfer: &Transfer) -> Vec<Measure> {
     vec![
         Measure::none(
             "bounces: negative weights",
-            k.entries.iter().filter(|e| !(e.1 >= 0.0)).count(),
+            k.entries.iter().filter(|e| e.1 < 0.0 || e.1.is_nan()).count(),
             "a bounce carries light, not darkness",
         ),
         Measure::new(

@@ -1,18 +1,24 @@
 //! Bounces that hardly lose light, and operators that were truncated.
 
 use super::case::{Case, Measure, Measured};
-use super::shapes::{LAMP, cuboid, emissive, faces, glowing, join, matt, painted, point, room, scene, sphere};
+use super::shapes::{
+    LAMP, cuboid, emissive, faces, glowing, join, matt, painted, point, room, scene, sphere,
+};
 use super::stage::{SIZE, Stage, at_points, coarse, mean, quick, sane};
 use glam::{DVec3, Vec3};
 use relight_bake::params::BakeParams;
 use relight_format::{Asset, WeightRows};
 use relight_scene::traced::Shading;
 use relight_transport::bounce::{TOLERANCE, solve_double};
+use relight_transport::random::Stream;
 use relight_transport::sparse::Rows;
 use relight_transport::spectrum::spectral_radius;
 
 /// Products with the operator that the issue allows at a reflectance of 0.999.
 const MOST_PRODUCTS: f64 = 40.0;
+
+/// Stage number of the random stream.
+const STAGE: u32 = 0x43;
 
 /// An operator as an asset holds it.
 pub fn rows(matrix: &WeightRows) -> Rows {
@@ -77,27 +83,25 @@ fn stiff(k: &Rows, rho: f32) -> Vec<Measure> {
     ]
 }
 
-/// Eight rooms in a row; a hundredth of each wall's view goes through each door.
+/// Eight rooms in a row; a hundredth of each wall's view goes through each door, and no two walls see alike.
 fn row_of_rooms() -> Rows {
     const ROOMS: usize = 8;
     const EACH: usize = 40;
     const DOOR: f32 = 0.01;
     Rows::build(ROOMS * EACH, ROOMS * EACH, |i, row| {
+        let mut stream = Stream::new(0, STAGE, i as u64);
         let room = i / EACH;
-        let neighbours = [room.wrapping_sub(1), room + 1]
-            .into_iter()
-            .filter(|&r| r < ROOMS)
-            .count();
-        for r in room.saturating_sub(1)..(room + 2).min(ROOMS) {
+        let seen = room.saturating_sub(1)..(room + 2).min(ROOMS);
+        let doors = seen.len() - 1;
+        for r in seen {
             let share = if r == room {
-                1.0 - neighbours as f32 * DOOR
+                1.0 - doors as f32 * DOOR
             } else {
                 DOOR
             };
-            row.extend((0..EACH).map(|j| {
-                let uneven = 2.0 * (j + 1) as f32 / (EACH * (EACH + 1)) as f32;
-                ((r * EACH + j) as u32, share * uneven)
-            }));
+            let parts: Vec<f32> = (0..EACH).map(|_| stream.uniform()).collect();
+            let sum: f32 = parts.iter().sum();
+            row.extend((0..EACH).map(|j| ((r * EACH + j) as u32, share * parts[j] / sum)));
         }
     })
 }
@@ -217,7 +221,7 @@ fn truncated(stage: &Stage, epsilon: f32) -> Measured {
                 ),
                 Measure::none(
                     "negative weights",
-                    k.entries.iter().filter(|e| !(e.1 >= 0.0)).count(),
+                    k.entries.iter().filter(|e| e.1 < 0.0 || e.1.is_nan()).count(),
                     "a bounce carries light, not darkness",
                 ),
             ]);

@@ -216,7 +216,8 @@ fn nothing(stage: &Stage) -> Measured {
         usize::from(!matches!(result, Err(BakeError::NothingReachable { .. })))
     };
     // A quad behind the camera: importance finds it, the image doesn't.
-    let behind = quad([-1.0, 1.0].map(|x| Vec3::new(x, -1.0, 9.0)).into_corners(), 1);
+    let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| Vec3::new(x, y, 9.0));
+    let behind = quad(corners, 1);
     let scene = scene(vec![(behind, grey())], eye, Vec3::ZERO);
     let lit = stage.picture(scene, &coarse(), &[point(Vec3::new(0.0, 0.0, 7.0), 1.0)])?;
     let shown = lit_count(&lit.direct) + lit_count(&lit.indirect) + lit_count(&lit.emission);
@@ -235,19 +236,6 @@ fn nothing(stage: &Stage) -> Measured {
         Measure::none("lit pixels where nothing is seen", shown, "the camera looks away"),
     ]);
     Ok(measures)
-}
-
-trait Corners {
-    fn into_corners(self) -> [Vec3; 4];
-}
-
-impl Corners for [Vec3; 2] {
-    /// The upright square whose lower edge runs between two places.
-    fn into_corners(self) -> [Vec3; 4] {
-        let [a, b] = self;
-        let up = Vec3::Y * (b.x - a.x);
-        [a, b, b + up, a + up]
-    }
 }
 
 /// Light behind a closed wall, over light before it; `thickness` of the wall between two rooms, metres.

@@ -196,7 +196,10 @@ fn sun_and_night(stage: &Stage) -> Measured {
     // The sky first, as when it is alone: a light's rays differ with its number in the list.
     let both = stage.lit_with(&loaded, &shot, &[night, day], 4, true)?;
     measures.extend(sane(&both));
-    measures.extend(sane(&by_night));
+    measures.extend(sane(&by_night).into_iter().map(|m| Measure {
+        what: format!("night alone: {}", m.what),
+        ..m
+    }));
     let sum: Vec<Vec3> = by_sun
         .indirect
         .iter()
