@@ -43,6 +43,11 @@ impl Console {
         Console::new(true, false)
     }
 
+    /// Whether people asked for more.
+    pub fn is_verbose(&self) -> bool {
+        self.verbose
+    }
+
     /// A sentence for people.
     pub fn note(&self, text: impl AsRef<str>) {
         if !self.quiet {

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 pub enum Outcome {
     /// All is well: exit code 0.
     Done,
-    /// A comparison fell short of what was asked: exit code 3. The command has said so.
+    /// A check or comparison fell short of what was asked: exit code 3. The command has said so.
     FellShort,
 }
 

@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod bake;
+mod check;
 mod choice;
 mod compare;
 mod console;
@@ -39,7 +40,7 @@ struct Cli {
 
 const EXIT_CODES: &str = "\
 Words for people go to stderr, data to stdout; --json prints exactly one JSON object there.
-Exit codes: 0 done; 1 failed (bad input, input or output); 2 wrong usage; 3 a comparison fell short;
+Exit codes: 0 done; 1 failed (bad input, input or output); 2 wrong usage; 3 a check or comparison fell short;
 130 and 143 stopped by Ctrl-C or SIGTERM, with everything left whole.";
 
 /// Options that every command knows.
@@ -64,6 +65,7 @@ enum Command {
     Bake(bake::BakeArgs),
     Play(play::PlayArgs),
     Inspect(inspect::InspectArgs),
+    Check(check::CheckArgs),
     Compare(compare::CompareArgs),
     Report(report::ReportArgs),
     Demo(demo::DemoArgs),
@@ -97,6 +99,7 @@ fn run(cli: &Cli, console: &Console) -> Result<Outcome, Failure> {
         Command::Bake(args) => bake::run(args, seed, console),
         Command::Play(args) => play::run(args, seed, console),
         Command::Inspect(args) => inspect::run(args, console),
+        Command::Check(args) => check::run(args, seed, console),
         Command::Compare(args) => compare::run(args, console),
         Command::Report(args) => report::run(args, seed, console),
         Command::Demo(args) => demo::run(args, seed, console),

@@ -237,3 +237,14 @@ fn a_full_disk_is_an_error_that_leaves_nothing_behind() {
         "files were left behind"
     );
 }
+
+/// No place of the box is open as far as disks of 50 m ask for; every level has points all the same.
+#[test]
+fn disks_wider_than_the_scene_still_have_points() {
+    let folder = folder();
+    let asset = folder.path().join("wide.relight");
+    let options = ["--levels", "2", "--sender-levels", "2", "--coarse-radius", "50"];
+    let said = bake_json(&data("cornell.glb"), &asset, &options);
+    let points = said["points"].as_array().unwrap();
+    assert!(points.iter().all(|n| n.as_u64().unwrap() > 0), "{points:?}");
+}

@@ -5,6 +5,7 @@
 
 mod bad_input;
 mod bake;
+mod check;
 mod compare;
 mod cuts;
 mod cuts_indirect;

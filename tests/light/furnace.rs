@@ -154,6 +154,7 @@ fn varying(params: &BakeParams) -> DVec3 {
         &lamp,
         0,
         &loaded.player.points,
+        loaded.player.footprint(),
         1,
         0,
         &mut direct,

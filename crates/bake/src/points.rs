@@ -110,6 +110,10 @@ pub fn distribute(
         traced += batch.len() as u64;
         step(kept[levels - 1].len())?;
     }
+    let (coarse, finest) = kept.split_at_mut(levels - 1);
+    for (disks, kept) in disks.iter().zip(coarse).filter(|level| level.1.is_empty()) {
+        *kept = without_openness(&finest[0], disks.radius());
+    }
     let levels = (0..levels)
         .map(|l| {
             let positions: Vec<Vec3> = kept[l].iter().map(|c| c.position).collect();
@@ -128,6 +132,16 @@ pub fn distribute(
         candidates: traced,
         rays: rays + crevice_rays.into_inner(),
     })
+}
+
+/// Points of a level on which all places count as crevices, as disks wider than the scene do: a maximal set of the finest
+/// points, because every level must have some.
+fn without_openness(finest: &[Candidate], radius: f32) -> Vec<Candidate> {
+    let positions: Vec<Vec3> = finest.iter().map(|c| c.position).collect();
+    let normals: Vec<Vec3> = finest.iter().map(|c| c.normal).collect();
+    let mut disks = Disks::new(radius);
+    disks.throw(&positions, &normals, 0, |_| true);
+    (disks.candidates.iter()).map(|&c| finest[c as usize]).collect()
 }
 
 /// Section 2.3, last paragraph: whether the harmonic mean distance to the geometry above a place, along rays

@@ -118,8 +118,8 @@ fn solved(k: &Rows, rho: &[f64], terms: u32, epsilon: f32) -> Rows {
     joined(rows, clusters)
 }
 
-/// The entries of a dense row, less the smallest that make up at most `epsilon` of its sum; the others are
-/// scaled up to it. Leaves zeros behind.
+/// The entries of a dense row, less the smallest that make up at most `epsilon` of its sum; the others, at least the
+/// largest, are scaled up to it, so that no `epsilon` loses light. Leaves zeros behind.
 fn taken(dense: &mut [f64], epsilon: f64) -> Vec<(u32, f32)> {
     let mut row: Vec<(u32, f64)> = (0u32..)
         .zip(dense.iter().copied())
@@ -135,7 +135,7 @@ fn taken(dense: &mut [f64], epsilon: f64) -> Vec<(u32, f32)> {
             dropped += e.1;
             dropped > epsilon * sum
         })
-        .unwrap_or(row.len());
+        .unwrap_or(row.len().saturating_sub(1));
     row.drain(..kept_from);
     let kept: f64 = row.iter().map(|e| e.1).sum();
     let scale = if kept > 0.0 { sum / kept } else { 0.0 };
@@ -189,6 +189,18 @@ mod tests {
             let exact = rho / (1.0 - rho);
             for e in s.channels[0].apply(&[Vec3::splat(rho); 30]) {
                 assert!((e.x - exact).abs() <= 2e-3 * exact, "{rho}: {e}");
+            }
+        }
+    }
+
+    /// `--epsilon` may be any number above zero; from 1 on a row would have dropped all that it has.
+    #[test]
+    fn no_threshold_loses_light() {
+        let (k, tree) = closed(30);
+        for epsilon in [0.5, 1.0, 10.0, f32::MAX] {
+            let s = solution(&k, 1, &tree, &[Vec3::splat(0.9); 120], None, epsilon);
+            for e in s.channels[0].apply(&[Vec3::splat(0.9); 30]) {
+                assert!((e.x / 9.0 - 1.0).abs() <= 2e-3, "{epsilon}: {e}");
             }
         }
     }

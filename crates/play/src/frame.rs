@@ -12,7 +12,7 @@ use crate::lighting;
 use crate::reconstruct;
 use crate::shot::Shot;
 use crate::transfer::{Transfer, TransferStats};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use relight_scene::light_set::{DistantLight, LightSet};
 use relight_scene::rays::Ray;
@@ -122,6 +122,12 @@ impl Player {
         }
     }
 
+    /// Surface that each of the finest points stands for, m².
+    pub fn footprint(&self) -> f32 {
+        let radius = self.transfer.as_ref().map_or(0.0, |t| t.finest.disk_radius);
+        lighting::FOOTPRINT * radius * radius
+    }
+
     /// Lights a shot. `distant`: the same lights as visibility cuts take them; without it all have shadow rays.
     pub fn light(
         &self,
@@ -135,7 +141,6 @@ impl Player {
         let views: Vec<Vec3> = shot.directions.iter().map(|d| -*d).collect();
         let mut lit = Lit {
             emission: vec![Vec3::ZERO; count],
-            direct: vec![Vec3::ZERO; count],
             indirect: vec![Vec3::ZERO; count],
             ..Lit::default()
         };
@@ -143,20 +148,22 @@ impl Player {
         let lit_points: &[Option<SurfaceHit>] = if settings.indirect { &self.points } else { &[] };
         let samples = (self.cuts.as_ref()).and_then(|c| settings.bounce_cuts.and(c.samples()));
         let samples = samples.map_or(&[][..], |s| &s.hits);
-        let mut received = Received {
-            points: vec![Vec3::ZERO; lit_points.len()],
-            samples: vec![Vec3::ZERO; samples.len()],
-        };
+        // In f64: a faint light beside a bright one, or each of a million, would be lost or rounded the same way every
+        // time (docs/stability.md).
+        let mut direct = vec![DVec3::ZERO; count];
+        let mut at_points = vec![DVec3::ZERO; lit_points.len()];
+        let mut at_samples = vec![DVec3::ZERO; samples.len()];
         let shadowed = distant.map_or(lights, |d| &d.near);
         for light in 0..lights.len() {
             let start = Instant::now();
-            let irradiance = |places: &[Option<SurfaceHit>]| {
+            let irradiance = |places: &[Option<SurfaceHit>], footprint: f32| {
                 let mut irradiance = vec![Vec3::ZERO; places.len()];
                 lighting::irradiance_at(
                     &self.scene,
                     shadowed,
                     light,
                     places,
+                    footprint,
                     settings.point_samples,
                     settings.seed,
                     &mut irradiance,
@@ -164,8 +171,8 @@ impl Player {
                 irradiance
             };
             let mut own_received = Received {
-                points: irradiance(lit_points),
-                samples: irradiance(samples),
+                points: irradiance(lit_points, self.footprint()),
+                samples: irradiance(samples, 0.0),
             };
             times.direct_points += milliseconds(start);
             let start = Instant::now();
@@ -192,9 +199,9 @@ impl Player {
                 add(&mut own_received.points, &even.irradiance);
                 lit.cuts = even.stats;
             }
-            add(&mut lit.direct, &reflected);
-            add(&mut received.points, &own_received.points);
-            add(&mut received.samples, &own_received.samples);
+            add_double(&mut direct, &reflected);
+            add_double(&mut at_points, &own_received.points);
+            add_double(&mut at_samples, &own_received.samples);
             if settings.per_light {
                 let mut own = emission(Some(light));
                 add(&mut own, &reflected);
@@ -206,10 +213,15 @@ impl Player {
         if let (Some(distant), false) = (distant, settings.per_light) {
             let all: Vec<&DistantLight> = distant.lights.iter().flatten().collect();
             let even = self.of_distant(shot, &views, &all, distant.most, settings, &mut times);
-            add(&mut lit.direct, &even.radiance);
-            add(&mut received.points, &even.irradiance);
+            add_double(&mut direct, &even.radiance);
+            add_double(&mut at_points, &even.irradiance);
             lit.cuts = even.stats;
         }
+        lit.direct = rounded(direct);
+        let received = Received {
+            points: rounded(at_points),
+            samples: rounded(at_samples),
+        };
         lit.emission = emission(None);
         let bounced;
         (lit.indirect, lit.transfer, bounced) = self.indirect(shot, &views, &received, settings, &mut times);
@@ -385,6 +397,14 @@ fn milliseconds(start: Instant) -> f64 {
 
 fn add(sum: &mut [Vec3], part: &[Vec3]) {
     sum.iter_mut().zip(part).for_each(|(s, p)| *s += *p);
+}
+
+fn add_double(sum: &mut [DVec3], part: &[Vec3]) {
+    sum.iter_mut().zip(part).for_each(|(s, p)| *s += p.as_dvec3());
+}
+
+fn rounded(sum: Vec<DVec3>) -> Vec<Vec3> {
+    sum.into_iter().map(|s| s.as_vec3()).collect()
 }
 
 fn indirect_at(shot: &Shot, values: &[VectorIrradiance]) -> Vec<Vec3> {

@@ -96,10 +96,22 @@ pub struct Loaded {
 /// # Errors
 /// [`LoadError`].
 pub fn load(path: &Path, with_operators: bool) -> Result<Loaded, LoadError> {
-    let file = || path.to_path_buf();
-    let in_format = |source| LoadError::Format { file: file(), source };
+    let in_format = |source| LoadError::Format {
+        file: path.to_path_buf(),
+        source,
+    };
     let asset = format::read_file(path, &Limits::default()).map_err(in_format)?;
     let hash = asset_hash(path).map_err(in_format)?;
+    from_asset(asset, hash, path, with_operators)
+}
+
+/// [`load`] of what has been read already, or was never in a file: `path` is for messages, `hash` identifies the
+/// content.
+///
+/// # Errors
+/// [`LoadError`], all but `Format`.
+pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) -> Result<Loaded, LoadError> {
+    let file = || path.to_path_buf();
     let Asset {
         provenance,
         geometry,

@@ -164,6 +164,21 @@ impl Transfer {
         (first, further, stats)
     }
 
+    /// Vector irradiance at the finest points that radiosity there causes: one bounce, T alone.
+    pub fn of_radiosity(&self, radiosity: &[Vec3]) -> Vec<VectorIrradiance> {
+        self.one_bounce(radiosity, &mut TransferStats::default())
+    }
+
+    /// The flat bounce operator, the sender level that it works on, and its clusters' reflectances.
+    pub fn bounces(&self) -> (&Rows, usize, &[Vec3]) {
+        (&self.bounce, self.bounce_level, &self.bounce_albedo)
+    }
+
+    /// For every point of every level the points of the next coarser level that predict it.
+    pub fn parents(&self) -> (&Rows, &LevelRanges) {
+        (&self.fine_from_coarse, &self.ranges)
+    }
+
     /// What the finest points reflect of irradiance there.
     fn radiosity(&self, irradiance: &[Vec3]) -> Vec<Vec3> {
         (irradiance.iter().zip(&self.albedo))

@@ -172,8 +172,9 @@ fn node_between(start: u32, end: u32) -> Node {
 #[derive(Debug, Default)]
 pub struct Selector {
     height: u8,
-    /// By [`Node::slot`]: number, sum and sum of squares of the values that count.
-    sums: Vec<[f32; 3]>,
+    /// By [`Node::slot`]: number, sum and sum of squares of the values that count. In f64: the variance is their
+    /// difference, of which f32 leaves nothing where values are large and nearly alike (docs/stability.md).
+    sums: Vec<[f64; 3]>,
     queue: BinaryHeap<Open>,
     nodes: Vec<Node>,
 }
@@ -181,7 +182,7 @@ pub struct Selector {
 /// A node of a cut that may be split, by its error.
 #[derive(Debug, PartialEq)]
 struct Open {
-    error: f32,
+    error: f64,
     node: Node,
 }
 
@@ -220,7 +221,7 @@ impl Selector {
     ) -> (f64, f64) {
         assert!(leaves.len().is_power_of_two());
         self.sum_up(leaves);
-        let limit = sigma * sigma;
+        let limit = f64::from(sigma * sigma);
         self.queue.clear();
         self.nodes.clear();
         let root = Node::root(self.height);
@@ -239,13 +240,13 @@ impl Selector {
         for &node in &self.nodes {
             let [count, sum, _] = self.sums[node.slot(self.height)];
             heights.push(node.height);
-            values.push(if count > 0.0 { sum / count } else { 0.0 });
-            left += f64::from(self.error(node));
+            values.push(if count > 0.0 { (sum / count) as f32 } else { 0.0 });
+            left += self.error(node);
         }
-        (f64::from(self.sums[1][0]), left)
+        (self.sums[1][0], left)
     }
 
-    fn offer(&mut self, node: Node, limit: f32) {
+    fn offer(&mut self, node: Node, limit: f64) {
         let error = self.error(node);
         if error > limit && node.height > 0 {
             self.queue.push(Open { error, node });
@@ -255,7 +256,7 @@ impl Selector {
     }
 
     /// |C|·var of a node: the sum of squared differences to its mean.
-    fn error(&self, node: Node) -> f32 {
+    fn error(&self, node: Node) -> f64 {
         let [count, sum, squares] = self.sums[node.slot(self.height)];
         if count > 0.0 {
             (squares - sum * sum / count).max(0.0)
@@ -269,6 +270,7 @@ impl Selector {
         self.height = n.trailing_zeros() as u8;
         self.sums.resize(2 * n, [0.0; 3]);
         for (sum, &v) in self.sums[n..].iter_mut().zip(leaves) {
+            let v = f64::from(v);
             *sum = if v.is_nan() { [0.0; 3] } else { [1.0, v, v * v] };
         }
         for slot in (1..n).rev() {

@@ -11,7 +11,7 @@
 //! lit ones see just those, so that the mixture made them too dark by a fifth (docs/transfer.md).
 
 use crate::pyramid::LevelRanges;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Number of places in open space whose visibility makes a point's signature: the bits of a `u128`.
@@ -66,20 +66,22 @@ impl SenderTree {
         parents: Vec<Vec<u32>>,
         importance: Vec<u8>,
     ) -> SenderTree {
-        let importances: Vec<f32> = importance.iter().map(|&i| weight(i)).collect();
+        // In f64: weights span five decades and clusters may have millions of points, whose small weights an f32 sum
+        // would lose (docs/stability.md).
+        let importances: Vec<f64> = importance.iter().map(|&i| f64::from(weight(i))).collect();
         let ranges = LevelRanges::new(counts.iter().copied());
         let (points, leaf_starts) = sorted_by(&leaf_of_point, counts[counts.len() - 1]);
-        let mut masses: Vec<Vec<f32>> = vec![vec![0.0; counts[counts.len() - 1]]];
+        let mut masses: Vec<Vec<f64>> = vec![vec![0.0; counts[counts.len() - 1]]];
         for (&leaf, importance) in leaf_of_point.iter().zip(&importances) {
             masses[0][leaf as usize] += importance;
         }
         let weights = leaf_of_point
             .iter()
             .zip(&importances)
-            .map(|(&leaf, importance)| importance / masses[0][leaf as usize])
+            .map(|(&leaf, importance)| (importance / masses[0][leaf as usize]) as f32)
             .collect();
         for l in (0..parents.len()).rev() {
-            let mut coarse = vec![0.0f32; counts[l]];
+            let mut coarse = vec![0.0f64; counts[l]];
             for (child, &parent) in parents[l].iter().enumerate() {
                 coarse[parent as usize] += masses[0][child];
             }
@@ -89,7 +91,7 @@ impl SenderTree {
         for l in 1..counts.len() {
             shares.extend(parents[l - 1].iter().zip(&masses[l]).map(|(&parent, mass)| {
                 let whole = masses[l - 1][parent as usize];
-                if whole > 0.0 { mass / whole } else { 0.0 }
+                if whole > 0.0 { (mass / whole) as f32 } else { 0.0 }
             }));
         }
         let children = (0..parents.len())
@@ -131,26 +133,27 @@ impl SenderTree {
     /// Mean of values at the finest points over each cluster, level by level, coarsest first. Clusters
     /// without points get zero.
     pub fn pulled(&self, at_points: &[Vec3]) -> Vec<Vec<Vec3>> {
-        let leaves: Vec<Vec3> = (0..self.leaf_starts.len() - 1)
+        let leaves: Vec<DVec3> = (0..self.leaf_starts.len() - 1)
             .into_par_iter()
             .with_min_len(256)
             .map(|leaf| {
                 let own = &self.points[self.leaf_starts[leaf] as usize..self.leaf_starts[leaf + 1] as usize];
                 own.iter()
-                    .map(|&p| at_points[p as usize] * self.weights[p as usize])
+                    .map(|&p| at_points[p as usize].as_dvec3() * f64::from(self.weights[p as usize]))
                     .sum()
             })
             .collect();
         let mut levels = vec![leaves];
         for l in (0..self.parents.len()).rev() {
             let shares = &self.shares[self.ranges.range(l + 1)];
-            let mut coarse = vec![Vec3::ZERO; self.ranges.range(l).len()];
+            let mut coarse = vec![DVec3::ZERO; self.ranges.range(l).len()];
             for (child, &parent) in self.parents[l].iter().enumerate() {
-                coarse[parent as usize] += levels[0][child] * shares[child];
+                coarse[parent as usize] += levels[0][child] * f64::from(shares[child]);
             }
             levels.insert(0, coarse);
         }
-        levels
+        let rounded = |level: Vec<DVec3>| level.into_iter().map(|v| v.as_vec3()).collect();
+        levels.into_iter().map(rounded).collect()
     }
 
     /// Sender coefficients from pulled values: means on the coarsest level, differences to the parent's mean
@@ -231,4 +234,26 @@ pub fn nearest_seeds(places: &[Signed], seeds: &[Signed], spacing: f32) -> Vec<u
             best.1
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A few important points before a million unimportant ones: what an f32 sum would drop one by one. Truth: a mean
+    /// of ones is one; the small weights are 1/(w n + m) each. Tolerance: the rounding of the stored weights.
+    #[test]
+    fn the_mean_of_a_cluster_of_a_million_points_keeps_constants_and_counts_every_point() {
+        let (few, many) = (400usize, 1_000_000usize);
+        let importance: Vec<u8> = (0..few + many).map(|p| if p < few { 255 } else { 0 }).collect();
+        let tree = SenderTree::new(&[1], vec![0; few + many], Vec::new(), importance);
+        let ones = tree.pulled(&vec![Vec3::ONE; few + many]);
+        assert!((ones[0][0].x - 1.0).abs() < 1e-6, "{}", ones[0][0]);
+        let small: Vec<Vec3> = (0..few + many)
+            .map(|p| if p < few { Vec3::ZERO } else { Vec3::ONE })
+            .collect();
+        let exact = many as f64 / (f64::from(weight(255)) * few as f64 + many as f64);
+        let found = f64::from(tree.pulled(&small)[0][0].x);
+        assert!((found / exact - 1.0).abs() < 1e-6, "{found} {exact}");
+    }
 }

@@ -1,6 +1,6 @@
 //! Sparse rows of non-negative weights: reconstruction and pull matrices.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// A sparse matrix of weights in rows (compressed sparse rows). Column indices are below `columns`.
@@ -89,9 +89,9 @@ impl Rows {
     pub fn normalise(&mut self) {
         for i in 0..self.rows() {
             let row = &mut self.entries[self.offsets[i] as usize..self.offsets[i + 1] as usize];
-            let sum: f32 = row.iter().map(|e| e.1).sum();
+            let sum: f64 = row.iter().map(|e| f64::from(e.1)).sum();
             if sum > 0.0 {
-                row.iter_mut().for_each(|e| e.1 /= sum);
+                row.iter_mut().for_each(|e| e.1 = (f64::from(e.1) / sum) as f32);
             }
         }
     }
@@ -103,5 +103,25 @@ impl Rows {
             .with_min_len(CHUNK)
             .map(|i| self.row(i).iter().map(|&(j, w)| values[j as usize] * w).sum())
             .collect()
+    }
+
+    /// [`Rows::apply`] with values and sums in f64: for solvers, whose residual is a difference of nearly equal sums.
+    pub fn apply_double(&self, values: &[DVec3]) -> Vec<DVec3> {
+        (0..self.rows())
+            .into_par_iter()
+            .with_min_len(CHUNK / 4)
+            .map(|i| {
+                self.row(i)
+                    .iter()
+                    .map(|&(j, w)| values[j as usize] * f64::from(w))
+                    .sum()
+            })
+            .collect()
+    }
+
+    /// Largest sum of a row's weights: the norm of a non-negative operator in the maximum norm. Summed in f64.
+    pub fn largest_row_sum(&self) -> f64 {
+        let sum = |i: usize| self.row(i).iter().map(|e| f64::from(e.1)).sum::<f64>();
+        (0..self.rows()).map(sum).fold(0.0, f64::max)
     }
 }

@@ -1,0 +1,292 @@
+//! `relight check`: the stability suite, or one asset's self-consistency.
+
+mod asset;
+mod bounces;
+mod case;
+mod fresh;
+mod furnaces;
+mod geometry;
+mod lights;
+mod materials;
+mod scales;
+mod shapes;
+mod stage;
+mod sums;
+
+use crate::console::Console;
+use crate::failure::{Failure, Outcome};
+use crate::output::{self, SCHEMA};
+use crate::signals;
+use crate::words;
+use case::{Case, Measure};
+use clap::Args;
+use comfy_table::presets;
+use comfy_table::{CellAlignment, Table};
+use serde_json::{Value, json};
+use stage::Stage;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Check what an asset holds against itself and against fresh rays; without an asset, run the numerical stability
+/// suite.
+///
+/// An asset: its checksums and structure, whether its operators keep energy and its bounces converge, whether its
+/// points cover what the cameras see, and some of its links and cuts against rays that know nothing of them.
+///
+/// The suite bakes and plays small scenes made in code: closed furnaces, scenes and lights of all sizes, broken
+/// triangles, lights in contact with surfaces, stiff bounces. It takes some minutes, with --fast under one.
+#[derive(Args)]
+#[command(after_help = "\
+Exits with code 3 if something falls short, 1 if the asset is damaged. The JSON of --json: passed, seconds, and
+cases, an array of {name, ok, value, bound, margin, why, stage, seconds}: value null if it is no number, margin the
+share of the bound that is left.")]
+pub struct CheckArgs {
+    /// Asset to check; without it, the suite runs.
+    #[arg(value_name = "ASSET.relight")]
+    pub asset: Option<PathBuf>,
+    /// Only the cases of the suite that take under a minute together, on two cores.
+    #[arg(long, conflicts_with = "asset")]
+    pub fast: bool,
+    /// Only the cases whose names begin so; may be given several times.
+    #[arg(long, value_name = "NAME", conflicts_with = "asset")]
+    pub case: Vec<String>,
+    /// Name the cases of the suite and what they say, and leave.
+    #[arg(long, conflicts_with = "asset")]
+    pub list: bool,
+    /// Print one JSON object on stdout instead of a table.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// One line of the result.
+struct Line {
+    case: String,
+    measure: Measure,
+    stage: String,
+    seconds: f64,
+}
+
+impl Line {
+    fn name(&self) -> String {
+        if self.case.is_empty() {
+            self.measure.what.clone()
+        } else {
+            format!("{}: {}", self.case, self.measure.what)
+        }
+    }
+
+    fn json(&self) -> Value {
+        let number = |x: f64| if x.is_finite() { json!(x) } else { Value::Null };
+        json!({
+            "name": self.name(),
+            "ok": self.measure.ok(),
+            "value": number(self.measure.value),
+            "bound": number(self.measure.bound),
+            "margin": number(self.measure.margin()),
+            "why": self.measure.why,
+            "stage": self.stage,
+            "seconds": self.seconds,
+        })
+    }
+}
+
+/// All cases of the suite.
+fn suite() -> Vec<Case> {
+    [
+        furnaces::cases(),
+        bounces::cases(),
+        scales::cases(),
+        lights::cases(),
+        geometry::cases(),
+        materials::cases(),
+        sums::cases(),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+/// Runs the command.
+pub fn run(args: &CheckArgs, seed: u64, console: &Console) -> Result<Outcome, Failure> {
+    if args.list {
+        return list(args);
+    }
+    let start = Instant::now();
+    let lines = match &args.asset {
+        Some(path) => {
+            console.begin("Checking the asset", None);
+            let stage = Stage::default();
+            let found = asset::check(path, seed, &stage)?;
+            let seconds = start.elapsed().as_secs_f64();
+            let line = |(stage, measure)| Line {
+                case: String::new(),
+                measure,
+                stage,
+                seconds,
+            };
+            found.into_iter().map(line).collect()
+        }
+        None => run_suite(args, console)?,
+    };
+    console.close();
+    let short: Vec<&Line> = lines.iter().filter(|l| !l.measure.ok()).collect();
+    let seconds = start.elapsed().as_secs_f64();
+    if args.json {
+        output::print_json(&json!({
+            "schema": SCHEMA,
+            "command": "check",
+            "asset": args.asset.as_ref().map(|p| p.display().to_string()),
+            "passed": short.is_empty(),
+            "seconds": seconds,
+            "cases": lines.iter().map(Line::json).collect::<Vec<_>>(),
+        }))?;
+    } else {
+        let shown = shown(&lines, args.asset.is_some() || console.is_verbose());
+        output::print_text(&(table(&shown) + "\n"))?;
+    }
+    console.note(format!(
+        "{} of {} hold, in {seconds:.1} s.",
+        lines.len() - short.len(),
+        words::plural(lines.len(), "bound"),
+    ));
+    for line in &short {
+        // Asked for, so said even with --quiet.
+        eprintln!(
+            "relight: {} is {:.4e}, above its bound {:.4e} ({}); stage: {}",
+            line.name(),
+            line.measure.value,
+            line.measure.bound,
+            line.measure.why,
+            line.stage
+        );
+    }
+    Ok(if short.is_empty() {
+        Outcome::Done
+    } else {
+        Outcome::FellShort
+    })
+}
+
+fn chosen(args: &CheckArgs) -> Result<Vec<Case>, Failure> {
+    let named = |case: &Case| args.case.is_empty() || args.case.iter().any(|n| case.name.starts_with(n));
+    for name in &args.case {
+        if !suite().iter().any(|case| case.name.starts_with(name)) {
+            return Err(Failure::Usage(format!(
+                "--case {name}: no case of the suite begins so; --list names them"
+            )));
+        }
+    }
+    let cases: Vec<Case> = suite().into_iter().filter(named).collect();
+    Ok(cases.into_iter().filter(|case| case.fast || !args.fast).collect())
+}
+
+fn list(args: &CheckArgs) -> Result<Outcome, Failure> {
+    let cases = chosen(args)?;
+    if args.json {
+        let cases: Vec<Value> = cases
+            .iter()
+            .map(|c| json!({ "name": c.name, "says": c.says, "fast": c.fast }))
+            .collect();
+        output::print_json(&json!({ "schema": SCHEMA, "command": "check", "cases": cases }))?;
+        return Ok(Outcome::Done);
+    }
+    let mut table = Table::new();
+    table
+        .load_style(presets::NOTHING)
+        .set_header(["case", "", "what must hold"]);
+    for case in &cases {
+        table.add_row([case.name.as_str(), if case.fast { "fast" } else { "" }, case.says]);
+    }
+    output::print_text(&(table.trim_fmt() + "\n"))?;
+    Ok(Outcome::Done)
+}
+
+fn run_suite(args: &CheckArgs, console: &Console) -> Result<Vec<Line>, Failure> {
+    let cases = chosen(args)?;
+    console.begin("Running the stability suite", Some(cases.len() as u64));
+    let mut lines = Vec::new();
+    for (done, case) in cases.iter().enumerate() {
+        signals::go_on()?;
+        let stage = Stage::default();
+        let start = Instant::now();
+        // A panic is a failure of this case, not the end of the suite.
+        let result = catch_unwind(AssertUnwindSafe(|| (case.run)(&stage)));
+        signals::go_on()?;
+        let seconds = start.elapsed().as_secs_f64();
+        let measures = match result {
+            Ok(Ok(measures)) => measures,
+            Ok(Err(error)) => vec![Measure::none(format!("failed: {error}"), 1, "it must run")],
+            Err(_) => vec![Measure::none("panicked", 1, "no input may cause a panic")],
+        };
+        console.detail(format!("{}: {seconds:.1} s", case.name));
+        lines.extend(measures.into_iter().map(|measure| Line {
+            case: case.name.clone(),
+            measure,
+            stage: stage.now(),
+            seconds,
+        }));
+        console.advance_to(done as u64 + 1);
+    }
+    Ok(lines)
+}
+
+/// All lines, or of each case the one with the least margin and those that fall short.
+fn shown(lines: &[Line], all: bool) -> Vec<&Line> {
+    if all {
+        return lines.iter().collect();
+    }
+    let mut shown = Vec::new();
+    for of_case in lines.chunk_by(|a, b| a.case == b.case) {
+        // Of equal margins the last: general sanity comes first, what the case is about after it.
+        let tightest = of_case
+            .iter()
+            .rev()
+            .min_by(|a, b| a.measure.margin().total_cmp(&b.measure.margin()));
+        for line in of_case {
+            if !line.measure.ok() || tightest.is_some_and(|t| std::ptr::eq(t, line)) {
+                shown.push(line);
+            }
+        }
+    }
+    shown
+}
+
+fn table(lines: &[&Line]) -> String {
+    let mut table = Table::new();
+    table
+        .load_style(presets::NOTHING)
+        .set_header(["case", "value", "bound", "left %", "", "seconds"]);
+    for line in lines {
+        let m = &line.measure;
+        let margin = m.margin();
+        table.add_row([
+            line.name(),
+            number(m.value),
+            number(m.bound),
+            if margin.is_finite() {
+                format!("{:.0}", 100.0 * margin)
+            } else {
+                "-".into()
+            },
+            if m.ok() { "ok".into() } else { "SHORT".into() },
+            format!("{:.1}", line.seconds),
+        ]);
+    }
+    for (i, column) in table.column_iter_mut().enumerate() {
+        column.set_cell_alignment(if i == 0 {
+            CellAlignment::Left
+        } else {
+            CellAlignment::Right
+        });
+    }
+    table.trim_fmt()
+}
+
+fn number(x: f64) -> String {
+    match x.abs() {
+        0.0 => "0".into(),
+        a if (1e-3..1e5).contains(&a) => format!("{x:.4}"),
+        _ => format!("{x:.2e}"),
+    }
+}

@@ -1,0 +1,221 @@
+//! Surfaces from mirrors to chalk, and visibility cuts.
+
+use super::case::{Case, Measure, Measured};
+use super::shapes::{LAMP, cuboid, matt, panel, point, quad, scene, sky, sphere};
+use super::stage::{SIZE, Stage, coarse, mean, sane};
+use glam::{Vec2, Vec3};
+use relight_bake::params::{BakeParams, CutMode, CutParams};
+use relight_play::frame::{Distant, LightingSettings};
+use relight_play::layers::{RenderSize, Watch};
+use relight_play::path::{PathSettings, render};
+use relight_scene::bsdf::hemispherical_albedo;
+use relight_scene::light_set::{LightRig, LightSet, SceneEmitters};
+use relight_scene::material::Material;
+use relight_scene::traced::{Shading, TracedScene};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Perceptual roughness; α is its square, so that the first is a lobe of 1e-8.
+const ROUGHNESS: [f32; 6] = [0.0, 1e-4, 1e-2, 0.1, 0.5, 1.0];
+
+fn glossy(roughness: f32, metallic: f32) -> Material {
+    Material {
+        roughness,
+        metallic,
+        ..matt(Vec3::ONE)
+    }
+}
+
+/// A white glossy sphere in an even sky, traced: it can show no more light than comes.
+fn white_sphere(stage: &Stage) -> Measured {
+    let mut measures = Vec::new();
+    for metallic in [0.0f32, 1.0] {
+        for roughness in ROUGHNESS {
+            stage.at("play: path");
+            let ball = scene(
+                vec![(sphere(16, false), glossy(roughness, metallic))],
+                Vec3::new(0.0, 0.0, 3.0),
+                Vec3::ZERO,
+            );
+            let traced = TracedScene::new(Arc::new(ball), Shading::Full).map_err(|e| e.to_string())?;
+            let emitters = SceneEmitters::new(&traced);
+            let tracks = [sky(1.0)];
+            let lights = LightSet::new(&emitters, &tracks, 0.0).map_err(|e| e.to_string())?;
+            let size = RenderSize {
+                width: 24,
+                height: 24,
+            };
+            let watch = Watch {
+                cancel: &AtomicBool::new(false),
+                progress: &|_, _| {},
+            };
+            let settings = PathSettings {
+                spp: 64,
+                ..PathSettings::default()
+            };
+            let camera = traced.scene().cameras[0].at(0.0);
+            let layers =
+                render(&traced, &lights, &camera, size, &settings, &watch).map_err(|e| e.to_string())?;
+            let beauty = layers.rgb("beauty").unwrap_or_default().pixels;
+            let broken = beauty
+                .iter()
+                .flatten()
+                .filter(|v| !v.is_finite() || **v < 0.0)
+                .count();
+            let all = beauty.iter().map(|p| f64::from(p[0])).sum::<f64>() / beauty.len().max(1) as f64;
+            let name = format!(
+                "{} of roughness {roughness}",
+                ["dielectric", "metal"][metallic as usize]
+            );
+            measures.push(Measure::none(
+                format!("{name}: broken pixels"),
+                broken,
+                "light is a number, not negative",
+            ));
+            measures.push(Measure::new(
+                format!("{name}: light over the sky's, less 1"),
+                all - 1.0,
+                0.01,
+                "no surface makes light; noise of 36,864 paths",
+            ));
+            // Total reflectances of what the camera sees.
+            let shot = relight_play::shot::expose(&traced, &camera, SIZE, SIZE, 1);
+            let most = (shot.points.iter().flatten())
+                .map(|p| f64::from(hemispherical_albedo(p).max_element()))
+                .fold(0.0, f64::max);
+            measures.push(Measure::new(
+                format!("{name}: albedo"),
+                most,
+                1.0,
+                "no surface makes light",
+            ));
+        }
+    }
+    Ok(measures)
+}
+
+/// Glossy spheres in a room, by transfer, under a lamp, a panel and a sky.
+fn in_a_room(stage: &Stage) -> Measured {
+    let mut measures = Vec::new();
+    for roughness in ROUGHNESS {
+        let mut ball = sphere(16, false);
+        ball.positions
+            .iter_mut()
+            .for_each(|p| *p = *p * 0.4 + Vec3::new(-0.2, -0.5, -0.1));
+        let parts = vec![
+            (cuboid(Vec3::NEG_ONE, Vec3::ONE, true), matt(Vec3::splat(0.7))),
+            (ball, glossy(roughness, 1.0)),
+        ];
+        let scene = scene(parts, Vec3::new(0.5, 0.4, 0.9), Vec3::new(-0.2, -0.3, -0.4));
+        let asset = stage
+            .asset(scene, Shading::Full, &coarse())
+            .map_err(|e| e.to_string())?;
+        let loaded = stage.through_file(&asset)?;
+        let shot = stage.shot(&loaded, SIZE)?;
+        let tracks = [
+            point(LAMP, 1.0),
+            panel(Vec3::new(0.0, 0.99, 0.0), Vec2::splat(0.4), 10.0),
+        ];
+        let lit = stage.lit(&loaded, &shot, &tracks)?;
+        measures.extend(sane(&lit).into_iter().map(|m| Measure {
+            what: format!("roughness {roughness}: {}", m.what),
+            ..m
+        }));
+    }
+    Ok(measures)
+}
+
+/// A matt floor and ball under an even sky, by visibility cuts against shadow rays.
+fn cuts(stage: &Stage) -> Measured {
+    let mut ball = sphere(16, false);
+    ball.positions
+        .iter_mut()
+        .for_each(|p| *p = *p * 0.4 + Vec3::new(0.0, 0.5, 0.0));
+    let floor = quad(
+        [
+            Vec3::new(-2.0, 0.0, 2.0),
+            Vec3::new(2.0, 0.0, 2.0),
+            Vec3::new(2.0, 0.0, -2.0),
+            Vec3::new(-2.0, 0.0, -2.0),
+        ],
+        1,
+    );
+    let parts = vec![(floor, matt(Vec3::splat(0.5))), (ball, matt(Vec3::splat(0.7)))];
+    let scene = scene(parts, Vec3::new(0.0, 1.2, 2.4), Vec3::new(0.0, 0.3, 0.0));
+    let params = BakeParams {
+        cuts: Some(CutParams {
+            mode: CutMode::Environment,
+            lights: 4096,
+            ..CutParams::default()
+        }),
+        ..coarse()
+    };
+    let loaded = stage.loaded(scene, &params)?;
+    let mut shot = stage.shot(&loaded, SIZE)?;
+    shot.choose_sites();
+    let emitters = SceneEmitters::new(&loaded.player.scene);
+    let tracks = [sky(1.0)];
+    let rig = LightRig::new(&emitters, &tracks).map_err(|e| e.to_string())?;
+    let settings = LightingSettings {
+        pixel_samples: 256,
+        point_samples: 64,
+        seed: 0,
+        per_light: false,
+        indirect: true,
+        bounce_cuts: None,
+    };
+    stage.at("play: shadow rays");
+    let rays = loaded.player.light(&shot, &rig.at(0.0), None, &settings).0;
+    stage.at("play: cuts");
+    let directions = loaded.player.cuts.as_ref().map_or(0, |c| c.lights.leaves()) as u32;
+    let split = rig.split(0, directions).map(Arc::new);
+    let mut near = rig.at(0.0);
+    let lights = near.take_distant(|_| split.clone());
+    let distant = Distant {
+        near,
+        lights,
+        most: 256,
+    };
+    let by_cuts = loaded
+        .player
+        .light(&shot, &rig.at(0.0), Some(&distant), &settings)
+        .0;
+    let mut measures = sane(&by_cuts);
+    measures.push(Measure::new(
+        "mean direct light against shadow rays",
+        (mean(&by_cuts.direct).x / mean(&rays.direct).x - 1.0).abs(),
+        0.02,
+        "docs/cuts.md: bias of at most 2 % of environments by cuts",
+    ));
+    measures.push(Measure::new(
+        "mean indirect light against shadow rays",
+        (mean(&by_cuts.indirect).x / mean(&rays.indirect).x - 1.0).abs(),
+        0.02,
+        "the same light at the points",
+    ));
+    Ok(measures)
+}
+
+/// All of them.
+pub fn cases() -> Vec<Case> {
+    vec![
+        Case::new(
+            "material/white-sphere",
+            false,
+            "white surfaces of any roughness show no more light than comes",
+            white_sphere,
+        ),
+        Case::new(
+            "material/in-a-room",
+            false,
+            "mirrors and less in a room, by transfer",
+            in_a_room,
+        ),
+        Case::new(
+            "material/cuts",
+            true,
+            "an even sky by visibility cuts and by shadow rays",
+            cuts,
+        ),
+    ]
+}
