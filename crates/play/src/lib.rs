@@ -12,6 +12,7 @@ mod direct;
 pub mod edited;
 pub mod frame;
 pub mod layers;
+pub mod lightcuts;
 pub mod lighting;
 pub mod load;
 pub mod path;

@@ -319,7 +319,7 @@ impl<'a> Grower<'a> {
         let Some(root) = self.clusters.first() else {
             return;
         };
-        let mut put = |out: &mut LightClusters, node: u32| {
+        let put = |out: &mut LightClusters, node: u32| {
             out.nodes.push(ClusterNode {
                 kind: kind << ENVELOPE_BITS,
                 ..self.nodes[node as usize]
