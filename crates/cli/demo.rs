@@ -5,6 +5,7 @@ use crate::compare::results_table;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames;
+use crate::many_lights::PointArgs;
 use crate::output;
 use crate::play::{self, Integrator, LayerName, PlayArgs};
 use crate::words;
@@ -141,6 +142,7 @@ fn play_args(asset: &Path, data: &Path, folder: &Path, name: &str) -> Result<Pla
         illumination_cut: play::ILLUMINATION_CUT,
         spp: None,
         max_bounces: None,
+        points: PointArgs::default(),
         json: false,
     })
 }

@@ -13,6 +13,7 @@ mod failure;
 mod frames;
 mod images;
 mod inspect;
+mod many_lights;
 mod output;
 mod play;
 mod session;

@@ -4,6 +4,7 @@ use crate::choice::{ByCuts, by_cuts, choice, splits};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, FrameRange, Pattern};
+use crate::many_lights::PointArgs;
 use crate::output::{self, SCHEMA};
 use crate::session::{Session, milliseconds};
 use crate::signals;
@@ -30,7 +31,8 @@ use std::time::Instant;
 #[command(after_help = "\
 The JSON of --json: frames, an array of {frame, total, direct_points, bounces, transfer, flatten, direct_pixels,
 reconstruct, resolve, write} in milliseconds (brute and path: {frame, total, render, write}); once_per_shot, what
-is done once: load, expose, weigh (with a moving camera expose and weigh are in the frames). With --materials a
+is done once: load, expose, weigh (with a moving camera expose and weigh are in the frames). Over lights without
+extent a frame also has points (milliseconds), lights, virtual_lights and shadow_rays_per_pixel. With --materials a
 frame also has edit, the milliseconds of evaluating changed materials again.
 
 Models and parameters for --materials: metallic_roughness (metallic, roughness, metallic_roughness_texture),
@@ -53,7 +55,7 @@ pub struct PlayArgs {
     pub output: Pattern,
     /// How to make light: transfer (the asset's operators), cuts (as the asset's visibility cuts were baked: direct
     /// light of environments, or one bounce of indirect light; other direct light by shadow rays), brute (every light
-    /// with its own shadow rays; direct light only), path (a path tracer, the reference), or auto (cuts where the asset
+    /// with its own shadow rays; direct light only, or, with --area-samples or --vpls, all light of these points), path (a path tracer, the reference), or auto (cuts where the asset
     /// has them: environments, or the first bounce at surfaces that are not matt; transfer for other indirect light;
     /// path without points).
     #[arg(long, value_enum, default_value_t = Integrator::Auto)]
@@ -90,6 +92,9 @@ pub struct PlayArgs {
     /// Most reflections of a path (path only) [default: no limit].
     #[arg(long, value_name = "N")]
     pub max_bounces: Option<u32>,
+    /// Lights without extent.
+    #[command(flatten)]
+    pub points: PointArgs,
     /// Print one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
@@ -318,6 +323,11 @@ fn integrator(args: &PlayArgs, loaded: &Loaded) -> Result<Integrator, Failure> {
         return Err(Failure::Usage(
             "--max-bounces belongs to --integrator path; what an asset holds is chosen by bake --bounces"
                 .into(),
+        ));
+    }
+    if args.points.given() && integrator != Integrator::Brute {
+        return Err(Failure::Usage(
+            "--area-samples and --vpls belong to --integrator brute".into(),
         ));
     }
     Ok(integrator)

@@ -7,7 +7,7 @@ use crate::play::{Integrator, LayerName, PlayArgs};
 use crate::signals;
 use crate::words;
 use glam::Vec3;
-use relight_play::brute::{self, BruteSettings};
+use relight_play::brute::{self, BruteSettings, PointsSettings};
 use relight_play::edited::Editor;
 use relight_play::frame::{Distant, FrameTimes, LightingSettings, Lit};
 use relight_play::layers::{RenderSize, Watch};
@@ -110,7 +110,23 @@ impl Session<'_> {
         let scene = &self.loaded.player.scene;
         let light_layers = self.wants(LayerName::Lights);
         let seed = self.seed;
-        let layers = if self.integrator == Integrator::Brute {
+        let mut times = Map::new();
+        let layers = if self.integrator == Integrator::Brute && self.args.points.given() {
+            let points = self.args.points.points(scene, lights, seed, &mut times);
+            let settings = PointsSettings {
+                spp: self.args.spp.unwrap_or(BruteSettings::default().spp),
+                seed,
+                light_layers,
+                packets: true,
+            };
+            brute::render_points(scene, lights, &points, camera, size, &settings, &watch).map(
+                |(layers, shadow_rays)| {
+                    let per_pixel = shadow_rays as f64 / (size.width * size.height) as f64;
+                    times.insert("shadow_rays_per_pixel".into(), per_pixel.into());
+                    layers
+                },
+            )
+        } else if self.integrator == Integrator::Brute {
             let defaults = BruteSettings::default();
             let spp = self.args.spp.unwrap_or(defaults.spp);
             let settings = BruteSettings {
@@ -131,10 +147,8 @@ impl Session<'_> {
             path::render(scene, lights, camera, size, &settings, &watch)
         };
         let layers = layers.map_err(|_| signals::failure())?;
-        Ok((
-            layers,
-            Map::from_iter([("render".to_owned(), milliseconds(start).into())]),
-        ))
+        times.insert("render".into(), milliseconds(start).into());
+        Ok((layers, times))
     }
 
     fn relit(&mut self, frame: u32, camera: &Camera, console: &Console) -> Result<Rendered, Failure> {

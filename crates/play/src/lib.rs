@@ -2,7 +2,8 @@
 //!
 //! The way of the light: direct [`lighting`] of points and pixels, [`transfer`] of what the points reflect to
 //! all others, [`reconstruct`]ion at the fragments of a [`shot`]; [`frame`] runs them in order. Beside it stand
-//! the references: [`path`] traces paths, [`brute`] casts a shadow ray per light. [`edited`] changes materials.
+//! the references: [`path`] traces paths, [`brute`] casts a shadow ray per light; [`many_lights`]
+//! makes points of all lights. [`edited`] changes materials.
 #![forbid(unsafe_code)]
 
 pub mod brute;
@@ -15,6 +16,7 @@ pub mod layers;
 pub mod lightcuts;
 pub mod lighting;
 pub mod load;
+pub mod many_lights;
 pub mod path;
 pub mod reconstruct;
 pub mod sampler;

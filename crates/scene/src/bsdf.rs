@@ -74,6 +74,15 @@ pub fn eval(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> Vec3 {
     reflect(point, cos_o, cos_i, &half)
 }
 
+/// Share of the light from a direction at cosine `cos` with the shading normal that the diffuse part reflects, RGB in
+/// 0..=1: what a virtual point light passes on.
+pub fn diffuse_reflectance(point: &ShadingPoint, cos: f32) -> Vec3 {
+    if point.lambert || mixture::Lobe::of(point).is_some() {
+        return point.diffuse;
+    }
+    albedo::diffuse_limit(point, cos)
+}
+
 /// Density with which [`sample`] returns `wi`, per solid angle (1/sr).
 pub fn pdf(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> f32 {
     let Some((cos_o, cos_i)) = cosines(point, wo, wi) else {

@@ -249,7 +249,7 @@ impl EnvironmentSampler {
 }
 
 /// The first entry of rising sums that exceeds `random`, and how far into the entry it lies, 0..1.
-fn pick(sums: &[f64], random: f64) -> (usize, f64) {
+pub(crate) fn pick(sums: &[f64], random: f64) -> (usize, f64) {
     let mut i = sums.partition_point(|&sum| sum <= random);
     if i >= sums.len() {
         // Rounding left the last sum below 1: take the last entry that has any weight.
@@ -271,7 +271,7 @@ fn pick(sums: &[f64], random: f64) -> (usize, f64) {
 }
 
 /// Offset in −1..1 with density 1 − |offset|, from a number in 0..=1.
-fn tent(random: f64) -> f64 {
+pub(crate) fn tent(random: f64) -> f64 {
     if random < 0.5 {
         (2.0 * random).sqrt() - 1.0
     } else {

@@ -11,6 +11,7 @@ pub mod bsdf;
 pub mod camera;
 pub mod composite;
 pub mod environment;
+pub mod environment_strata;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 pub mod image;

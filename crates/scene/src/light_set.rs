@@ -12,6 +12,7 @@
 mod alias;
 mod distant;
 mod emissive;
+mod form;
 mod rect;
 mod scene_emitters;
 mod sphere;
@@ -20,6 +21,7 @@ mod tests;
 
 pub use distant::{DistantLight, Split};
 pub use emissive::{EmissiveTriangle, Emitters, NoEmitters};
+pub use form::{DistantMap, LightForm};
 pub use scene_emitters::SceneEmitters;
 
 use crate::environment::{EnvironmentSampler, direction_from_uv, luminance, uv_from_direction};
@@ -374,8 +376,13 @@ impl Cone {
     /// KHR_lights_punctual: the square of a ramp in the cosine, from the outer to the inner angle. 0.001 is
     /// the extension's own smallest width of the ramp.
     fn falloff(&self, from_light: DVec3) -> f32 {
-        let ramp = (self.axis.dot(from_light) - self.cos_outer) / (self.cos_inner - self.cos_outer).max(1e-3);
+        let ramp = (self.axis.dot(from_light) - self.cos_outer) * self.ramp();
         ramp.clamp(0.0, 1.0).powi(2) as f32
+    }
+
+    /// Rise of the ramp per cosine.
+    fn ramp(&self) -> f64 {
+        1.0 / (self.cos_inner - self.cos_outer).max(1e-3)
     }
 
     /// ∫ falloff dω.

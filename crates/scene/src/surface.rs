@@ -69,7 +69,14 @@ pub fn ray_between_hits(from: &SurfaceHit, to: &SurfaceHit) -> Ray {
     rays::shadow_ray(&ray_end(from), &ray_end(to))
 }
 
-fn ray_end(hit: &SurfaceHit) -> SurfacePoint {
+/// A ray from a hit to a point on another surface that meets neither surface. Its direction is the difference of its
+/// ends.
+pub fn ray_between_surfaces(from: &SurfaceHit, to: &SurfacePoint) -> Ray {
+    rays::shadow_ray(&ray_end(from), to)
+}
+
+/// Where rays that start or end at a hit do so.
+pub fn ray_end(hit: &SurfaceHit) -> SurfacePoint {
     SurfacePoint {
         position: hit.position,
         normal: hit.geometric_normal,

@@ -51,6 +51,11 @@ impl Rect {
         self.corner + 0.5 * (self.edge_u + self.edge_v)
     }
 
+    /// A corner, and the sides that start there.
+    pub fn corner_and_edges(&self) -> [DVec3; 3] {
+        [self.corner, self.edge_u, self.edge_v]
+    }
+
     /// Whether `x` is on the emitting side.
     pub fn faces(&self, x: DVec3) -> bool {
         (x - self.corner).dot(self.normal) > 0.0

@@ -1,0 +1,615 @@
+//! Truths: the lights' own samples, closed forms, and the path tracer.
+
+use super::*;
+use crate::brute::{self, PointsSettings};
+use crate::layers::{RenderSize, Watch};
+use crate::path::{self, PathSettings};
+use glam::{Affine3A, DVec3};
+use relight_scene::animated::Animated;
+use relight_scene::camera::{Camera, CameraTrack};
+use relight_scene::image::Layers;
+use relight_scene::light::{EnvironmentMap, LightKind, LightTrack};
+use relight_scene::light_set::SceneEmitters;
+use relight_scene::material::{AlphaMode, Material};
+use relight_scene::scene::{Instance, Mesh, Scene};
+use relight_scene::sequence::Sequence;
+use relight_scene::traced::Shading;
+use relight_transport::random::Stream;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+fn constant<T>(value: T) -> Animated<T> {
+    Animated::Constant(value)
+}
+
+fn matt(albedo: f32, emission: f32) -> Material {
+    Material {
+        name: "matt".into(),
+        base_color: Vec3::splat(albedo).extend(1.0),
+        metallic: 0.0,
+        emission: Vec3::splat(emission),
+        ..Material::default()
+    }
+}
+
+fn quad(corners: [Vec3; 4], material: u32) -> Mesh {
+    Mesh {
+        positions: corners.to_vec(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        material,
+        ..Mesh::default()
+    }
+}
+
+fn level(half: f32, height: f32, material: u32) -> Mesh {
+    let corner = |x: f32, z: f32| Vec3::new(x * half, height, z * half);
+    quad(
+        [
+            corner(-1.0, 1.0),
+            corner(1.0, 1.0),
+            corner(1.0, -1.0),
+            corner(-1.0, -1.0),
+        ],
+        material,
+    )
+}
+
+/// The box from −1 to 1, fronts inwards.
+fn room(material: u32) -> Mesh {
+    let positions: Vec<Vec3> = (0..8)
+        .map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - 1.0)
+        .collect();
+    let mut triangles = Vec::new();
+    for [a, b, c, d] in [
+        [0, 1, 3, 2],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 3, 7, 6],
+        [0, 2, 6, 4],
+        [1, 3, 7, 5],
+    ] {
+        for [i, j, k] in [[a, b, c], [a, c, d]] {
+            let [p, q, r] = [i, j, k].map(|v: u32| positions[v as usize]);
+            let outwards = (q - p).cross(r - p).dot(p + q + r) > 0.0;
+            triangles.push(if outwards { [i, k, j] } else { [i, j, k] });
+        }
+    }
+    Mesh {
+        positions,
+        triangles,
+        material,
+        ..Mesh::default()
+    }
+}
+
+fn traced(meshes: Vec<Mesh>, materials: Vec<Material>) -> TracedScene {
+    let instances = (0..meshes.len() as u32)
+        .map(|mesh| Instance {
+            mesh,
+            world_from_mesh: Affine3A::IDENTITY,
+        })
+        .collect();
+    let scene = Scene {
+        meshes,
+        instances,
+        materials,
+        textures: Vec::new(),
+        cameras: Vec::new(),
+        sequence: Sequence {
+            frames: 1,
+            fps: 24.0,
+            camera: None,
+            lights: Vec::new(),
+        },
+        notes: Vec::new(),
+    };
+    TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap()
+}
+
+fn camera(position: Vec3, look_at: Vec3, vfov_deg: f32) -> Camera {
+    CameraTrack {
+        name: String::new(),
+        position: constant(position),
+        look_at: constant(look_at),
+        up: constant(Vec3::new(0.1, 1.0, 0.2)),
+        vfov_deg: constant(vfov_deg),
+        aspect: None,
+    }
+    .at(0.0)
+}
+
+fn light(name: &str, kind: LightKind) -> LightTrack {
+    LightTrack {
+        name: name.into(),
+        kind,
+    }
+}
+
+fn bulb(position: Vec3, intensity: f32) -> LightTrack {
+    light(
+        "bulb",
+        LightKind::Point {
+            position: constant(position),
+            intensity: constant(Vec3::splat(intensity)),
+        },
+    )
+}
+
+fn spot() -> LightTrack {
+    let kind = LightKind::Spot {
+        position: constant(Vec3::new(0.2, 1.5, 0.1)),
+        direction: constant(Vec3::new(0.1, -1.0, 0.2)),
+        inner_angle_deg: constant(15.0),
+        outer_angle_deg: constant(40.0),
+        intensity: constant(Vec3::new(3.0, 4.0, 5.0)),
+    };
+    light("spot", kind)
+}
+
+fn sun() -> LightTrack {
+    let kind = LightKind::Directional {
+        direction: constant(Vec3::new(0.3, -1.0, 0.1)),
+        irradiance: constant(Vec3::new(3.0, 2.0, 1.0)),
+    };
+    light("sun", kind)
+}
+
+fn panel() -> LightTrack {
+    let kind = LightKind::Rect {
+        center: constant(Vec3::new(0.5, 1.0, 0.0)),
+        edge_u: constant(Vec3::X),
+        edge_v: constant(Vec3::Z * 0.5),
+        radiance: constant(Vec3::new(3.0, 2.0, 1.0)),
+    };
+    light("panel", kind)
+}
+
+fn globe() -> LightTrack {
+    let kind = LightKind::Sphere {
+        center: constant(Vec3::new(-0.7, 0.5, 0.3)),
+        radius: constant(0.2),
+        radiance: constant(Vec3::new(1.0, 5.0, 2.0)),
+    };
+    light("globe", kind)
+}
+
+fn sky() -> LightTrack {
+    let pixels =
+        (0..32 * 16).map(|i| Vec3::new(0.2, 0.3, 0.5) * if i == 133 { 500.0 } else { 1.0 + (i % 7) as f32 });
+    let kind = LightKind::Environment {
+        map: Arc::new(EnvironmentMap {
+            width: 32,
+            height: 16,
+            pixels: pixels.collect(),
+        }),
+        file: String::new(),
+        scale: constant(Vec3::new(1.0, 0.5, 2.0)),
+        rotation_deg: constant(70.0),
+    };
+    light("sky", kind)
+}
+
+fn day() -> LightTrack {
+    let kind = LightKind::SunSky {
+        turbidity: constant(3.0),
+        sun_direction: constant(Vec3::new(0.3, 0.7, 0.2)),
+        scale: constant(Vec3::ONE),
+    };
+    light("day", kind)
+}
+
+fn glow() -> LightTrack {
+    light(
+        "glow",
+        LightKind::Emissive {
+            material: None,
+            scale: constant(Vec3::splat(2.0)),
+        },
+    )
+}
+
+/// A floor, and over it a small plate that emits on both sides and lets a quarter of all rays pass.
+fn stage() -> TracedScene {
+    let at = |x: f32, z: f32| Vec3::new(x - 0.4, 0.7, z - 0.6);
+    let lamp = quad([at(0.0, 0.0), at(0.3, 0.0), at(0.3, 0.3), at(0.0, 0.3)], 1);
+    let glass = Material {
+        base_color: glam::Vec4::new(0.5, 0.5, 0.5, 0.75),
+        alpha_mode: AlphaMode::Blend,
+        double_sided: true,
+        ..matt(0.5, 4.0)
+    };
+    traced(vec![level(2.0, 0.0, 0), lamp], vec![matt(0.6, 0.0), glass])
+}
+
+fn points_of(scene: &TracedScene, tracks: &[LightTrack], settings: &PointSettings) -> PointLights {
+    let emitters = SceneEmitters::new(scene);
+    let lights = LightSet::new(&emitters, tracks, 0.0).unwrap();
+    PointLights::new(scene, &lights, settings)
+}
+
+const SIZE: RenderSize = RenderSize {
+    width: 16,
+    height: 16,
+};
+
+fn rendered(scene: &TracedScene, tracks: &[LightTrack], view: &Camera, settings: &PointSettings) -> Layers {
+    rendered_with(scene, tracks, view, settings, 1)
+}
+
+fn rendered_with(
+    scene: &TracedScene,
+    tracks: &[LightTrack],
+    view: &Camera,
+    settings: &PointSettings,
+    spp: u32,
+) -> Layers {
+    let emitters = SceneEmitters::new(scene);
+    let lights = LightSet::new(&emitters, tracks, 0.0).unwrap();
+    let points = PointLights::new(scene, &lights, settings);
+    let cancel = AtomicBool::new(false);
+    let watch = Watch {
+        cancel: &cancel,
+        progress: &|_, _| {},
+    };
+    let how = PointsSettings {
+        spp,
+        seed: 3,
+        light_layers: false,
+        packets: true,
+    };
+    let (layers, _) = brute::render_points(scene, &lights, &points, view, SIZE, &how, &watch).unwrap();
+    layers
+}
+
+fn path_traced(scene: &TracedScene, tracks: &[LightTrack], view: &Camera, spp: u32) -> Layers {
+    let emitters = SceneEmitters::new(scene);
+    let lights = LightSet::new(&emitters, tracks, 0.0).unwrap();
+    let cancel = AtomicBool::new(false);
+    let watch = Watch {
+        cancel: &cancel,
+        progress: &|_, _| {},
+    };
+    let settings = PathSettings {
+        spp,
+        ..PathSettings::default()
+    };
+    path::render(scene, &lights, view, SIZE, &settings, &watch).unwrap()
+}
+
+fn mean(layers: &Layers, name: &str) -> f64 {
+    let data = &layers.layer(name).unwrap().data;
+    data.iter().map(|&v| f64::from(v)).sum::<f64>() / data.len() as f64
+}
+
+/// Truth: the mean over the light's own samples, at random places and normals. Averaged over 32 sets of points of
+/// different seeds, since single sets are close, but not exact, near lights with extent.
+#[test]
+fn points_give_the_irradiance_of_the_lights_own_samples() {
+    let scene = stage();
+    let emitters = SceneEmitters::new(&scene);
+    for track in [
+        bulb(Vec3::new(0.3, 1.0, 0.2), 2.0),
+        spot(),
+        sun(),
+        panel(),
+        globe(),
+        sky(),
+        day(),
+        glow(),
+    ] {
+        let tracks = [track];
+        let lights = LightSet::new(&emitters, &tracks, 0.0).unwrap();
+        let sets: Vec<PointLights> = (0..32)
+            .map(|seed| {
+                let settings = PointSettings {
+                    area_samples: Some(256),
+                    environment: 400,
+                    sun: 8,
+                    sky: 400,
+                    seed,
+                    ..PointSettings::default()
+                };
+                PointLights::new(&scene, &lights, &settings)
+            })
+            .collect();
+        let mut stream = Stream::new(5, 0, 0);
+        let mut uniform = || stream.uniform() * 2.0 - 1.0;
+        for _ in 0..6 {
+            let x = Vec3::new(uniform() * 2.0, uniform() * 0.5 + 0.5, uniform() * 2.0);
+            let normal = Vec3::new(uniform(), uniform(), uniform()).normalize();
+            let n = 60_000;
+            let mut exact = DVec3::ZERO;
+            for i in 0..n {
+                let random = [0.754_877_67, 0.569_840_29, 0.819_172_51]
+                    .map(|s| ((f64::from(i) + 0.5) * s).fract() as f32);
+                if let Some(s) = lights.sample(0, x, random) {
+                    exact += s.radiance_over_pdf.as_dvec3()
+                        * f64::from(normal.dot(s.direction).max(0.0) / n as f32);
+                }
+            }
+            let mut found = DVec3::ZERO;
+            for points in &sets {
+                for point in &points.lights {
+                    if let Some(a) = point.arrival(x) {
+                        let cos = f64::from(normal.dot(a.direction).max(0.0));
+                        found += point.intensity.as_dvec3() * (f64::from(a.factor) * cos / sets.len() as f64);
+                    }
+                }
+            }
+            let scale = exact.max_element();
+            let error = (found - exact).abs().max_element();
+            assert!(
+                error <= 0.015 * scale + 1e-9,
+                "{} at {x}: {found}, not {exact}",
+                tracks[0].name
+            );
+        }
+    }
+}
+
+#[test]
+fn area_lights_share_the_number_that_was_asked_for() {
+    let scene = stage();
+    let tracks = [panel(), globe(), glow(), sun()];
+    for total in [3, 100, 4608] {
+        let settings = PointSettings {
+            area_samples: Some(total),
+            ..PointSettings::default()
+        };
+        let points = points_of(&scene, &tracks, &settings);
+        assert_eq!(points.len(), total as usize + 1);
+        let backs = points
+            .lights
+            .iter()
+            .zip(&points.source)
+            .filter(|(l, s)| **s == 2 && l.axis.y > 0.0)
+            .count();
+        let fronts = points
+            .lights
+            .iter()
+            .zip(&points.source)
+            .filter(|(l, s)| **s == 2 && l.axis.y < 0.0)
+            .count();
+        assert!(
+            // Rounding of one point for each side of both triangles.
+            total < 100 || backs.abs_diff(fronts) <= 4,
+            "{backs} up, {fronts} down"
+        );
+    }
+}
+
+/// Truth: the path tracer's direct light. Its noise and that of 4000 points are below 0.5 % over 256 pixels.
+#[test]
+fn brute_over_points_gives_the_direct_light_of_a_path_tracer() {
+    let (scene, view) = (stage(), camera(Vec3::new(0.3, 1.5, 2.0), Vec3::ZERO, 35.0));
+    for track in [panel(), globe(), sky(), day(), glow()] {
+        let tracks = [track];
+        let settings = PointSettings {
+            area_samples: Some(4000),
+            ..PointSettings::default()
+        };
+        let found = mean(&rendered(&scene, &tracks, &view, &settings), "direct");
+        let truth = mean(&path_traced(&scene, &tracks, &view, 512), "direct");
+        assert!(
+            (found / truth - 1.0).abs() < 0.015,
+            "{}: {found}, not {truth}",
+            tracks[0].name
+        );
+    }
+}
+
+/// Truth: in a closed room whose walls emit 1 and reflect ρ, indirect light is ρ²/(1 − ρ) everywhere. Unclamped, for the
+/// clamp takes light: virtual lights near a pixel's corner are worth more than 1 %. The noise left by 30,000 lights over
+/// 256 pixels is dominated by those near the walls that are seen: 3 %.
+#[test]
+fn virtual_lights_fill_a_closed_furnace() {
+    for albedo in [0.5f32, 0.9] {
+        let scene = traced(vec![room(0)], vec![matt(albedo, 1.0)]);
+        let view = camera(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.1, -0.4), 60.0);
+        let settings = PointSettings {
+            area_samples: Some(4000),
+            vpls: 30_000,
+            clamp: f32::INFINITY,
+            ..PointSettings::default()
+        };
+        let tracks = [light(
+            "walls",
+            LightKind::Emissive {
+                material: None,
+                scale: constant(Vec3::ONE),
+            },
+        )];
+        let layers = rendered(&scene, &tracks, &view, &settings);
+        let rho = f64::from(albedo);
+        let found = mean(&layers, "indirect") / (rho * rho / (1.0 - rho));
+        assert!((found - 1.0).abs() < 0.03, "{albedo}: {found}");
+        let beauty = mean(&layers, "beauty") * (1.0 - rho);
+        assert!((beauty - 1.0).abs() < 0.03, "{albedo}: {beauty}");
+    }
+}
+
+/// Truth: the path tracer, with a blended plate in the way of the light, and a small light that lies in the ceiling.
+#[test]
+fn virtual_lights_give_the_indirect_light_of_a_path_tracer() {
+    let blind = Material {
+        base_color: glam::Vec4::new(0.8, 0.6, 0.4, 0.4),
+        alpha_mode: AlphaMode::Blend,
+        double_sided: true,
+        ..matt(0.8, 0.0)
+    };
+    let scene = traced(vec![room(0), level(0.5, 0.3, 1)], vec![matt(0.6, 0.0), blind]);
+    let panel = LightKind::Rect {
+        center: constant(Vec3::new(0.2, 1.0, 0.0)),
+        edge_u: constant(Vec3::X * 0.6),
+        edge_v: constant(Vec3::Z * 0.6),
+        radiance: constant(Vec3::new(9.0, 6.0, 3.0)),
+    };
+    let view = camera(Vec3::new(0.1, -0.2, 0.9), Vec3::new(0.0, -0.5, -1.0), 60.0);
+    for track in [
+        light("panel", panel),
+        spot_inside(),
+        light(
+            "bulb",
+            LightKind::Sphere {
+                center: constant(Vec3::new(0.4, 0.6, 0.1)),
+                radius: constant(0.2),
+                radiance: constant(Vec3::ONE),
+            },
+        ),
+    ] {
+        let tracks = [track];
+        let settings = PointSettings {
+            area_samples: Some(1000),
+            vpls: 30_000,
+            clamp: f32::INFINITY,
+            ..PointSettings::default()
+        };
+        let found = rendered(&scene, &tracks, &view, &settings);
+        let truth = path_traced(&scene, &tracks, &view, 512);
+        // A single light through the blind is a coin toss for each sample: 16,384 of them are within 0.6 %.
+        let none = PointSettings { vpls: 0, ..settings };
+        let direct = rendered_with(&scene, &tracks, &view, &none, 64);
+        for (layer, found) in [("direct", &direct), ("indirect", &found)] {
+            let (found, truth) = (mean(found, layer), mean(&truth, layer));
+            assert!(
+                (found / truth - 1.0).abs() < 0.03,
+                "{} {layer}: {found}, not {truth}",
+                tracks[0].name
+            );
+        }
+    }
+}
+
+fn spot_inside() -> LightTrack {
+    let kind = LightKind::Spot {
+        position: constant(Vec3::new(0.2, 0.9, 0.1)),
+        direction: constant(Vec3::new(0.1, -1.0, 0.2)),
+        inner_angle_deg: constant(15.0),
+        outer_angle_deg: constant(60.0),
+        intensity: constant(Vec3::new(3.0, 4.0, 5.0)),
+    };
+    light("spot", kind)
+}
+
+#[test]
+fn as_many_virtual_lights_are_stored_as_were_asked_for() {
+    for scene in [traced(vec![room(0)], vec![matt(0.5, 0.0)]), stage()] {
+        for vpls in [1, 100, 20_000] {
+            let settings = PointSettings {
+                vpls,
+                ..PointSettings::default()
+            };
+            let points = points_of(&scene, &[bulb(Vec3::new(0.1, 0.6, 0.3), 1.0)], &settings);
+            assert_eq!((points.direct, points.len()), (1, vpls as usize + 1));
+        }
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_points_on_any_number_of_threads() {
+    let settings = PointSettings {
+        area_samples: Some(100),
+        vpls: 1000,
+        ..PointSettings::default()
+    };
+    let tracks = [panel(), globe(), glow(), day()];
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| points_of(&stage(), &tracks, &settings).lights)
+    };
+    let first = on(1);
+    assert_eq!(first, on(3));
+    let other = PointSettings { seed: 1, ..settings };
+    assert_ne!(first, points_of(&stage(), &tracks, &other).lights);
+}
+
+/// Truth: what virtual lights may have at most, by hand: 1 % of all the light there.
+#[test]
+fn no_virtual_light_gives_more_than_its_share() {
+    let c = Vec3::new(2.0, 1.0, 0.5);
+    let limit = clamp_limit(Vec3::new(40.0, 100.0, 7.0), 0.01);
+    assert_eq!(clamped(c, limit), Vec3::new(1.0, 0.5, 0.25));
+    assert_eq!(clamped(c * 0.4, limit), c * 0.4);
+    assert_eq!(clamped(c, f32::INFINITY), c);
+    // One light alone, of all the light there is, keeps a hundredth.
+    let scene = traced(vec![room(0)], vec![matt(0.5, 0.0)]);
+    let view = camera(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.1, -0.4), 60.0);
+    let tracks = [bulb(Vec3::ZERO, 1.0)];
+    let settings = |clamp| PointSettings {
+        vpls: 1,
+        clamp,
+        ..PointSettings::default()
+    };
+    let free = rendered(&scene, &tracks, &view, &settings(f32::INFINITY));
+    let held = rendered(&scene, &tracks, &view, &settings(0.01));
+    let [free, held, direct] = [(&free, "indirect"), (&held, "indirect"), (&held, "direct")]
+        .map(|(layers, name)| layers.layer(name).unwrap().data.clone());
+    for ((free, held), direct) in free.iter().zip(&held).zip(&direct) {
+        let limit = 0.01 * (free + direct);
+        assert!(
+            (held - free.min(limit)).abs() <= 1e-6 * limit,
+            "{held}: {free} with {direct}"
+        );
+    }
+}
+
+#[test]
+fn extreme_lights_give_finite_and_right_images() {
+    let scene = traced(vec![room(0)], vec![matt(0.5, 0.0)]);
+    let view = camera(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.1, -0.4), 60.0);
+    let settings = PointSettings {
+        vpls: 200,
+        ..PointSettings::default()
+    };
+    let render = |tracks: &[LightTrack]| rendered(&scene, tracks, &view, &settings);
+    let finite = |layers: &Layers| {
+        assert!(layers.layers.iter().all(|l| {
+            l.data
+                .iter()
+                .all(|v| v.is_finite() && (*v >= 0.0 || l.name == "normal"))
+        }));
+    };
+    // None, and one that is dark.
+    for tracks in [vec![], vec![bulb(Vec3::ZERO, 0.0)]] {
+        let layers = render(&tracks);
+        finite(&layers);
+        assert_eq!(mean(&layers, "beauty"), 0.0);
+    }
+    // One; and a thousand in one place, which are a thousand times as bright.
+    let one = render(&[bulb(Vec3::new(0.2, 0.1, 0.0), 1.0)]);
+    let many: Vec<LightTrack> = (0..1000).map(|_| bulb(Vec3::new(0.2, 0.1, 0.0), 1.0)).collect();
+    let many = render(&many);
+    finite(&many);
+    assert!((mean(&many, "direct") / mean(&one, "direct") / 1000.0 - 1.0).abs() < 1e-5);
+    assert!(mean(&one, "indirect") > 0.0 && mean(&many, "indirect") > 0.0);
+    // In a wall, where nothing but the wall itself is met: seen from inside or not at all, but finite.
+    finite(&render(&[bulb(Vec3::new(1.0, 0.1, 0.0), 1.0)]));
+    // Behind the wall.
+    assert_eq!(
+        mean(&render(&[bulb(Vec3::new(1.5, 0.1, 0.0), 1.0)]), "beauty"),
+        0.0
+    );
+    // Of all strengths at once: the strongest is all that counts.
+    let place = Vec3::new(0.2, 0.1, 0.0);
+    let mixed = render(&[
+        bulb(Vec3::Y * 0.5, 0.0),
+        bulb(Vec3::X * 0.5, 1e-20),
+        bulb(place, 1e20),
+        bulb(Vec3::ZERO, 1.0),
+    ]);
+    finite(&mixed);
+    assert!((mean(&mixed, "direct") / mean(&one, "direct") / 1e20 - 1.0).abs() < 1e-5);
+    let faint = render(&[bulb(place, 1e-20)]);
+    assert!((mean(&faint, "direct") / mean(&one, "direct") / 1e-20 - 1.0).abs() < 1e-4);
+    assert!((mean(&faint, "indirect") / mean(&one, "indirect") / 1e-20 - 1.0).abs() < 1e-4);
+    // The middle of a large sphere sees nothing of it, as the lights' own samples have it.
+    let around = LightKind::Sphere {
+        center: constant(Vec3::ZERO),
+        radius: constant(0.9),
+        radiance: constant(Vec3::ONE),
+    };
+    finite(&render(&[light("around", around)]));
+}
