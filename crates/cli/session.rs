@@ -3,6 +3,7 @@
 use crate::choice::ByCuts;
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::lightcuts;
 use crate::play::{Integrator, LayerName, PlayArgs};
 use crate::signals;
 use crate::words;
@@ -89,7 +90,9 @@ impl Session<'_> {
     pub fn render(&mut self, frame: u32, camera: &Camera, console: &Console) -> Result<Rendered, Failure> {
         match self.integrator {
             Integrator::Transfer | Integrator::Cuts | Integrator::Auto => self.relit(frame, camera, console),
-            Integrator::Brute | Integrator::Path => self.reference(&self.rig.at(frame.into()), camera),
+            Integrator::Brute | Integrator::Lightcuts | Integrator::Path => {
+                self.reference(&self.rig.at(frame.into()), camera)
+            }
         }
     }
 
@@ -111,7 +114,11 @@ impl Session<'_> {
         let light_layers = self.wants(LayerName::Lights);
         let seed = self.seed;
         let mut times = Map::new();
-        let layers = if self.integrator == Integrator::Brute && self.args.points.given() {
+        let layers = if self.integrator == Integrator::Lightcuts {
+            let options = (&self.args.lightcuts, &self.args.points);
+            let image = (self.args.spp, seed, light_layers);
+            lightcuts::render(scene, lights, camera, size, options, image, &watch, &mut times)
+        } else if self.integrator == Integrator::Brute && self.args.points.given() {
             let points = self.args.points.points(scene, lights, seed, &mut times);
             let settings = PointsSettings {
                 spp: self.args.spp.unwrap_or(BruteSettings::default().spp),

@@ -9,8 +9,7 @@
 //! source has its own; the error is relative to all light together.
 //!
 //! Mirrors (metals of roughness up to 0.01) are followed by a ray of their own, as the paper does with delta BRDFs. The
-//! scene model has no glass. Deviations: errors and totals are compared in the largest channel; nodes whose bound is zero
-//! are left out of the cut (the paper counts them).
+//! scene model has no glass. Deviation: errors and totals are compared in the largest channel.
 
 mod blocks;
 pub(crate) mod cut;
@@ -46,6 +45,9 @@ pub struct LightcutSettings {
     pub spp: u32,
     /// Most error of a cut's node, as a share of the light at the point. The paper: 2 % is not visible.
     pub error_ratio: f32,
+    /// Most change that a node's parents make expect, in units of `error_ratio`; infinite as in the paper, which minds
+    /// the bounds alone.
+    pub doubt: f32,
     /// Most nodes of a cut: reached in the dark only, where errors are not visible (section 3).
     pub max_nodes: usize,
     /// Images with different seeds are independent.
@@ -60,6 +62,7 @@ impl Default for LightcutSettings {
         LightcutSettings {
             spp: 4,
             error_ratio: 0.02,
+            doubt: 0.05,
             max_nodes: 1000,
             seed: 0,
             light_layers: false,
@@ -116,6 +119,7 @@ pub fn render(
         points,
         clusters,
         error_ratio: settings.error_ratio,
+        doubt: settings.doubt,
         max_nodes: settings.max_nodes.max(1),
     };
     let sums_of = Counters::default();

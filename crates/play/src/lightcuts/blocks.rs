@@ -72,6 +72,7 @@ pub fn render(
             points,
             clusters,
             error_ratio: settings.error_ratio,
+            doubt: settings.doubt,
             max_nodes: settings.max_nodes.max(1),
         },
         lights,

@@ -62,6 +62,7 @@ pub(crate) struct Lit<'a> {
     pub points: &'a PointLights,
     pub clusters: &'a LightClusters,
     pub error_ratio: f32,
+    pub doubt: f32,
     pub max_nodes: usize,
 }
 
@@ -117,8 +118,10 @@ impl Lit<'_> {
 /// A node of a cut.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CutNode {
-    /// Upper bound of the error in the largest channel; 0 of single lights.
+    /// Upper bound of the error in the largest channel, or the doubt by as much as it counts more; 0 of single lights.
     pub error: f32,
+    /// What the error may really be (see [`Cut::choose`]).
+    doubt: f32,
     pub node: u32,
     /// Place among the roots.
     pub root: u32,
@@ -155,6 +158,10 @@ pub(crate) struct Slot {
     pub children: u32,
 }
 
+/// What is left of the doubt about a node for its children, at least: less than the half that their light is, so that a
+/// disagreement long ago is forgotten.
+const FORGOTTEN: f32 = 3.0;
+
 /// A cut and the buffers it is made in, to be used again and again.
 #[derive(Default)]
 pub(crate) struct Cut {
@@ -163,6 +170,7 @@ pub(crate) struct Cut {
     leaves: Vec<CutNode>,
     /// Unclamped sum of all estimates.
     pub total: DVec3,
+    size: usize,
     /// All nodes on and above the cut, if `keep`.
     pub slots: Vec<Slot>,
     /// Whether slots are kept.
@@ -171,19 +179,27 @@ pub(crate) struct Cut {
 
 impl Cut {
     /// Refines from the roots until every node's error bound is at most the error ratio times the total, or the cut has
-    /// too many nodes. Nodes that can send nothing are left out of it.
+    /// too many nodes.
+    ///
+    /// Deviation: the paper counts on errors of clusters that are independent and mostly far below their bounds. Where
+    /// shadows' edges cross many clusters they are not, and a sixth of an interior's pixels erred by over 2 %. What a
+    /// refinement changed says how far the estimate was off: half of that is the doubt about each of the two children,
+    /// or a third of the doubt about their parent. A node is also refined if its doubt exceeds `doubt` times the error
+    /// ratio.
     pub fn choose(&mut self, lit: &Lit<'_>, receiver: &Receiver<'_>, shadow_rays: &mut u64) {
         self.heap.clear();
         self.leaves.clear();
         self.slots.clear();
         self.total = DVec3::ZERO;
+        self.size = lit.clusters.roots.len();
         for (root, start) in lit.clusters.roots.iter().enumerate() {
-            self.add(lit, receiver, start.node, root as u32, None, shadow_rays);
+            let node = self.look(lit, receiver, start.node, root as u32, None, shadow_rays);
+            self.put(lit, node);
         }
         let mut largest = self.total.max_element();
         while let Some(&top) = self.heap.peek() {
-            let total = self.total.max_element();
-            if f64::from(top.error) <= f64::from(lit.error_ratio) * total || self.len() >= lit.max_nodes {
+            let allowed = f64::from(lit.error_ratio) * self.total.max_element();
+            if f64::from(top.error) <= allowed || self.len() >= lit.max_nodes {
                 break;
             }
             self.heap.pop();
@@ -191,15 +207,28 @@ impl Cut {
             let Some(children) = lit.clusters.children(top.node) else {
                 continue;
             };
+            self.size += 1;
             if self.keep {
                 self.slots[top.slot as usize].children = self.slots.len() as u32;
             }
             let representative = lit.clusters.nodes[top.node as usize].representative;
-            for child in children {
+            let [mut a, mut b] = children.map(|child| {
                 let shared = lit.clusters.nodes[child as usize].representative == representative;
                 let known = shared.then_some(top.term);
-                self.add(lit, receiver, child, top.root, known, shadow_rays);
+                self.look(lit, receiver, child, top.root, known, shadow_rays)
+            });
+            let before = lit.estimate(top.node, top.term);
+            let after = lit.estimate(a.node, a.term) + lit.estimate(b.node, b.term);
+            let changed = (after - before).abs().max_element();
+            let doubt = (0.5 * changed).max(top.doubt / FORGOTTEN);
+            for child in [&mut a, &mut b] {
+                if child.error > 0.0 {
+                    child.doubt = doubt;
+                    child.error = child.error.max(doubt / lit.doubt);
+                }
             }
+            self.put(lit, a);
+            self.put(lit, b);
             let total = self.total.max_element();
             largest = largest.max(total);
             // Where a bright estimate has gone, its rounding is left: 1e-16 of it must not pass for light.
@@ -217,7 +246,8 @@ impl Cut {
             .sum();
     }
 
-    fn add(
+    /// A node's estimate and bound; `known` is its representative's term.
+    fn look(
         &mut self,
         lit: &Lit<'_>,
         receiver: &Receiver<'_>,
@@ -225,47 +255,51 @@ impl Cut {
         root: u32,
         known: Option<Vec3>,
         shadow_rays: &mut u64,
-    ) {
+    ) -> CutNode {
         let slot = self.slots.len() as u32;
         if self.keep {
             self.slots.push(Slot { node, children: 0 });
         }
         let leaf = lit.clusters.children(node).is_none();
-        let bound = if leaf {
+        let error = if leaf {
             0.0
         } else {
             receiver.node_bound(lit.clusters, node)
         };
-        if !leaf && bound <= 0.0 {
-            return;
-        }
-        let representative = lit.clusters.nodes[node as usize].representative;
-        let term = known.unwrap_or_else(|| lit.term(representative, receiver, shadow_rays));
-        let entry = CutNode {
-            error: bound,
+        // What can send nothing needs no ray.
+        let term = if !leaf && error <= 0.0 {
+            Vec3::ZERO
+        } else {
+            let representative = lit.clusters.nodes[node as usize].representative;
+            known.unwrap_or_else(|| lit.term(representative, receiver, shadow_rays))
+        };
+        CutNode {
+            error,
+            doubt: 0.0,
             node,
             root,
             slot,
             term,
-        };
-        self.total += lit.estimate(node, term).as_dvec3();
-        if leaf {
-            if term != Vec3::ZERO {
-                self.leaves.push(entry);
-            }
-        } else {
-            self.heap.push(entry);
         }
     }
 
-    /// Nodes of the cut, but for those that can send nothing and single lights that don't.
+    fn put(&mut self, lit: &Lit<'_>, node: CutNode) {
+        self.total += lit.estimate(node.node, node.term).as_dvec3();
+        if node.error > 0.0 {
+            self.heap.push(node);
+        } else if node.term != Vec3::ZERO {
+            self.leaves.push(node);
+        }
+    }
+
+    /// Nodes of the cut that may send something.
     pub fn nodes(&self) -> impl Iterator<Item = &CutNode> {
         self.leaves.iter().chain(self.heap.iter())
     }
 
-    /// Number of [`Cut::nodes`].
+    /// Size of the cut, with nodes that can send nothing.
     pub fn len(&self) -> usize {
-        self.leaves.len() + self.heap.len()
+        self.size
     }
 
     /// Calls `visit(root, radiance)` with the light of all nodes; virtual lights that stand alone are clamped.
