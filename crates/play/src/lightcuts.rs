@@ -62,7 +62,7 @@ impl Default for LightcutSettings {
         LightcutSettings {
             spp: 4,
             error_ratio: 0.02,
-            doubt: 0.05,
+            doubt: 0.07,
             max_nodes: 1000,
             seed: 0,
             light_layers: false,
