@@ -6,7 +6,7 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames;
 use crate::lightcuts::LightcutArgs;
-use crate::many_lights::PointArgs;
+use crate::many_lights::{PixelcutsArgs, PointArgs};
 use crate::output;
 use crate::play::{self, Integrator, LayerName, PlayArgs};
 use crate::words;
@@ -145,6 +145,7 @@ fn play_args(asset: &Path, data: &Path, folder: &Path, name: &str) -> Result<Pla
         max_bounces: None,
         points: PointArgs::default(),
         lightcuts: LightcutArgs::default(),
+        pixelcuts: PixelcutsArgs::default(),
         json: false,
     })
 }

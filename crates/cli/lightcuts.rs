@@ -80,6 +80,7 @@ pub fn render(
         },
         seed,
         light_layers,
+        ..LightcutSettings::default()
     };
     let pixels = (size.width * size.height) as f64;
     let mut per_pixel = |name: &str, count: u64| {

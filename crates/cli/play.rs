@@ -5,7 +5,7 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, FrameRange, Pattern};
 use crate::lightcuts::LightcutArgs;
-use crate::many_lights::PointArgs;
+use crate::many_lights::{self, PixelcutsArgs, PointArgs};
 use crate::output::{self, SCHEMA};
 use crate::session::{Session, milliseconds};
 use crate::signals;
@@ -35,7 +35,8 @@ reconstruct, resolve, write} in milliseconds (brute and path: {frame, total, ren
 is done once: load, expose, weigh (with a moving camera expose and weigh are in the frames). Over lights without
 extent a frame also has points (milliseconds), lights, virtual_lights and shadow_rays_per_pixel; with lightcuts also
 tree and light (milliseconds), tree_bytes, nodes_per_pixel, limited_cuts_per_pixel (with --reconstruction on
-eye_rays_per_pixel, samples_per_pixel, shadow_rays_per_reconstruction_cut). With --materials a
+eye_rays_per_pixel, samples_per_pixel, shadow_rays_per_reconstruction_cut); with pixelcuts also
+nodes_per_pixel, exact_lights, and in milliseconds eye, exact, estimate, trees, cuts, scatter, shade and resolve. With --materials a
 frame also has edit, the milliseconds of evaluating changed materials again.
 
 Models and parameters for --materials: metallic_roughness (metallic, roughness, metallic_roughness_texture),
@@ -59,7 +60,8 @@ pub struct PlayArgs {
     /// How to make light: transfer (the asset's operators), cuts (as the asset's visibility cuts were baked: direct
     /// light of environments, or one bounce of indirect light; other direct light by shadow rays), brute (every light
     /// with its own shadow rays; direct light only, or, with --area-samples or --vpls, all light of these points), lightcuts
-    /// (the same with a bounded error, by clusters of lights: for hundreds of lights and more), path (a path tracer, the reference), or auto (cuts where the asset
+    /// (the same points with a bounded error, by clusters of lights), pixelcuts (the same points, each sent to clusters of
+    /// pixels: fast and without sharp shadows of many lights), path (a path tracer, the reference), or auto (cuts where the asset
     /// has them: environments, or the first bounce at surfaces that are not matt; transfer for other indirect light;
     /// path without points).
     #[arg(long, value_enum, default_value_t = Integrator::Auto)]
@@ -90,7 +92,7 @@ pub struct PlayArgs {
     /// cuts.
     #[arg(long, value_name = "N", default_value_t = ILLUMINATION_CUT, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub illumination_cut: u32,
-    /// Samples per pixel [default: transfer 16, with a moving camera 1; brute 16; lightcuts 4, with reconstruction 5 to 50; path 64].
+    /// Samples per pixel [default: transfer 16, with a moving camera 1; brute 16; lightcuts 4, with reconstruction 5 to 50; pixelcuts 1; path 64].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub spp: Option<u32>,
     /// Most reflections of a path (path only) [default: no limit].
@@ -102,6 +104,9 @@ pub struct PlayArgs {
     /// Clusters of lights.
     #[command(flatten)]
     pub lightcuts: LightcutArgs,
+    /// Pixelcuts.
+    #[command(flatten)]
+    pub pixelcuts: PixelcutsArgs,
     /// Print one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
@@ -120,6 +125,8 @@ pub enum Integrator {
     Brute,
     /// Clusters of lights.
     Lightcuts,
+    /// Points that stand for all lights, each sent to clusters of pixels.
+    Pixelcuts,
     /// The path tracer.
     Path,
 }
@@ -191,7 +198,7 @@ pub fn play(
     let given = args.lights.as_deref().map(read_sequence).transpose()?;
     let with_operators = !matches!(
         args.integrator,
-        Integrator::Brute | Integrator::Lightcuts | Integrator::Path
+        Integrator::Brute | Integrator::Lightcuts | Integrator::Pixelcuts | Integrator::Path
     );
     let mut loaded = load(&args.asset, with_operators)?;
     signals::go_on()?;
@@ -337,11 +344,7 @@ fn integrator(args: &PlayArgs, loaded: &Loaded) -> Result<Integrator, Failure> {
                 .into(),
         ));
     }
-    if args.points.given() && !matches!(integrator, Integrator::Brute | Integrator::Lightcuts) {
-        return Err(Failure::Usage(
-            "--area-samples and --vpls belong to --integrator brute and lightcuts".into(),
-        ));
-    }
+    many_lights::check(integrator, &args.points, &args.pixelcuts)?;
     Ok(integrator)
 }
 

@@ -4,6 +4,7 @@ use crate::choice::ByCuts;
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::lightcuts;
+use crate::many_lights::insert_pixelcuts;
 use crate::play::{Integrator, LayerName, PlayArgs};
 use crate::signals;
 use crate::words;
@@ -14,6 +15,7 @@ use relight_play::frame::{Distant, FrameTimes, LightingSettings, Lit};
 use relight_play::layers::{RenderSize, Watch};
 use relight_play::load::Loaded;
 use relight_play::path::{self, PathSettings};
+use relight_play::pixelcuts;
 use relight_play::shot::{Shot, expose};
 use relight_play::views;
 use relight_scene::camera::Camera;
@@ -90,7 +92,7 @@ impl Session<'_> {
     pub fn render(&mut self, frame: u32, camera: &Camera, console: &Console) -> Result<Rendered, Failure> {
         match self.integrator {
             Integrator::Transfer | Integrator::Cuts | Integrator::Auto => self.relit(frame, camera, console),
-            Integrator::Brute | Integrator::Lightcuts | Integrator::Path => {
+            Integrator::Brute | Integrator::Lightcuts | Integrator::Pixelcuts | Integrator::Path => {
                 self.reference(&self.rig.at(frame.into()), camera)
             }
         }
@@ -118,6 +120,15 @@ impl Session<'_> {
             let options = (&self.args.lightcuts, &self.args.points);
             let image = (self.args.spp, seed, light_layers);
             lightcuts::render(scene, lights, camera, size, options, image, &watch, &mut times)
+        } else if self.integrator == Integrator::Pixelcuts {
+            let points = self.args.points.points(scene, lights, seed, &mut times);
+            let settings = self.args.pixelcuts.settings(self.args.spp, seed, light_layers);
+            pixelcuts::render(scene, lights, &points, camera, size, &settings, &watch).map(
+                |(layers, stats)| {
+                    insert_pixelcuts(&mut times, &stats, size.width * size.height);
+                    layers
+                },
+            )
         } else if self.integrator == Integrator::Brute && self.args.points.given() {
             let points = self.args.points.points(scene, lights, seed, &mut times);
             let settings = PointsSettings {

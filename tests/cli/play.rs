@@ -161,6 +161,48 @@ fn layers_add_up_and_every_integrator_writes_the_same_ones() {
     }
 }
 
+/// Truth: `brute` over the same points; and what the JSON says of both.
+#[test]
+fn pixelcuts_and_brute_force_light_by_the_same_points() {
+    let folder = folder();
+    let mut frames = Vec::new();
+    for integrator in ["brute", "pixelcuts"] {
+        let frame = folder.path().join(format!("{integrator}.exr"));
+        let output = play(&frame)
+            .args(["--integrator", integrator, "--spp", "1", "--float", "--json"])
+            .args(["--area-samples", "20", "--vpls", "100"])
+            .args(["--layers", "beauty,emission,direct,indirect,lights"])
+            .assert()
+            .success()
+            .get_output()
+            .clone();
+        let printed = json(&output.stdout);
+        let times = &printed["frames"][0];
+        assert_eq!(
+            (times["lights"].as_u64(), times["virtual_lights"].as_u64()),
+            (Some(120), Some(100))
+        );
+        assert!(times["shadow_rays_per_pixel"].as_f64().unwrap() > 0.0);
+        assert_eq!(times["nodes_per_pixel"].is_number(), integrator == "pixelcuts");
+        frames.push(layers(&frame));
+    }
+    // The twenty are bright enough to get shadow rays at every pixel: the sums differ by rounding.
+    for name in ["emission", "direct"] {
+        let [brute, cuts] = [0, 1].map(|i| frames[i].rgb(name).unwrap().pixels);
+        for (a, b) in brute.iter().flatten().zip(cuts.iter().flatten()) {
+            assert!((a - b).abs() <= 1e-5 * a, "{name}: {b}, not {a}");
+        }
+    }
+    let [brute, cuts] = [0, 1].map(|i| frames[i].rgb("indirect").unwrap());
+    let sum = |image: &FloatImage| image.pixels.iter().flatten().map(|v| f64::from(*v)).sum::<f64>();
+    assert!((sum(&cuts) / sum(&brute) - 1.0).abs() < 0.05);
+    let text = complaint(play(&folder.path().join("f.exr")).args(["--vpls", "2"]), 2);
+    assert!(
+        text.contains("--integrator brute, lightcuts and pixelcuts"),
+        "{text}"
+    );
+}
+
 fn one_light(folder: &Path, name: &str, lights: &[([f32; 3], f32)]) -> FloatImage {
     let lights: Vec<String> = lights
         .iter()

@@ -3,7 +3,7 @@
 //! The way of the light: direct [`lighting`] of points and pixels, [`transfer`] of what the points reflect to
 //! all others, [`reconstruct`]ion at the fragments of a [`shot`]; [`frame`] runs them in order. Beside it stand
 //! the references: [`path`] traces paths, [`brute`] casts a shadow ray per light; [`many_lights`]
-//! makes points of all lights. [`edited`] changes materials.
+//! makes points of all lights, and [`pixelcuts`] sends their light to clusters of pixels. [`edited`] changes materials.
 #![forbid(unsafe_code)]
 
 pub mod brute;
@@ -18,6 +18,7 @@ pub mod lighting;
 pub mod load;
 pub mod many_lights;
 pub mod path;
+pub mod pixelcuts;
 pub mod reconstruct;
 pub mod sampler;
 pub mod shot;

@@ -57,7 +57,7 @@ pub struct LightcutSettings {
 }
 
 impl Default for LightcutSettings {
-    /// The paper's.
+    /// The paper's, but for the doubt: docs/lightcuts.md has what other values cost and give.
     fn default() -> Self {
         LightcutSettings {
             spp: 4,

@@ -14,7 +14,7 @@ mod distant;
 mod virtual_lights;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use crate::direct::reflected;
 use glam::Vec3;

@@ -14,6 +14,8 @@ pub mod light_bounds;
 pub mod light_clusters;
 pub mod light_tree;
 pub mod links;
+pub mod pixel_scatter;
+pub mod pixel_tree;
 pub mod point_light;
 pub mod poisson;
 pub mod pyramid;

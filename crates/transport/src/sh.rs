@@ -80,16 +80,20 @@ pub fn dot(a: &Coefficients, b: &Coefficients) -> f32 {
 /// ∫ L max(0, n·ω) dω, exactly so for radiance of these degrees.
 #[inline]
 pub fn irradiance(radiance: &Coefficients, normal: Vec3) -> f32 {
+    dot(radiance, &irradiance_factors(normal))
+}
+
+/// What coefficients of incident radiance are multiplied with to give the irradiance of a surface with unit normal
+/// `normal`: the clamped cosine's own coefficients.
+#[inline]
+pub fn irradiance_factors(normal: Vec3) -> Coefficients {
     // The clamped cosine's coefficients per degree; its degree 3 vanishes.
     const COSINE: [f32; MAX_DEGREE + 1] = [PI, 2.0 * PI / 3.0, PI / 4.0, 0.0];
-    let y = evaluate(normal);
-    let mut sum = 0.0;
+    let mut y = evaluate(normal);
     for (l, factor) in COSINE.iter().enumerate() {
-        for i in l * l..count(l) {
-            sum += factor * radiance[i] * y[i];
-        }
+        y[l * l..count(l)].iter_mut().for_each(|y| *y *= factor);
     }
-    sum
+    y
 }
 
 #[cfg(test)]

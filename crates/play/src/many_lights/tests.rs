@@ -18,11 +18,11 @@ use relight_transport::random::Stream;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-fn constant<T>(value: T) -> Animated<T> {
+pub(crate) fn constant<T>(value: T) -> Animated<T> {
     Animated::Constant(value)
 }
 
-fn matt(albedo: f32, emission: f32) -> Material {
+pub(crate) fn matt(albedo: f32, emission: f32) -> Material {
     Material {
         name: "matt".into(),
         base_color: Vec3::splat(albedo).extend(1.0),
@@ -32,7 +32,7 @@ fn matt(albedo: f32, emission: f32) -> Material {
     }
 }
 
-fn quad(corners: [Vec3; 4], material: u32) -> Mesh {
+pub(crate) fn quad(corners: [Vec3; 4], material: u32) -> Mesh {
     Mesh {
         positions: corners.to_vec(),
         triangles: vec![[0, 1, 2], [0, 2, 3]],
@@ -41,7 +41,7 @@ fn quad(corners: [Vec3; 4], material: u32) -> Mesh {
     }
 }
 
-fn level(half: f32, height: f32, material: u32) -> Mesh {
+pub(crate) fn level(half: f32, height: f32, material: u32) -> Mesh {
     let corner = |x: f32, z: f32| Vec3::new(x * half, height, z * half);
     quad(
         [
@@ -55,7 +55,7 @@ fn level(half: f32, height: f32, material: u32) -> Mesh {
 }
 
 /// The box from −1 to 1, fronts inwards.
-fn room(material: u32) -> Mesh {
+pub(crate) fn room(material: u32) -> Mesh {
     let positions: Vec<Vec3> = (0..8)
         .map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - 1.0)
         .collect();
@@ -82,7 +82,7 @@ fn room(material: u32) -> Mesh {
     }
 }
 
-fn traced(meshes: Vec<Mesh>, materials: Vec<Material>) -> TracedScene {
+pub(crate) fn traced(meshes: Vec<Mesh>, materials: Vec<Material>) -> TracedScene {
     let instances = (0..meshes.len() as u32)
         .map(|mesh| Instance {
             mesh,
@@ -106,7 +106,7 @@ fn traced(meshes: Vec<Mesh>, materials: Vec<Material>) -> TracedScene {
     TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap()
 }
 
-fn camera(position: Vec3, look_at: Vec3, vfov_deg: f32) -> Camera {
+pub(crate) fn camera(position: Vec3, look_at: Vec3, vfov_deg: f32) -> Camera {
     CameraTrack {
         name: String::new(),
         position: constant(position),
@@ -118,14 +118,14 @@ fn camera(position: Vec3, look_at: Vec3, vfov_deg: f32) -> Camera {
     .at(0.0)
 }
 
-fn light(name: &str, kind: LightKind) -> LightTrack {
+pub(crate) fn light(name: &str, kind: LightKind) -> LightTrack {
     LightTrack {
         name: name.into(),
         kind,
     }
 }
 
-fn bulb(position: Vec3, intensity: f32) -> LightTrack {
+pub(crate) fn bulb(position: Vec3, intensity: f32) -> LightTrack {
     light(
         "bulb",
         LightKind::Point {
@@ -146,7 +146,7 @@ fn spot() -> LightTrack {
     light("spot", kind)
 }
 
-fn sun() -> LightTrack {
+pub(crate) fn sun() -> LightTrack {
     let kind = LightKind::Directional {
         direction: constant(Vec3::new(0.3, -1.0, 0.1)),
         irradiance: constant(Vec3::new(3.0, 2.0, 1.0)),
@@ -154,7 +154,7 @@ fn sun() -> LightTrack {
     light("sun", kind)
 }
 
-fn panel() -> LightTrack {
+pub(crate) fn panel() -> LightTrack {
     let kind = LightKind::Rect {
         center: constant(Vec3::new(0.5, 1.0, 0.0)),
         edge_u: constant(Vec3::X),
@@ -164,7 +164,7 @@ fn panel() -> LightTrack {
     light("panel", kind)
 }
 
-fn globe() -> LightTrack {
+pub(crate) fn globe() -> LightTrack {
     let kind = LightKind::Sphere {
         center: constant(Vec3::new(-0.7, 0.5, 0.3)),
         radius: constant(0.2),
@@ -173,7 +173,7 @@ fn globe() -> LightTrack {
     light("globe", kind)
 }
 
-fn sky() -> LightTrack {
+pub(crate) fn sky() -> LightTrack {
     let pixels =
         (0..32 * 16).map(|i| Vec3::new(0.2, 0.3, 0.5) * if i == 133 { 500.0 } else { 1.0 + (i % 7) as f32 });
     let kind = LightKind::Environment {
@@ -189,7 +189,7 @@ fn sky() -> LightTrack {
     light("sky", kind)
 }
 
-fn day() -> LightTrack {
+pub(crate) fn day() -> LightTrack {
     let kind = LightKind::SunSky {
         turbidity: constant(3.0),
         sun_direction: constant(Vec3::new(0.3, 0.7, 0.2)),
@@ -198,7 +198,7 @@ fn day() -> LightTrack {
     light("day", kind)
 }
 
-fn glow() -> LightTrack {
+pub(crate) fn glow() -> LightTrack {
     light(
         "glow",
         LightKind::Emissive {
@@ -209,7 +209,7 @@ fn glow() -> LightTrack {
 }
 
 /// A floor, and over it a small plate that emits on both sides and lets a quarter of all rays pass.
-fn stage() -> TracedScene {
+pub(crate) fn stage() -> TracedScene {
     let at = |x: f32, z: f32| Vec3::new(x - 0.4, 0.7, z - 0.6);
     let lamp = quad([at(0.0, 0.0), at(0.3, 0.0), at(0.3, 0.3), at(0.0, 0.3)], 1);
     let glass = Material {
@@ -227,7 +227,7 @@ fn points_of(scene: &TracedScene, tracks: &[LightTrack], settings: &PointSetting
     PointLights::new(scene, &lights, settings)
 }
 
-const SIZE: RenderSize = RenderSize {
+pub(crate) const SIZE: RenderSize = RenderSize {
     width: 16,
     height: 16,
 };
@@ -276,7 +276,7 @@ fn path_traced(scene: &TracedScene, tracks: &[LightTrack], view: &Camera, spp: u
     path::render(scene, &lights, view, SIZE, &settings, &watch).unwrap()
 }
 
-fn mean(layers: &Layers, name: &str) -> f64 {
+pub(crate) fn mean(layers: &Layers, name: &str) -> f64 {
     let data = &layers.layer(name).unwrap().data;
     data.iter().map(|&v| f64::from(v)).sum::<f64>() / data.len() as f64
 }
@@ -480,7 +480,7 @@ fn virtual_lights_give_the_indirect_light_of_a_path_tracer() {
     }
 }
 
-fn spot_inside() -> LightTrack {
+pub(crate) fn spot_inside() -> LightTrack {
     let kind = LightKind::Spot {
         position: constant(Vec3::new(0.2, 0.9, 0.1)),
         direction: constant(Vec3::new(0.1, -1.0, 0.2)),

@@ -1,0 +1,300 @@
+//! Pixelcuts: many lights by trees of pixels, each light sending its light to clusters of them.
+//!
+//! Source: Khungurn et al., *Pixelcuts: Scalable Approximate Illumination from Many Point Lights*. Eye rays give the
+//! pixels' points; lights are split at random into ℓ groups with a randomly rotated tree of the points each
+//! ([`relight_transport::pixel_tree`]); for every light a cut of its group's tree is chosen, a shadow ray cast to a random
+//! pixel of each cluster, and what arrives there entered as incident light of the whole cluster
+//! ([`relight_transport::pixel_scatter`]); incident light is filtered ([`filter`]) and reflected ([`shade`]). Bright direct
+//! lights get a shadow ray at every pixel ([`exact`]), the paper's section 4.
+//!
+//! **Deviations.** Clusters of pixels with one normal take irradiance from the exact cosine at the representative, not
+//! from harmonics, which would be off by up to 0.09 of a light's strength near the horizon: so matt, flat surfaces are
+//! exact but for what changes within a cluster. Light that comes from behind the representative is left out, since it
+//! does not reach the surface, and thin ones would be lit from the wrong side. Virtual lights are clamped as in
+//! [`crate::brute`], by the light that a first, coarse pass without the clamp finds at the representative.
+//!
+//! Approximate light changes in steps of clusters: contact shadows and sharp glossy reflections are lost, as the paper
+//! says of itself. Memory: some 700 bytes a point beside 44 bytes a tree node, whatever the number of lights.
+
+mod exact;
+mod filter;
+mod incident;
+mod shade;
+#[cfg(test)]
+mod tests;
+mod view;
+
+use crate::layers::{Cancelled, RenderSize, Watch, render_tiles};
+use crate::many_lights::{PointLights, clamp_limit};
+use crate::path::{eye_ray, see};
+use crate::sampler::Sampler;
+use glam::Vec3;
+use incident::{Gather, Job};
+use relight_scene::camera::Camera;
+use relight_scene::image::Layers;
+use relight_scene::light_set::LightSet;
+use relight_scene::traced::TracedScene;
+use relight_transport::random::mix;
+use relight_transport::sh::MAX_DEGREE;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+use view::View;
+
+/// How to render with pixelcuts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelcutsSettings {
+    /// Eye rays per pixel; each is a pixel of its own to the trees.
+    pub spp: u32,
+    /// Clusters of a light's random cut, k.
+    pub clusters: u32,
+    /// Trees, and groups of lights, ℓ.
+    pub trees: u32,
+    /// Highest degree of the spherical harmonics that incident light is kept in, 0 to 3.
+    pub degree: usize,
+    /// Whether incident light is filtered.
+    pub filter: bool,
+    /// Whether clusters of one normal take irradiance exactly.
+    pub flat: bool,
+    /// Most direct lights that get a shadow ray at every pixel.
+    pub exact: u32,
+    /// Clusters are refined where a light varies by more than this share of the mean incident light.
+    pub threshold: f32,
+    /// Images with different seeds are independent.
+    pub seed: u64,
+    /// Whether to make a layer per light.
+    pub light_layers: bool,
+}
+
+impl Default for PixelcutsSettings {
+    fn default() -> Self {
+        PixelcutsSettings {
+            spp: 1,
+            // Figure 6's caption.
+            clusters: 2048,
+            trees: 16,
+            degree: MAX_DEGREE,
+            filter: true,
+            flat: true,
+            exact: 64,
+            // The paper's number, made relative.
+            threshold: 0.01,
+            seed: 0,
+            light_layers: false,
+        }
+    }
+}
+
+/// Cuts grow by refinement to this many times their random size at most (section 3).
+const REFINED: u32 = 10;
+/// The first pass, which finds what virtual lights are clamped by, has so many times fewer clusters.
+const COARSER: u32 = 8;
+
+/// Milliseconds of the stages of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PixelcutsTimes {
+    /// Eye rays.
+    pub eye: f64,
+    /// Lights that are evaluated at every pixel, and the choice of them.
+    pub exact: f64,
+    /// The coarse pass for the clamp.
+    pub estimate: f64,
+    /// Building trees.
+    pub trees: f64,
+    /// Choosing cuts and casting shadow rays.
+    pub cuts: f64,
+    /// Prefix sums.
+    pub scatter: f64,
+    /// Filtering and reflecting.
+    pub shade: f64,
+    /// Putting pixels together.
+    pub resolve: f64,
+}
+
+/// What rendering a frame took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PixelcutsStats {
+    /// Points that eye rays found.
+    pub points: usize,
+    /// Lights that were evaluated at every pixel.
+    pub exact: usize,
+    /// Shadow rays, those of exact lights included.
+    pub shadow_rays: u64,
+    /// Those of exact lights.
+    pub exact_rays: u64,
+    /// Clusters of all cuts of all lights.
+    pub clusters: u64,
+    /// By stage.
+    pub times: PixelcutsTimes,
+}
+
+/// Light of one kind, of one light or of all: a layer of its own.
+struct Part {
+    virtual_lights: bool,
+    /// Where light layers are wanted.
+    source: Option<u32>,
+    /// Reflected radiance by point of the view.
+    radiance: Vec<Vec3>,
+}
+
+/// Renders an image: what shines directly is the `direct` layer, virtual lights the `indirect` one.
+///
+/// # Errors
+/// [`Cancelled`] if `watch` says so.
+pub fn render(
+    scene: &TracedScene,
+    lights: &LightSet<'_>,
+    points: &PointLights,
+    camera: &Camera,
+    size: RenderSize,
+    settings: &PixelcutsSettings,
+    watch: &Watch<'_>,
+) -> Result<(Layers, PixelcutsStats), Cancelled> {
+    let mut stats = PixelcutsStats::default();
+    let mut clock = Instant::now();
+    let view = View::new(scene, camera, size, settings.spp.max(1), settings.seed);
+    stats.points = view.points.len();
+    lap(&mut clock, &mut stats.times.eye);
+
+    let (mean, exact_lights) = exact::choose(points, &view, settings.exact);
+    let mut parts = parts(points, settings.light_layers, view.points.len());
+    stats.exact = exact_lights.len();
+    stats.exact_rays = exact::evaluate(scene, points, &view, &exact_lights, &mut parts);
+    lap(&mut clock, &mut stats.times.exact);
+
+    let mut exactly = vec![false; points.len()];
+    exact_lights.iter().for_each(|&i| exactly[i as usize] = true);
+    let approximate: Vec<u32> = (0..points.len() as u32)
+        .filter(|&i| !exactly[i as usize])
+        .collect();
+    let mut gather = Gather {
+        scene,
+        points,
+        view: &view,
+        mean,
+        degree: settings.degree.min(MAX_DEGREE),
+        flat: settings.flat,
+        limits: Vec::new(),
+        seed: settings.seed,
+        watch,
+    };
+    let clamps = points.direct < points.len() && points.clamp.is_finite();
+    if clamps && !approximate.is_empty() && mean > 0.0 {
+        let job = Job {
+            clusters: (settings.clusters / COARSER).max(1),
+            trees: 1,
+            // Nothing exceeds it: no refinement.
+            threshold: 1.0,
+            coarse: true,
+        };
+        let incident = gather.incident(&job, &approximate, &[|_: u32| true], &mut stats)?;
+        let mut total: Vec<Vec3> = vec![Vec3::ZERO; view.points.len()];
+        for part in &parts {
+            total.iter_mut().zip(&part.radiance).for_each(|(t, r)| *t += *r);
+        }
+        let reflected = shade::reflected(&view, &incident[0], gather.degree, settings.filter);
+        total.iter_mut().zip(reflected).for_each(|(t, r)| *t += r);
+        gather.limits = total.into_iter().map(|t| clamp_limit(t, points.clamp)).collect();
+        stats.shadow_rays = 0;
+        stats.clusters = 0;
+        stats.times = PixelcutsTimes {
+            eye: stats.times.eye,
+            exact: stats.times.exact,
+            ..PixelcutsTimes::default()
+        };
+        lap(&mut clock, &mut stats.times.estimate);
+    }
+
+    if !approximate.is_empty() && mean > 0.0 {
+        let job = Job {
+            clusters: settings.clusters.max(1),
+            trees: settings.trees.max(1),
+            threshold: settings.threshold,
+            coarse: false,
+        };
+        let belongs: Vec<_> = parts
+            .iter()
+            .map(|part| {
+                let (virtual_lights, source) = (part.virtual_lights, part.source);
+                move |i: u32| {
+                    points.is_virtual(i as usize) == virtual_lights
+                        && source.is_none_or(|source| points.source[i as usize] == source)
+                }
+            })
+            .collect();
+        let incident = gather.incident(&job, &approximate, &belongs, &mut stats)?;
+        clock = Instant::now();
+        for (part, incident) in parts.iter_mut().zip(&incident) {
+            if !incident.is_empty() {
+                let reflected = shade::reflected(&view, incident, gather.degree, settings.filter);
+                part.radiance
+                    .iter_mut()
+                    .zip(reflected)
+                    .for_each(|(sum, r)| *sum += r);
+            }
+        }
+        lap(&mut clock, &mut stats.times.shade);
+    }
+    stats.shadow_rays += stats.exact_rays;
+
+    let spp = settings.spp.max(1);
+    let layers = render_tiles(size, lights, settings.light_layers, spp, watch, |x, y, sums| {
+        let pixel = (y * size.width + x) as u64;
+        for sample in 0..spp {
+            let mut sampler = Sampler::new(settings.seed, pixel, sample);
+            see(scene, lights, &eye_ray(camera, size, x, y, &mut sampler), sums);
+            if let Some(point) = view.at(x, y, sample) {
+                for part in &parts {
+                    // Without light layers the light's index is not used.
+                    let light = part.source.map(|source| source as usize);
+                    sums.add(light, 1 + u32::from(part.virtual_lights), part.radiance[point]);
+                }
+            }
+        }
+    })?;
+    lap(&mut clock, &mut stats.times.resolve);
+    Ok((layers, stats))
+}
+
+/// The layers that any light goes to.
+fn parts(points: &PointLights, light_layers: bool, pixels: usize) -> Vec<Part> {
+    let mut kinds: Vec<(bool, Option<u32>)> = (0..points.len())
+        .map(|i| (points.is_virtual(i), light_layers.then(|| points.source[i])))
+        .collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    kinds
+        .into_iter()
+        .map(|(virtual_lights, source)| Part {
+            virtual_lights,
+            source,
+            radiance: vec![Vec3::ZERO; pixels],
+        })
+        .collect()
+}
+
+/// Which tree a light goes to.
+fn group(seed: u64, light: u32, trees: u32) -> u32 {
+    (mix(mix(seed ^ stage::GROUP) ^ u64::from(light)) % u64::from(trees)) as u32
+}
+
+/// Stages of the random streams.
+mod stage {
+    pub const GROUP: u64 = 0x7078_0001;
+    pub const ROTATION: u32 = 0x7078_0002;
+    pub const CUT: u32 = 0x7078_0003;
+    pub const COARSE_CUT: u32 = 0x7078_0004;
+}
+
+/// Adds the milliseconds since `clock`, which starts anew.
+fn lap(clock: &mut Instant, sum: &mut f64) {
+    *sum += clock.elapsed().as_secs_f64() * 1e3;
+    *clock = Instant::now();
+}
+
+/// Whether rendering shall stop.
+fn stopped(watch: &Watch<'_>) -> Result<(), Cancelled> {
+    if watch.cancel.load(Ordering::Relaxed) {
+        return Err(Cancelled);
+    }
+    Ok(())
+}

@@ -1,0 +1,251 @@
+//! Incident light at all points by cuts of pixel trees.
+
+use super::view::View;
+use super::{PixelcutsStats, REFINED, group, lap, stage, stopped};
+use crate::direct::reflected;
+use crate::layers::{Cancelled, Watch};
+use crate::many_lights::{PointLights, clamped};
+use glam::{Mat3, Quat, Vec3};
+use rayon::prelude::*;
+use relight_scene::surface::Surfaces;
+use relight_scene::traced::TracedScene;
+use relight_transport::pixel_scatter::{Run, scatter, stride};
+use relight_transport::pixel_tree::{CutLight, CutLimits, PixelTree, choose_cut};
+use relight_transport::point_light::Emission;
+use relight_transport::random::Stream;
+use std::f32::consts::TAU;
+use std::time::Instant;
+
+/// Metres that a normal's difference of 1 counts for in a tree, as a share of the diagonal: some five times the size of
+/// a cluster, so that walls are told apart first.
+const NORMAL_SCALE: f32 = 0.1;
+/// Clusters of the lights that are in memory at once, some 40 bytes each, before refinement.
+const BATCH: usize = 1 << 20;
+
+/// What incident light comes from.
+pub(super) struct Gather<'a> {
+    pub scene: &'a TracedScene,
+    pub points: &'a PointLights,
+    pub view: &'a View,
+    /// Mean incident light, largest channel, W/m².
+    pub mean: f64,
+    pub degree: usize,
+    pub flat: bool,
+    /// Per point the most that a virtual light may give, radiance; empty: no limit.
+    pub limits: Vec<f32>,
+    pub seed: u64,
+    pub watch: &'a Watch<'a>,
+}
+
+/// How fine.
+pub(super) struct Job {
+    pub clusters: u32,
+    pub trees: u32,
+    pub threshold: f32,
+    /// For the clamp: lights count for at most the mean incident light.
+    pub coarse: bool,
+}
+
+/// A light's cut as runs, with the number of its clusters and shadow rays.
+struct Sent {
+    runs: Vec<Run>,
+    clusters: u64,
+    shadow_rays: u64,
+}
+
+impl Gather<'_> {
+    /// For each of `belongs` the incident light ([`stride`] numbers a point) of those of `lights` that belong to it;
+    /// empty where none does.
+    pub fn incident(
+        &self,
+        job: &Job,
+        lights: &[u32],
+        belongs: &[impl Fn(u32) -> bool],
+        stats: &mut PixelcutsStats,
+    ) -> Result<Vec<Vec<f32>>, Cancelled> {
+        let stride = stride(self.degree);
+        let mut incident: Vec<Vec<f32>> = belongs.iter().map(|_| Vec::new()).collect();
+        let pixels = self.view.tree_pixels();
+        let mut row = Vec::new();
+        for tree in 0..job.trees {
+            let mut clock = Instant::now();
+            let own: Vec<u32> = lights
+                .iter()
+                .copied()
+                .filter(|&light| group(self.seed, light, job.trees) == tree)
+                .collect();
+            if own.is_empty() || pixels.is_empty() {
+                continue;
+            }
+            let rotation = rotation(&mut Stream::new(self.seed, stage::ROTATION, u64::from(tree)));
+            let tree = PixelTree::new(&pixels, rotation, self.view.diagonal * NORMAL_SCALE);
+            let mut place = vec![0u32; tree.order.len()];
+            tree.order
+                .iter()
+                .enumerate()
+                .for_each(|(at, &pixel)| place[pixel as usize] = at as u32);
+            lap(&mut clock, &mut stats.times.trees);
+            for (belongs, incident) in belongs.iter().zip(&mut incident) {
+                let own: Vec<u32> = own.iter().copied().filter(|&light| belongs(light)).collect();
+                if own.is_empty() {
+                    continue;
+                }
+                row.clear();
+                row.resize(pixels.len() * stride, 0.0f32);
+                incident.resize(pixels.len() * stride, 0.0);
+                for batch in own.chunks((BATCH / job.clusters as usize).max(1)) {
+                    stopped(self.watch)?;
+                    let sent: Vec<Sent> = batch
+                        .par_iter()
+                        .map_init(Vec::new, |cut, &light| self.send(job, &tree, light, cut))
+                        .collect();
+                    for sent in &sent {
+                        stats.clusters += sent.clusters;
+                        stats.shadow_rays += sent.shadow_rays;
+                    }
+                    let runs: Vec<Vec<Run>> = sent.into_iter().map(|sent| sent.runs).collect();
+                    lap(&mut clock, &mut stats.times.cuts);
+                    scatter(&runs, self.degree, &mut row);
+                    lap(&mut clock, &mut stats.times.scatter);
+                }
+                incident
+                    .par_chunks_exact_mut(stride)
+                    .zip(&place)
+                    .for_each(|(out, &at)| {
+                        let from = &row[at as usize * stride..][..stride];
+                        out.iter_mut().zip(from).for_each(|(out, from)| *out += from);
+                    });
+                lap(&mut clock, &mut stats.times.scatter);
+            }
+        }
+        Ok(incident)
+    }
+
+    /// Sends one light to the clusters of its cut.
+    fn send(&self, job: &Job, tree: &PixelTree, light: u32, cut: &mut Vec<u32>) -> Sent {
+        let i = light as usize;
+        let source = &self.points.lights[i];
+        let stage = if job.coarse { stage::COARSE_CUT } else { stage::CUT };
+        let mut stream = Stream::new(self.seed, stage, u64::from(light));
+        let strength = f64::from(source.intensity.max_element()) / self.mean;
+        let limits = CutLimits {
+            clusters: job.clusters,
+            threshold: job.threshold,
+            most: job.clusters.saturating_mul(REFINED),
+        };
+        choose_cut(
+            tree,
+            &CutLight::new(source, tree.rotation, strength as f32),
+            &limits,
+            &mut stream,
+            cut,
+        );
+        let mut runs: Vec<Run> = Vec::with_capacity(cut.len());
+        let (mut rays, mut rayed) = (Vec::with_capacity(cut.len()), Vec::with_capacity(cut.len()));
+        for &at in cut.iter() {
+            let node = &tree.nodes[at as usize];
+            let pixels = node.end - node.first;
+            let chosen = node.first + ((stream.uniform() * pixels as f32) as u32).min(pixels - 1);
+            let mut run = self.unoccluded(
+                job,
+                i,
+                tree.order[chosen as usize] as usize,
+                node.flat && self.flat,
+                node.glossy,
+            );
+            run.start = node.first;
+            if run.light != Vec3::ZERO {
+                let hit = &self.view.points[tree.order[chosen as usize] as usize].hit;
+                match self.points.shadow_ray(i, hit) {
+                    Some(ray) => {
+                        rays.push(ray);
+                        rayed.push(runs.len());
+                    }
+                    None => run.light = Vec3::ZERO,
+                }
+            }
+            runs.push(run);
+        }
+        let mut occluded = vec![false; rays.len()];
+        self.scene.occluded_packet(&rays, &mut occluded);
+        for (&at, _) in rayed.iter().zip(&occluded).filter(|(_, occluded)| **occluded) {
+            runs[at].light = Vec3::ZERO;
+        }
+        let (clusters, shadow_rays) = (cut.len() as u64, rays.len() as u64);
+        // Dark neighbours are one run.
+        runs.dedup_by(|run, before| run.light == Vec3::ZERO && before.light == Vec3::ZERO);
+        runs.shrink_to_fit();
+        Sent {
+            runs,
+            clusters,
+            shadow_rays,
+        }
+    }
+
+    /// What light `i` sends to a point, as incident light of its cluster.
+    fn unoccluded(&self, job: &Job, i: usize, point: usize, flat: bool, glossy: bool) -> Run {
+        let light = &self.points.lights[i];
+        let mut run = Run {
+            start: 0,
+            light: Vec3::ZERO,
+            direction: Vec3::Z,
+            cosine: 0.0,
+            harmonics: false,
+        };
+        let place = &self.view.points[point];
+        let Some(arrival) = light.arrival(place.hit.position) else {
+            return run;
+        };
+        let cosine = place.shading.shading_normal.dot(arrival.direction);
+        // From behind it reaches no surface.
+        if place.hit.geometric_normal.dot(arrival.direction) <= 0.0 || (flat && cosine <= 0.0) {
+            return run;
+        }
+        let irradiance = light.intensity.as_dvec3() * f64::from(arrival.factor);
+        let mut share = 1.0;
+        if job.coarse && light.emission != Emission::Directional {
+            share = (self.mean / irradiance.max_element()).min(1.0);
+        }
+        if let Some(&limit) = self.limits.get(point)
+            && self.points.is_virtual(i)
+        {
+            let toll = reflected(&place.shading, place.wo, arrival.direction).as_dvec3() * irradiance;
+            let radiance = toll.as_vec3();
+            let largest = radiance.max_element();
+            if largest > 0.0 {
+                share *= f64::from(clamped(radiance, limit).max_element() / largest);
+            }
+        }
+        let incoming = (irradiance * share).as_vec3();
+        if !incoming.is_finite() {
+            return run;
+        }
+        run.light = incoming;
+        run.direction = arrival.direction;
+        run.harmonics = glossy || !flat;
+        if flat {
+            // Where there are harmonics, too, what they get wrong of the cosine.
+            let known = if run.harmonics {
+                harmonic_cosine(cosine, self.degree)
+            } else {
+                0.0
+            };
+            run.cosine = cosine - known;
+        }
+        run
+    }
+}
+
+/// What harmonics up to `degree` make of light from one direction as irradiance of a surface at this cosine to it:
+/// Σ Âₗ (2l + 1)/4π Pₗ, with the factors of [`relight_transport::sh::irradiance`].
+fn harmonic_cosine(cosine: f32, degree: usize) -> f32 {
+    let terms = [0.25, 0.5 * cosine, 0.3125 * (1.5 * cosine * cosine - 0.5)];
+    terms.iter().take(degree + 1).sum()
+}
+
+/// A uniformly distributed rotation (Shoemake 1992).
+fn rotation(stream: &mut Stream) -> Mat3 {
+    let (a, b, c) = (stream.uniform(), stream.uniform() * TAU, stream.uniform() * TAU);
+    let (r, s) = ((1.0 - a).sqrt(), a.sqrt());
+    Mat3::from_quat(Quat::from_xyzw(r * b.sin(), r * b.cos(), s * c.sin(), s * c.cos()).normalize())
+}

@@ -1,0 +1,194 @@
+//! A tree over what the pixels of an image see, and cuts of it for single lights: the pixel tree of pixelcuts.
+//!
+//! Source: Khungurn et al., *Pixelcuts: Scalable Approximate Illumination from Many Point Lights*, section 3 ("Pixel
+//! tree", "Choosing a cut"): a kd-tree whose nodes split the longest side of their box in half; a random cut of k nodes,
+//! in which a node is refined in proportion to its pixels; refinement of what the light's geometry term varies in.
+//!
+//! **Deviations.** Nodes split by normals as well as by positions, or a corner's two walls would share light that only
+//! one of them sees. Instead of k single picks, a node's picks are shared out between its children in proportion to
+//! their pixels and rounded at random, which has the same mean, visits every node once and is in order. The geometry
+//! term is weighed by the light's intensity and relative to the mean incident light (printed: absolute, 0.01, without
+//! intensity). Its largest cosine is that of Walter et al. 2005, equation 4, since it is not at a box's corners. Where a
+//! light alone would give more than the mean incident light its excess counts as no variation: distances are clamped.
+//!
+//! Costs: O(n log n) to build, 44 bytes a node and 4 a pixel; a cut of k nodes visits at most 2k.
+
+mod cut;
+#[cfg(test)]
+mod tests;
+
+pub use cut::{CutLight, CutLimits, choose_cut};
+
+use glam::{Mat3, Vec3};
+use rayon::prelude::*;
+
+/// What a tree needs to know of a pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct TreePixel {
+    /// World space, metres.
+    pub position: Vec3,
+    /// Unit.
+    pub normal: Vec3,
+    /// Whether the normal it is shaded with is `normal`.
+    pub plain: bool,
+    /// Whether it reflects more than like Lambert.
+    pub glossy: bool,
+}
+
+/// A node: the pixels `first..end` of the tree's order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelNode {
+    /// Box of the positions, in the tree's rotated space.
+    pub low: Vec3,
+    /// See `low`.
+    pub high: Vec3,
+    /// Place of the first pixel.
+    pub first: u32,
+    /// Place after the last one.
+    pub end: u32,
+    /// Nodes from this one to its right child; the left child is the next node. 0: a leaf.
+    pub skip: u32,
+    /// Nodes in this subtree.
+    pub size: u32,
+    /// Whether all normals are alike and are those that are shaded with.
+    pub flat: bool,
+    /// Whether any pixel reflects more than like Lambert.
+    pub glossy: bool,
+}
+
+impl PixelNode {
+    /// Leaves below this node, or 1.
+    pub fn leaves(&self) -> u32 {
+        self.size.div_ceil(2)
+    }
+}
+
+/// A kd-tree in preorder.
+#[derive(Clone, Debug, Default)]
+pub struct PixelTree {
+    /// The root first.
+    pub nodes: Vec<PixelNode>,
+    /// Place in the order → index of the pixel; every node is an interval of it.
+    pub order: Vec<u32>,
+    /// Takes world space to that of the boxes.
+    pub rotation: Mat3,
+}
+
+/// Normals that differ by less along each axis are alike: a cosine is then off by less than 0.2 %.
+const ALIKE: f32 = 1e-3;
+/// Subtrees of fewer pixels are built by one task.
+const TASK: usize = 8192;
+
+/// A pixel while the tree is built: rotated position and scaled normal.
+#[derive(Clone, Copy)]
+struct Item {
+    place: [f32; 6],
+    index: u32,
+    plain: bool,
+    glossy: bool,
+}
+
+impl PixelTree {
+    /// A tree over pixels with finite positions and normals, its boxes rotated by `rotation`; `normal_scale` is how
+    /// many metres a normal's difference of 1 counts for.
+    pub fn new(pixels: &[TreePixel], rotation: Mat3, normal_scale: f32) -> PixelTree {
+        let mut items: Vec<Item> = pixels
+            .par_iter()
+            .enumerate()
+            .map(|(index, pixel)| {
+                let (p, n) = (rotation * pixel.position, pixel.normal * normal_scale);
+                Item {
+                    place: [p.x, p.y, p.z, n.x, n.y, n.z],
+                    index: index as u32,
+                    plain: pixel.plain,
+                    glossy: pixel.glossy,
+                }
+            })
+            .collect();
+        let mut nodes = Vec::new();
+        if !items.is_empty() {
+            nodes.reserve(2 * items.len());
+            build(&mut items, 0, ALIKE * normal_scale, &mut nodes);
+        }
+        PixelTree {
+            nodes,
+            order: items.par_iter().map(|item| item.index).collect(),
+            rotation,
+        }
+    }
+}
+
+/// Appends the subtree of `items`, which start at `first` in the order.
+fn build(items: &mut [Item], first: u32, alike: f32, nodes: &mut Vec<PixelNode>) {
+    let (mut low, mut high) = ([f32::INFINITY; 6], [f32::NEG_INFINITY; 6]);
+    let (mut plain, mut glossy) = (true, false);
+    for item in items.iter() {
+        for k in 0..6 {
+            low[k] = low[k].min(item.place[k]);
+            high[k] = high[k].max(item.place[k]);
+        }
+        plain &= item.plain;
+        glossy |= item.glossy;
+    }
+    let side = |k: usize| high[k] - low[k];
+    let at = nodes.len();
+    nodes.push(PixelNode {
+        low: Vec3::new(low[0], low[1], low[2]),
+        high: Vec3::new(high[0], high[1], high[2]),
+        first,
+        end: first + items.len() as u32,
+        skip: 0,
+        size: 1,
+        flat: plain && (3..6).all(|k| side(k) <= alike),
+        glossy,
+    });
+    let longest = (1..6).fold(0, |best, k| if side(k) > side(best) { k } else { best });
+    // One pixel, several in one place, or nothing that can be told apart.
+    if items.len() < 2 || side(longest).is_nan() || side(longest) <= 0.0 {
+        return;
+    }
+    // Rounding may put the middle on the upper side, where everything would be below it.
+    let middle = (0.5 * low[longest] + 0.5 * high[longest]).min(high[longest].next_down());
+    let split = partition(items, |item| item.place[longest] <= middle);
+    let (left, right) = items.split_at_mut(split);
+    let split = first + split as u32;
+    if left.len() + right.len() < TASK {
+        build(left, first, alike, nodes);
+        nodes[at].skip = (nodes.len() - at) as u32;
+        build(right, split, alike, nodes);
+    } else {
+        let (a, b) = rayon::join(
+            || {
+                let mut nodes = Vec::with_capacity(2 * left.len());
+                build(left, first, alike, &mut nodes);
+                nodes
+            },
+            || {
+                let mut nodes = Vec::with_capacity(2 * right.len());
+                build(right, split, alike, &mut nodes);
+                nodes
+            },
+        );
+        nodes[at].skip = 1 + a.len() as u32;
+        nodes.extend(a);
+        nodes.extend(b);
+    }
+    nodes[at].size = (nodes.len() - at) as u32;
+}
+
+/// Moves what is `left` to the front and returns how much that is. The order depends on the items alone.
+fn partition(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
+    let (mut i, mut j) = (0, items.len());
+    loop {
+        while i < j && left(&items[i]) {
+            i += 1;
+        }
+        while i < j && !left(&items[j - 1]) {
+            j -= 1;
+        }
+        if i >= j {
+            return i;
+        }
+        items.swap(i, j - 1);
+    }
+}
