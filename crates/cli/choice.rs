@@ -60,6 +60,9 @@ pub fn choice(integrator: Integrator, by_cuts: ByCuts, loaded: &Loaded) -> Strin
     };
     let indirect = match (integrator, by_cuts) {
         (Integrator::Path, _) => return "Light by path tracing.".into(),
+        (Integrator::Lightcuts, _) => {
+            return "Light of points by lightcuts; indirect light of virtual lights, if there are any (--vpls).".into();
+        }
         (Integrator::Pixelcuts, _) => return "Light of points, sent to clusters of pixels.".into(),
         (Integrator::Brute, _) => {
             return "Direct light of every light by shadow rays; no indirect light.".into();

@@ -5,6 +5,7 @@ use crate::compare::results_table;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames;
+use crate::lightcuts::LightcutArgs;
 use crate::many_lights::{PixelcutsArgs, PointArgs};
 use crate::output;
 use crate::play::{self, Integrator, LayerName, PlayArgs};
@@ -143,6 +144,7 @@ fn play_args(asset: &Path, data: &Path, folder: &Path, name: &str) -> Result<Pla
         spp: None,
         max_bounces: None,
         points: PointArgs::default(),
+        lightcuts: LightcutArgs::default(),
         pixelcuts: PixelcutsArgs::default(),
         json: false,
     })

@@ -14,6 +14,7 @@ mod failure;
 mod frames;
 mod images;
 mod inspect;
+mod lightcuts;
 mod many_lights;
 mod output;
 mod play;

@@ -109,9 +109,14 @@ pub fn insert_pixelcuts(times: &mut Map<String, Value>, stats: &PixelcutsStats, 
 
 /// Refuses options that the integrator has no use for.
 pub fn check(integrator: Integrator, points: &PointArgs, pixelcuts: &PixelcutsArgs) -> Result<(), Failure> {
-    if points.given() && !matches!(integrator, Integrator::Brute | Integrator::Pixelcuts) {
+    if points.given()
+        && !matches!(
+            integrator,
+            Integrator::Brute | Integrator::Lightcuts | Integrator::Pixelcuts
+        )
+    {
         return Err(Failure::Usage(
-            "--area-samples and --vpls belong to --integrator brute and pixelcuts".into(),
+            "--area-samples and --vpls belong to --integrator brute, lightcuts and pixelcuts".into(),
         ));
     }
     if pixelcuts.given() && integrator != Integrator::Pixelcuts {

@@ -4,6 +4,7 @@ use crate::choice::{ByCuts, by_cuts, choice, splits};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, FrameRange, Pattern};
+use crate::lightcuts::LightcutArgs;
 use crate::many_lights::{self, PixelcutsArgs, PointArgs};
 use crate::output::{self, SCHEMA};
 use crate::session::{Session, milliseconds};
@@ -32,7 +33,9 @@ use std::time::Instant;
 The JSON of --json: frames, an array of {frame, total, direct_points, bounces, transfer, flatten, direct_pixels,
 reconstruct, resolve, write} in milliseconds (brute and path: {frame, total, render, write}); once_per_shot, what
 is done once: load, expose, weigh (with a moving camera expose and weigh are in the frames). Over lights without
-extent a frame also has points (milliseconds), lights, virtual_lights and shadow_rays_per_pixel; with pixelcuts also
+extent a frame also has points (milliseconds), lights, virtual_lights and shadow_rays_per_pixel; with lightcuts also
+tree and light (milliseconds), tree_bytes, nodes_per_pixel, limited_cuts_per_pixel (with --reconstruction on
+eye_rays_per_pixel, samples_per_pixel, shadow_rays_per_reconstruction_cut); with pixelcuts also
 nodes_per_pixel, exact_lights, and in milliseconds eye, exact, estimate, trees, cuts, scatter, shade and resolve. With --materials a
 frame also has edit, the milliseconds of evaluating changed materials again.
 
@@ -56,8 +59,9 @@ pub struct PlayArgs {
     pub output: Pattern,
     /// How to make light: transfer (the asset's operators), cuts (as the asset's visibility cuts were baked: direct
     /// light of environments, or one bounce of indirect light; other direct light by shadow rays), brute (every light
-    /// with its own shadow rays; direct light only, or, with --area-samples or --vpls, all light of these points), pixelcuts
-    /// (the same points, each sent to clusters of pixels: fast and without sharp shadows of many lights), path (a path tracer, the reference), or auto (cuts where the asset
+    /// with its own shadow rays; direct light only, or, with --area-samples or --vpls, all light of these points), lightcuts
+    /// (the same points with a bounded error, by clusters of lights), pixelcuts (the same points, each sent to clusters of
+    /// pixels: fast and without sharp shadows of many lights), path (a path tracer, the reference), or auto (cuts where the asset
     /// has them: environments, or the first bounce at surfaces that are not matt; transfer for other indirect light;
     /// path without points).
     #[arg(long, value_enum, default_value_t = Integrator::Auto)]
@@ -88,7 +92,7 @@ pub struct PlayArgs {
     /// cuts.
     #[arg(long, value_name = "N", default_value_t = ILLUMINATION_CUT, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub illumination_cut: u32,
-    /// Samples per pixel [default: transfer 16, with a moving camera 1; brute 16; pixelcuts 1; path 64].
+    /// Samples per pixel [default: transfer 16, with a moving camera 1; brute 16; lightcuts 4, with reconstruction 5 to 50; pixelcuts 1; path 64].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub spp: Option<u32>,
     /// Most reflections of a path (path only) [default: no limit].
@@ -97,6 +101,9 @@ pub struct PlayArgs {
     /// Lights without extent.
     #[command(flatten)]
     pub points: PointArgs,
+    /// Clusters of lights.
+    #[command(flatten)]
+    pub lightcuts: LightcutArgs,
     /// Pixelcuts.
     #[command(flatten)]
     pub pixelcuts: PixelcutsArgs,
@@ -116,6 +123,8 @@ pub enum Integrator {
     Cuts,
     /// Every light with its own shadow rays.
     Brute,
+    /// Clusters of lights.
+    Lightcuts,
     /// Points that stand for all lights, each sent to clusters of pixels.
     Pixelcuts,
     /// The path tracer.
@@ -189,7 +198,7 @@ pub fn play(
     let given = args.lights.as_deref().map(read_sequence).transpose()?;
     let with_operators = !matches!(
         args.integrator,
-        Integrator::Brute | Integrator::Pixelcuts | Integrator::Path
+        Integrator::Brute | Integrator::Lightcuts | Integrator::Pixelcuts | Integrator::Path
     );
     let mut loaded = load(&args.asset, with_operators)?;
     signals::go_on()?;

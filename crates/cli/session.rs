@@ -3,6 +3,7 @@
 use crate::choice::ByCuts;
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::lightcuts;
 use crate::many_lights::insert_pixelcuts;
 use crate::play::{Integrator, LayerName, PlayArgs};
 use crate::signals;
@@ -91,7 +92,7 @@ impl Session<'_> {
     pub fn render(&mut self, frame: u32, camera: &Camera, console: &Console) -> Result<Rendered, Failure> {
         match self.integrator {
             Integrator::Transfer | Integrator::Cuts | Integrator::Auto => self.relit(frame, camera, console),
-            Integrator::Brute | Integrator::Pixelcuts | Integrator::Path => {
+            Integrator::Brute | Integrator::Lightcuts | Integrator::Pixelcuts | Integrator::Path => {
                 self.reference(&self.rig.at(frame.into()), camera)
             }
         }
@@ -115,7 +116,11 @@ impl Session<'_> {
         let light_layers = self.wants(LayerName::Lights);
         let seed = self.seed;
         let mut times = Map::new();
-        let layers = if self.integrator == Integrator::Pixelcuts {
+        let layers = if self.integrator == Integrator::Lightcuts {
+            let options = (&self.args.lightcuts, &self.args.points);
+            let image = (self.args.spp, seed, light_layers);
+            lightcuts::render(scene, lights, camera, size, options, image, &watch, &mut times)
+        } else if self.integrator == Integrator::Pixelcuts {
             let points = self.args.points.points(scene, lights, seed, &mut times);
             let settings = self.args.pixelcuts.settings(self.args.spp, seed, light_layers);
             pixelcuts::render(scene, lights, &points, camera, size, &settings, &watch).map(

@@ -197,7 +197,10 @@ fn pixelcuts_and_brute_force_light_by_the_same_points() {
     let sum = |image: &FloatImage| image.pixels.iter().flatten().map(|v| f64::from(*v)).sum::<f64>();
     assert!((sum(&cuts) / sum(&brute) - 1.0).abs() < 0.05);
     let text = complaint(play(&folder.path().join("f.exr")).args(["--vpls", "2"]), 2);
-    assert!(text.contains("--integrator brute and pixelcuts"), "{text}");
+    assert!(
+        text.contains("--integrator brute, lightcuts and pixelcuts"),
+        "{text}"
+    );
 }
 
 fn one_light(folder: &Path, name: &str, lights: &[([f32; 3], f32)]) -> FloatImage {

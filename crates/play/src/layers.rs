@@ -42,6 +42,8 @@ pub(crate) struct PixelSum {
     normal: DVec3,
     depth: f64,
     hits: u32,
+    /// Samples taken: what the sums of light are divided by.
+    pub samples: u32,
 }
 
 impl PixelSum {
@@ -53,7 +55,18 @@ impl PixelSum {
             normal: DVec3::ZERO,
             depth: 0.0,
             hits: 0,
+            samples: 0,
         }
+    }
+
+    /// Sums that belong to no pixel.
+    pub fn nowhere() -> PixelSum {
+        PixelSum::new(0)
+    }
+
+    /// All light so far, in the largest channel.
+    pub fn largest(&self) -> f64 {
+        self.transported.iter().sum::<DVec3>().max_element()
     }
 
     /// Adds light that came from `light` (`None`: from no light, an unlit material) over `reflections`.
@@ -81,7 +94,7 @@ impl PixelSum {
 }
 
 /// Tiles are squares of this many pixels: large enough to keep rays together, small enough to share out.
-const TILE: usize = 16;
+pub(crate) const TILE: usize = 16;
 
 /// Names and channels of the layers that every integrator makes, in order; light layers follow.
 const LAYERS: [(&str, usize); 7] = [
@@ -105,21 +118,69 @@ pub(crate) fn render_tiles(
     watch: &Watch<'_>,
     pixel: impl Fn(usize, usize, &mut PixelSum) + Sync,
 ) -> Result<Layers, Cancelled> {
+    let block = |_: &mut (), tile: &Tile, sums: &mut [PixelSum]| {
+        for ((x, y), sums) in tile.pixels().zip(sums) {
+            pixel(x, y, sums);
+            sums.samples = samples;
+        }
+    };
+    render_blocks(size, lights, light_layers, watch, || (), block)
+}
+
+/// A rectangle of pixels, at most [`TILE`] wide and high.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tile {
+    /// First column and row.
+    pub start: [usize; 2],
+    /// One past the last column and row.
+    pub end: [usize; 2],
+}
+
+impl Tile {
+    fn new(tile: usize, columns: usize, size: RenderSize) -> Tile {
+        let start = [tile % columns * TILE, tile / columns * TILE];
+        Tile {
+            start,
+            end: [
+                (start[0] + TILE).min(size.width),
+                (start[1] + TILE).min(size.height),
+            ],
+        }
+    }
+
+    /// Columns and rows of its pixels, row by row.
+    pub fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let Tile { start, end } = *self;
+        (start[1]..end[1]).flat_map(move |y| (start[0]..end[0]).map(move |x| (x, y)))
+    }
+}
+
+/// As [`render_tiles`], with a call per tile: `block` fills the sums of a tile's pixels, row by row, and says how many
+/// samples each has. Its state, made by `state` for every worker now and then, carries buffers, no light.
+pub(crate) fn render_blocks<S>(
+    size: RenderSize,
+    lights: &LightSet<'_>,
+    light_layers: bool,
+    watch: &Watch<'_>,
+    state: impl Fn() -> S + Sync + Send,
+    block: impl Fn(&mut S, &Tile, &mut [PixelSum]) + Sync,
+) -> Result<Layers, Cancelled> {
     let light_count = if light_layers { lights.len() } else { 0 };
     let channels = LAYERS.iter().map(|layer| layer.1).sum::<usize>() + 3 * light_count;
     let (columns, rows) = (size.width.div_ceil(TILE), size.height.div_ceil(TILE));
     let done = AtomicUsize::new(0);
     let tiles: Vec<Vec<f32>> = (0..columns * rows)
         .into_par_iter()
-        .map(|tile| {
+        .map_init(state, |state, tile| {
             if watch.cancel.load(Ordering::Relaxed) {
                 return Vec::new();
             }
+            let tile = Tile::new(tile, columns, size);
+            let mut sums: Vec<PixelSum> = tile.pixels().map(|_| PixelSum::new(light_count)).collect();
+            block(state, &tile, &mut sums);
             let mut values = Vec::with_capacity(TILE * TILE * channels);
-            for (x, y) in tile_pixels(tile, columns, size) {
-                let mut sums = PixelSum::new(light_count);
-                pixel(x, y, &mut sums);
-                finish(&sums, samples, &mut values);
+            for sums in &sums {
+                finish(sums, &mut values);
             }
             (watch.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, columns * rows);
             values
@@ -136,7 +197,8 @@ pub(crate) fn render_tiles(
     for (name, width) in names.chain(light_names.map(|name| (name, 3))) {
         let mut data = vec![0.0; size.width * size.height * width];
         for (tile, values) in tiles.iter().enumerate() {
-            for ((x, y), pixel) in tile_pixels(tile, columns, size).zip(values.chunks_exact(channels)) {
+            let pixels = Tile::new(tile, columns, size).pixels();
+            for ((x, y), pixel) in pixels.zip(values.chunks_exact(channels)) {
                 let at = (y * size.width + x) * width;
                 data[at..at + width].copy_from_slice(&pixel[first..first + width]);
             }
@@ -150,14 +212,9 @@ pub(crate) fn render_tiles(
     Ok(layers)
 }
 
-fn tile_pixels(tile: usize, columns: usize, size: RenderSize) -> impl Iterator<Item = (usize, usize)> {
-    let (x0, y0) = (tile % columns * TILE, tile / columns * TILE);
-    let (x1, y1) = ((x0 + TILE).min(size.width), (y0 + TILE).min(size.height));
-    (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (x, y)))
-}
-
 /// Appends the values of one pixel in the order of [`LAYERS`].
-fn finish(sums: &PixelSum, samples: u32, values: &mut Vec<f32>) {
+fn finish(sums: &PixelSum, values: &mut Vec<f32>) {
+    let samples = sums.samples;
     let mean = |sum: DVec3, count: u32| (sum / f64::from(count.max(1))).as_vec3();
     let [emission, direct, indirect] = sums.transported.map(|sum| mean(sum, samples));
     // Summed in f32, so that the layers of a file add up exactly.

@@ -13,6 +13,7 @@ mod direct;
 pub mod edited;
 pub mod frame;
 pub mod layers;
+pub mod lightcuts;
 pub mod lighting;
 pub mod load;
 pub mod many_lights;

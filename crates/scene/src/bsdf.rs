@@ -22,6 +22,7 @@
 //! Dupuy and Benyoub 2023), the diffuse one by cosine. The density is that of the mixture.
 
 pub mod albedo;
+pub mod bounds;
 mod frame;
 mod integrate;
 mod lobe;

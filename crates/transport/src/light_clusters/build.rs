@@ -33,7 +33,7 @@ impl Default for BuildSettings {
 const STAGE: u32 = 0x4c43;
 
 /// Half of the widest half angle: its tangent is finite, and within 2e-4 of a half turn nothing is bounded anyway.
-const MOST_QUARTER: f32 = 1.5707;
+const MOST_QUARTER: f32 = std::f32::consts::FRAC_PI_2 - 1e-4;
 
 /// A cluster on its way up.
 #[derive(Clone, Copy)]

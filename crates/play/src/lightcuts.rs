@@ -1,0 +1,258 @@
+//! Any number of lights with a bounded error: lightcuts.
+//!
+//! Source: Walter et al. 2005. All lights become lights without extent ([`crate::many_lights`]); trees over them hold
+//! clusters ([`relight_transport::light_clusters`]), and every eye ray's point gets the coarsest cut through them whose
+//! nodes' error bounds ([`relight_transport::light_bounds`], [`relight_scene::bsdf::bounds`]) are each at most a share
+//! of the light there.
+//!
+//! Lights that shine directly and virtual lights are trees apart, so that layers add up, and with light layers every
+//! source has its own; the error is relative to all light together.
+//!
+//! Mirrors (metals of roughness up to 0.01) are followed by a ray of their own, as the paper does with delta BRDFs. The
+//! scene model has no glass. Deviation: errors and totals are compared in the largest channel.
+
+mod blocks;
+pub(crate) mod cut;
+mod sample;
+mod tightness;
+
+use crate::direct::light_met;
+use crate::layers::{Cancelled, PixelSum, RenderSize, Watch, render_blocks};
+use crate::many_lights::PointLights;
+use crate::path::{eye_ray, see};
+use crate::sampler::Sampler;
+pub use blocks::{EyeRays, render as render_reconstructed};
+use cut::{Cut, Lit, Receiver};
+use glam::Vec3;
+use relight_scene::bsdf;
+use relight_scene::camera::Camera;
+use relight_scene::image::Layers;
+use relight_scene::light_set::LightSet;
+use relight_scene::rays::Ray;
+use relight_scene::shading::{Gloss, MIN_ALPHA, ShadingPoint};
+use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
+use relight_scene::traced::TracedScene;
+use relight_transport::light_clusters::{BuildSettings, LightClusters, build};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+pub use sample::ReconstructionStats;
+pub use tightness::{Tightness, bound_tightness};
+
+/// How to choose cuts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightcutSettings {
+    /// Samples per pixel; a cut for each.
+    pub spp: u32,
+    /// Most error of a cut's node, as a share of the light at the point. The paper: 2 % is not visible.
+    pub error_ratio: f32,
+    /// Most change that a node's parents make expect, in units of `error_ratio`; infinite as in the paper, which minds
+    /// the bounds alone.
+    pub doubt: f32,
+    /// Most nodes of a cut: reached in the dark only, where errors are not visible (section 3).
+    pub max_nodes: usize,
+    /// Images with different seeds are independent.
+    pub seed: u64,
+    /// Whether to make a layer per light.
+    pub light_layers: bool,
+}
+
+impl Default for LightcutSettings {
+    /// The paper's, but for the doubt: docs/lightcuts.md has what other values cost and give.
+    fn default() -> Self {
+        LightcutSettings {
+            spp: 4,
+            error_ratio: 0.02,
+            doubt: 0.07,
+            max_nodes: 1000,
+            seed: 0,
+            light_layers: false,
+        }
+    }
+}
+
+/// What an image took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LightcutStats {
+    /// Shadow rays of all pixels.
+    pub shadow_rays: u64,
+    /// Nodes of all cuts.
+    pub nodes: u64,
+    /// Cuts: points that were lit.
+    pub cuts: u64,
+    /// Cuts that the limit on nodes ended.
+    pub limited: u64,
+}
+
+/// Trees over points, groups by layer and, with `light_layers`, by source.
+pub fn trees(scene: &TracedScene, points: &PointLights, light_layers: bool, seed: u64) -> LightClusters {
+    let groups: Vec<u32> = (0..points.len())
+        .map(|i| {
+            let source = if light_layers { points.source[i] } else { 0 };
+            2 * source + u32::from(points.is_virtual(i))
+        })
+        .collect();
+    let diagonal = scene.bounds().map_or(0.0, |(low, high)| (high - low).length());
+    let settings = BuildSettings {
+        seed,
+        ..BuildSettings::default()
+    };
+    build(&points.lights, &groups, diagonal, &settings)
+}
+
+/// Renders an image. `clusters` are the [`trees`] over `points` with the same `light_layers`. Layers: see
+/// [`crate::layers`]; light by virtual lights is `indirect`, and so is what mirrors show, but for lights.
+///
+/// # Errors
+/// [`Cancelled`] if `watch` says so.
+pub fn render(
+    scene: &TracedScene,
+    lights: &LightSet<'_>,
+    points: &PointLights,
+    clusters: &LightClusters,
+    camera: &Camera,
+    size: RenderSize,
+    settings: &LightcutSettings,
+    watch: &Watch<'_>,
+) -> Result<(Layers, LightcutStats), Cancelled> {
+    let lit = Lit {
+        scene,
+        points,
+        clusters,
+        error_ratio: settings.error_ratio,
+        doubt: settings.doubt,
+        max_nodes: settings.max_nodes.max(1),
+    };
+    let sums_of = Counters::default();
+    let block = |cut: &mut Cut, tile: &crate::layers::Tile, sums: &mut [PixelSum]| {
+        let mut stats = LightcutStats::default();
+        for ((x, y), sums) in tile.pixels().zip(sums) {
+            let pixel = (y * size.width + x) as u64;
+            sums.samples = settings.spp;
+            for sample in 0..settings.spp {
+                let mut sampler = Sampler::new(settings.seed, pixel, sample);
+                let eye = eye_ray(camera, size, x, y, &mut sampler);
+                let Some(hit) = see(scene, lights, &eye, sums) else {
+                    continue;
+                };
+                let Some(view) = follow_mirrors(scene, lights, hit, -eye.direction, sums) else {
+                    continue;
+                };
+                let receiver = Receiver::new(&view.hit, &view.point, view.wo);
+                cut.choose(&lit, &receiver, &mut stats.shadow_rays);
+                stats.count(cut, &lit);
+                cut.light(&lit, |root, radiance| {
+                    add(&lit, settings.light_layers, &view, root, radiance, sums);
+                });
+            }
+        }
+        sums_of.add(&stats);
+    };
+    let layers = render_blocks(size, lights, settings.light_layers, watch, Cut::default, block)?;
+    Ok((layers, sums_of.total()))
+}
+
+impl LightcutStats {
+    fn count(&mut self, cut: &Cut, lit: &Lit<'_>) {
+        self.nodes += cut.len() as u64;
+        self.cuts += 1;
+        self.limited += u64::from(cut.len() >= lit.max_nodes);
+    }
+}
+
+/// Adds a root's light to the layers.
+fn add(lit: &Lit<'_>, light_layers: bool, view: &View, root: u32, radiance: Vec3, sums: &mut PixelSum) {
+    let group = lit.clusters.roots[root as usize].group;
+    let source = light_layers.then_some((group / 2) as usize);
+    sums.add(source, 1 + group % 2 + view.mirrors, view.throughput * radiance);
+}
+
+/// Sums over worker threads; of integers, so that their order does not matter.
+#[derive(Default)]
+struct Counters([AtomicU64; 4]);
+
+impl Counters {
+    fn add(&self, stats: &LightcutStats) {
+        let values = [stats.shadow_rays, stats.nodes, stats.cuts, stats.limited];
+        for (sum, value) in self.0.iter().zip(values) {
+            sum.fetch_add(value, Ordering::Relaxed);
+        }
+    }
+
+    fn total(self) -> LightcutStats {
+        let [shadow_rays, nodes, cuts, limited] = self.0.map(AtomicU64::into_inner);
+        LightcutStats {
+            shadow_rays,
+            nodes,
+            cuts,
+            limited,
+        }
+    }
+}
+
+/// What is seen, perhaps over mirrors.
+#[derive(Clone, Copy)]
+pub(crate) struct View {
+    pub hit: SurfaceHit,
+    pub point: ShadingPoint,
+    pub wo: Vec3,
+    /// What the mirrors leave of its light.
+    pub throughput: Vec3,
+    /// Number of mirrors.
+    pub mirrors: u32,
+}
+
+/// Most mirrors one after another. Between two parallel ones of 90 % a fifth of the light is left.
+const MOST_MIRRORS: u32 = 16;
+
+/// Follows mirrors until something else is seen; what shines in them is added to the layers. `None` if nothing is lit.
+pub(crate) fn follow_mirrors(
+    scene: &TracedScene,
+    lights: &LightSet<'_>,
+    hit: SurfaceHit,
+    wo: Vec3,
+    sums: &mut PixelSum,
+) -> Option<View> {
+    let point = scene.shading_point(&hit).facing(wo);
+    let mut view = View {
+        hit,
+        point,
+        wo,
+        throughput: Vec3::ONE,
+        mirrors: 0,
+    };
+    while is_mirror(&view.point) {
+        if view.mirrors == MOST_MIRRORS {
+            return None;
+        }
+        view.mirrors += 1;
+        // The middle of the lobe: with u = 0 the visible normal is the normal but for α.
+        let normal = view.point.shading_normal;
+        let wi = (normal * (2.0 * normal.dot(view.wo)) - view.wo).normalize();
+        view.throughput *= bsdf::albedo::specular(
+            view.point.f0,
+            view.point.alpha,
+            normal.dot(view.wo).clamp(0.0, 1.0),
+        );
+        let ray: Ray = ray_from(&view.hit, wi);
+        let next = scene.closest_hit(&ray);
+        light_met(
+            scene,
+            lights,
+            ray.origin,
+            wi,
+            next.as_ref(),
+            |light, radiance, _| {
+                sums.add(Some(light), view.mirrors, view.throughput * radiance);
+            },
+        );
+        view.hit = next?;
+        view.wo = -wi;
+        view.point = scene.shading_point(&view.hit).facing(view.wo);
+    }
+    Some(view)
+}
+
+/// A metal as smooth as materials can be.
+fn is_mirror(point: &ShadingPoint) -> bool {
+    !point.lambert && point.gloss == Gloss::Ggx && point.alpha <= MIN_ALPHA && point.diffuse == Vec3::ZERO
+}
