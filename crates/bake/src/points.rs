@@ -110,6 +110,12 @@ pub fn distribute(
         traced += batch.len() as u64;
         step(kept[levels - 1].len())?;
     }
+    // Where disks are larger than the scene, no place is open: one place stands for all.
+    for coarse in (0..levels.saturating_sub(1)).rev() {
+        if kept[coarse].is_empty() {
+            kept[coarse] = kept[coarse + 1].first().copied().into_iter().collect();
+        }
+    }
     let levels = (0..levels)
         .map(|l| {
             let positions: Vec<Vec3> = kept[l].iter().map(|c| c.position).collect();
