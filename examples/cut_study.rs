@@ -99,7 +99,7 @@ struct Judged {
 }
 
 /// Levels of points in a comparison of sites: gathering starts from the coarsest, and ends there.
-const SITE_LEVELS: u32 = 6;
+const SITE_LEVELS: u32 = 4;
 
 impl Study {
     fn table(&self) -> Result<()> {
