@@ -22,6 +22,16 @@ const REPEATS: usize = 200;
 /// How far sites are apart, of the distance of the nearest balls.
 const STEP: f32 = 0.01;
 
+/// What a round measured.
+struct Round {
+    /// Seconds where the number of cuts is known to the compiler.
+    known: f64,
+    /// Merged nodes.
+    nodes: u64,
+    /// Seconds where it is known at run time only.
+    unknown: f64,
+}
+
 fn main() {
     // `cargo test --benches` passes no --bench: then there is nothing to measure.
     if !std::env::args().any(|argument| argument == "--bench") {
@@ -37,7 +47,7 @@ fn main() {
         "ns/node",
         "ns/node, number unknown"
     );
-    let contestants: [fn(&SiteCuts) -> (f64, u64, f64); 6] = [
+    let contestants: [fn(&SiteCuts) -> Round; 6] = [
         round::<1>, round::<2>, round::<3>, round::<4>, round::<5>, round::<6>,
     ];
     let mut measured = [const { Vec::new() }; 6];
@@ -47,25 +57,24 @@ fn main() {
         }
     }
     for (n, rounds) in measured.iter().enumerate() {
-        let median = |of: fn(&(f64, u64, f64)) -> f64| {
+        let median = |of: fn(&Round) -> f64| {
             let mut values: Vec<f64> = rounds.iter().map(of).collect();
             values.sort_by(f64::total_cmp);
             values[ROUNDS / 2]
         };
-        let nodes = rounds[0].1 as f64;
+        let nodes = rounds[0].nodes as f64;
         println!(
             "{:>5}{:>14.0}{:>12.2}{:>26.2}",
             n + 1,
             nodes / (REPEATS * (SITES - n)) as f64,
-            1e9 * median(|r| r.0) / nodes,
-            1e9 * median(|r| r.2) / nodes,
+            1e9 * median(|r| r.known) / nodes,
+            1e9 * median(|r| r.unknown) / nodes,
         );
     }
 }
 
-/// Merges each run of N neighbouring cuts, multiplying their values: seconds, merged nodes, and seconds where N is only
-/// known at run time.
-fn round<const N: usize>(sites: &SiteCuts) -> (f64, u64, f64) {
+/// Merges each run of N neighbouring cuts, multiplying their values.
+fn round<const N: usize>(sites: &SiteCuts) -> Round {
     let (mut nodes, mut sum) = (0, 0.0);
     let (clock, start) = began();
     for first in (0..REPEATS).flat_map(|_| 0..=SITES - N) {
@@ -85,7 +94,11 @@ fn round<const N: usize>(sites: &SiteCuts) -> (f64, u64, f64) {
         });
     }
     black_box(sum);
-    (known, nodes, core_seconds(clock) - start)
+    Round {
+        known,
+        nodes,
+        unknown: core_seconds(clock) - start,
+    }
 }
 
 fn sites() -> SiteCuts {
