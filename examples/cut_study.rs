@@ -7,14 +7,16 @@
 //!   illumination cuts of 128, 256 and 512 nodes (figure 10 of Cheslack-Postava et al. 2008, for our scenes);
 //! - `size`: image error and time against the size of the illumination cut (their figure 7);
 //! - `sites`: storage of cuts at vertices and at points of several distances, and the points' storage at the error of
-//!   the vertices.
+//!   the vertices;
+//! - `judge`: nothing is made; the three arguments are an image and two path tracings.
 //!
 //! Options: `--size WxH` (160x90), `--spp N` of each of the two path tracings (64), `--cut-lights N` (4096), `--levels N`
-//! of points (4), `--radii R,R,…` of points in metres, falling (`sites` only), `--keep DIR` for what is made on the way. Direct
-//! light only, so that bakes leave the transfer operator out. relMSE is that to the first path tracing less half of that
-//! between the two, which is the noise of one.
+//! of points (4), `--radii R,R,…` of points in metres, falling (`sites` only), `--block N` (1): images are compared by the
+//! means of N × N pixels, against the noise of path tracing, `--keep DIR` for what is made on the way. Direct light only,
+//! so that bakes leave the transfer operator out. relMSE is that to the mean of the two path tracings less a quarter of that
+//! between them, which is the noise of their mean.
 
-use relight_scene::image::{Limits, metrics, read_exr};
+use relight_scene::image::{FloatImage, Limits, metrics, read_exr};
 use serde_json::Value;
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -28,6 +30,7 @@ struct Study {
     lights: String,
     levels: String,
     radii: Vec<f64>,
+    block: usize,
     folder: PathBuf,
     scenes: Vec<(PathBuf, PathBuf)>,
 }
@@ -42,6 +45,7 @@ fn main() -> Result<()> {
         lights: "4096".into(),
         levels: "4".into(),
         radii: vec![0.8, 0.4, 0.2],
+        block: 1,
         folder: temporary.path().into(),
         scenes: Vec::new(),
     };
@@ -52,10 +56,12 @@ fn main() -> Result<()> {
             "--spp" => study.spp = value()?,
             "--cut-lights" => study.lights = value()?,
             "--levels" => study.levels = value()?,
+            "--block" => study.block = value()?.parse::<usize>()?.max(1),
             "--keep" => study.folder = value()?.into(),
             "--radii" => {
                 study.radii = (value()?.split(',').map(str::parse)).collect::<std::result::Result<_, _>>()?;
             }
+            _ if what == "judge" => study.scenes.push((argument.into(), PathBuf::new())),
             _ => {
                 let (scene, map) = argument
                     .split_once('=')
@@ -72,14 +78,15 @@ fn main() -> Result<()> {
         "table" => study.table(),
         "size" => study.illumination(),
         "sites" => study.sites(),
-        _ => Err("the first argument is table, size or sites".into()),
+        "judge" => study.judgement(),
+        _ => Err("the first argument is table, size, sites or judge".into()),
     }
 }
 
-/// A path tracing and what it is worth.
+/// The mean of two path tracings and what it is worth.
 struct Reference {
-    image: PathBuf,
-    /// relMSE of one tracing to the other, halved.
+    image: FloatImage,
+    /// relMSE of one tracing to the other, over 4.
     noise: f64,
 }
 
@@ -92,7 +99,7 @@ struct Judged {
 }
 
 /// Levels of points in a comparison of sites: gathering starts from the coarsest, and ends there.
-const SITE_LEVELS: u32 = 6;
+const SITE_LEVELS: u32 = 4;
 
 impl Study {
     fn table(&self) -> Result<()> {
@@ -116,7 +123,7 @@ impl Study {
                 for nodes in ["128", "256", "512"] {
                     let (image, said) = self.play(&asset, &lights, nodes)?;
                     times.push(format!("{:.0} ms", of(&said["frames"][0], "shade")?));
-                    judged = Some(judge(&image, reference)?);
+                    judged = Some(self.judge(&image, reference)?);
                 }
                 let judged = judged.ok_or("no image")?;
                 let bytes = stored(&said, "cuts")? + stored(&said, "light_tree")?;
@@ -153,7 +160,7 @@ impl Study {
             );
             for nodes in ["32", "64", "128", "256", "512", "1024", "2048", "4096"] {
                 let (image, said) = self.play(&asset, &lights, nodes)?;
-                let judged = judge(&image, &reference)?;
+                let judged = self.judge(&image, &reference)?;
                 let frame = &said["frames"][0];
                 println!(
                     "| | {nodes} | {:.0} | {:.4} | {:+.1} % | {:.3} | {:.1} ms | {:.0} ms |",
@@ -193,7 +200,7 @@ impl Study {
                     }
                 };
                 let (image, _) = self.play(&asset, &lights, "256")?;
-                let judged = judge(&image, reference)?;
+                let judged = self.judge(&image, reference)?;
                 let bytes = stored(&said, "cuts")? + stored(&said, "light_tree")?;
                 println!(
                     "| | {what} | {} | {:.0} | {:.0} kB | {:.0} kB | {:.4} | {:+.1} % | {:.3} | {:.1} |",
@@ -312,9 +319,64 @@ impl Study {
             self.frame(asset, lights, &image, &options)?;
             Ok(image)
         };
-        let (image, other) = (tracing("1")?, tracing("2")?);
-        let noise = compare(&other, &image)?.relmse / 2.0;
+        self.mean_of(&tracing("1")?, &tracing("2")?)
+    }
+
+    fn mean_of(&self, one: &Path, other: &Path) -> Result<Reference> {
+        let (one, other) = (self.read(one)?, self.read(other)?);
+        let noise = metrics::compare(&other, &one)?.relmse / 4.0;
+        let mean = |(a, b): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|c| 0.5 * (a[c] + b[c]));
+        let image = FloatImage {
+            pixels: one.pixels.iter().zip(&other.pixels).map(mean).collect(),
+            ..one
+        };
         Ok(Reference { image, noise })
+    }
+
+    fn judge(&self, image: &Path, reference: &Reference) -> Result<Judged> {
+        let found = metrics::compare(&self.read(image)?, &reference.image)?;
+        Ok(Judged {
+            relmse: found.relmse - reference.noise,
+            bias: found.bias,
+            flip: found.flip,
+        })
+    }
+
+    fn judgement(&self) -> Result<()> {
+        let [image, one, other] = self.scenes.as_slice() else {
+            return Err("judge wants an image and two path tracings".into());
+        };
+        let reference = self.mean_of(&one.0, &other.0)?;
+        let Judged { relmse, bias, flip } = self.judge(&image.0, &reference)?;
+        println!(
+            "noise {:.4}, relMSE less noise {relmse:.4}, bias {:+.1} %, FLIP {flip:.3}",
+            reference.noise,
+            100.0 * bias
+        );
+        Ok(())
+    }
+
+    /// Direct light in an image, by the means of blocks of pixels; what fills no block is left out.
+    fn read(&self, path: &Path) -> Result<FloatImage> {
+        let layers = read_exr(path, &Limits::default())?;
+        let whole = layers.rgb("direct").ok_or("an image without a direct layer")?;
+        let block = self.block;
+        let (width, height) = (whole.width / block, whole.height / block);
+        let mean = |i: usize| {
+            let (x, y) = (i % width * block, i / width * block);
+            let mut sum = [0.0; 3];
+            for row in y..y + block {
+                for pixel in &whole.pixels[row * whole.width + x..][..block] {
+                    (0..3).for_each(|c| sum[c] += pixel[c] / (block * block) as f32);
+                }
+            }
+            sum
+        };
+        Ok(FloatImage {
+            width,
+            height,
+            pixels: (0..width * height).map(mean).collect(),
+        })
     }
 }
 
@@ -326,23 +388,6 @@ fn bytes_at(measured: &[(f64, f64)], error: f64) -> Option<f64> {
         let part = (coarse.ln() - error.ln()) / (coarse.ln() - fine.ln());
         (0.0..=1.0).contains(&part).then(|| few * (many / few).powf(part))
     })
-}
-
-fn judge(image: &Path, reference: &Reference) -> Result<Judged> {
-    let found = compare(image, &reference.image)?;
-    Ok(Judged {
-        relmse: found.relmse - reference.noise,
-        bias: found.bias,
-        flip: found.flip,
-    })
-}
-
-fn compare(image: &Path, reference: &Path) -> Result<metrics::Comparison> {
-    let direct = |path: &Path| -> Result<_> {
-        let layers = read_exr(path, &Limits::default())?;
-        Ok(layers.rgb("direct").ok_or("an image without a direct layer")?)
-    };
-    Ok(metrics::compare(&direct(image)?, &direct(reference)?)?)
 }
 
 /// The program, which cargo puts beside the folder of examples.

@@ -1,6 +1,6 @@
 //! Input that cannot be used: one paragraph that says what, where and what to do, exit code 1, nothing written.
 
-use crate::stage::{SQUARE, complaint, cornell, data, folder, gltf, names, relight, sequence};
+use crate::stage::{SQUARE, bake_json, complaint, cornell, data, folder, gltf, names, relight, sequence};
 use std::path::Path;
 
 fn bake_complaint(scene: &Path) -> String {
@@ -71,6 +71,17 @@ fn vertices_that_are_no_numbers_are_dropped_and_counted() {
 }
 
 /// Three vertices on one spot: a file with geometry that no ray ever meets.
+/// Disks of 100 m fit nowhere into a box of 0.55 m.
+#[test]
+fn points_farther_apart_than_the_scene_is_wide_are_one_point() {
+    let folder = folder();
+    let wide = ["--levels", "11", "--sender-levels", "1", "--coarse-radius", "100"];
+    let said = bake_json(&data("cornell.glb"), &folder.path().join("a.relight"), &wide);
+    let points = said["points"].as_array().unwrap();
+    assert_eq!(points[0], 1);
+    assert!(points[10].as_u64() > Some(10), "{points:?}");
+}
+
 #[test]
 fn a_scene_where_nothing_is_reachable_says_so() {
     let folder = folder();

@@ -18,9 +18,9 @@ const SITE_COUNT: usize = 9;
 pub(super) struct World {
     /// Directions, or places in a box around the fragments' place.
     pub(super) lights: Vec<Vec3>,
-    near: bool,
+    pub(super) near: bool,
     /// Per site what it sees of each leaf.
-    seen: Vec<Vec<f32>>,
+    pub(super) seen: Vec<Vec<f32>>,
     pub(super) flux: Vec<Vec3>,
 }
 
