@@ -9,6 +9,7 @@ mod choice;
 mod compare;
 mod console;
 mod demo;
+mod export;
 mod failure;
 mod frames;
 mod images;
@@ -62,6 +63,7 @@ enum Command {
     Bake(bake::BakeArgs),
     Play(play::PlayArgs),
     Inspect(inspect::InspectArgs),
+    Export(export::ExportArgs),
     Compare(compare::CompareArgs),
     Demo(demo::DemoArgs),
 }
@@ -94,6 +96,7 @@ fn run(cli: &Cli, console: &Console) -> Result<Outcome, Failure> {
         Command::Bake(args) => bake::run(args, seed, console),
         Command::Play(args) => play::run(args, seed, console),
         Command::Inspect(args) => inspect::run(args, console),
+        Command::Export(args) => export::run(args, console),
         Command::Compare(args) => compare::run(args, console),
         Command::Demo(args) => demo::run(args, seed, console),
     }

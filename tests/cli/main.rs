@@ -8,6 +8,7 @@ mod bake;
 mod compare;
 mod cuts;
 mod cuts_indirect;
+mod export;
 mod general;
 mod inspect;
 mod materials;
