@@ -23,8 +23,15 @@ const DOT: f32 = 0.12;
 /// Brightness of surfaces that are seen edge-on, so that shapes show.
 const EDGE: f32 = 0.35;
 
-/// Draws every level as `level_N.png` from the scene's first camera; returns the files.
-pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+/// The picture of each level, as `level_N.png`.
+pub fn files(folder: &Path, levels: usize) -> Vec<PathBuf> {
+    (0..levels)
+        .map(|number| folder.join(format!("level_{number}.png")))
+        .collect()
+}
+
+/// Draws every level from the scene's first camera into [`files`].
+pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<(), Failure> {
     let loaded = load(path, false)?;
     let camera = loaded.scene.cameras.first().ok_or_else(|| {
         anyhow!(
@@ -40,8 +47,7 @@ pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<Vec<PathBuf>, F
         .unwrap_or(16.0 / 9.0);
     let width = ((HEIGHT as f32 * aspect).round() as usize).clamp(1, 16 * HEIGHT);
     let shot = expose(&loaded.player.scene, &camera.at(0.0), width, HEIGHT, RAYS);
-    let mut files = Vec::new();
-    for (number, level) in asset.points.iter().enumerate() {
+    for (file, level) in files(folder, asset.points.len()).iter().zip(&asset.points) {
         let vectors = |values: &[[f32; 3]]| values.iter().copied().map(Vec3::from).collect::<Vec<_>>();
         let basis = Level::new(
             vectors(&level.positions),
@@ -68,18 +74,16 @@ pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<Vec<PathBuf>, F
             })
             .collect();
         let pixels = shot.resolve(&colors).iter().map(Vec3::to_array).collect();
-        let file = folder.join(format!("level_{number}.png"));
         write_png(
-            &file,
+            file,
             &display_encoded(&FloatImage {
                 width,
                 height: HEIGHT,
                 pixels,
             }),
         )?;
-        files.push(file);
     }
-    Ok(files)
+    Ok(())
 }
 
 fn strongest(level: &Level, position: Vec3, normal: Vec3) -> Option<u32> {

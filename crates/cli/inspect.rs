@@ -9,12 +9,15 @@ use crate::words::{self, bytes, count};
 use clap::Args;
 use comfy_table::presets;
 use comfy_table::{CellAlignment, Table};
-use relight_format::{self as format, Asset, Limits};
+use relight_format::layout::Kind;
+use relight_format::{self as format, Asset, Content, CutContent, FormatError, Limits, Summary};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 /// Show what an asset holds: how big, how sparse, how deep, what was left out and why.
+///
+/// Reads the first and last few kilobytes of a file of any size and trusts the rest; --verify reads all of it.
 ///
 /// Times, memory and threads of its bake are shown when ASSET.relight.log.json lies beside it.
 #[derive(Args)]
@@ -25,6 +28,9 @@ pub struct InspectArgs {
     /// Print one JSON object on stdout instead of a table: the fields of `bake --json`.
     #[arg(long)]
     pub json: bool,
+    /// Read every byte, compare it with its checksum, and check all that it says.
+    #[arg(long)]
+    pub verify: bool,
     /// Draw the points of every level, seen from the scene's first camera, into this folder as level_N.png.
     #[arg(long, value_name = "DIR")]
     pub images: Option<PathBuf>,
@@ -32,17 +38,45 @@ pub struct InspectArgs {
 
 /// Runs the command.
 pub fn run(args: &InspectArgs, console: &Console) -> Result<Outcome, Failure> {
-    let asset = format::read_file(&args.asset, &Limits::default())
-        .map_err(|error| anyhow::anyhow!("{}: {error}", args.asset.display()))?;
-    let mut json = asset_json(&args.asset, &asset)?;
-    match read_log(&args.asset) {
+    let path = &args.asset;
+    let failed = |error: FormatError| anyhow::anyhow!("{}: {error}", path.display());
+    let summary = format::read_summary(path).map_err(failed)?;
+    let counted = Content::from_counts(&summary.provenance.counts);
+    // All of an asset is only read for pictures, on request, and where an older bake has counted nothing.
+    let (content, rms_error) = match counted {
+        Some(content) if !args.verify && args.images.is_none() => {
+            let estimates =
+                format::read_parts(path, &Limits::default(), &[Kind::Estimates]).map_err(failed)?;
+            (content, cut_rms_error(&estimates))
+        }
+        counted => {
+            let asset = format::read_file(path, &Limits::default()).map_err(failed)?;
+            let content = Content::of(&asset);
+            if counted.is_some_and(|counted| counted != content) {
+                let path = path.display();
+                let message = "holds something else than its provenance counts; bake it again";
+                return Err(anyhow::anyhow!("{path}: {message}").into());
+            }
+            if let Some(folder) = &args.images {
+                images::draw(path, &asset, folder)?;
+            }
+            let rms_error = cut_rms_error(&asset);
+            (content, rms_error)
+        }
+    };
+    let mut json = content_json(path, &summary, &content, rms_error)?;
+    match read_log(path) {
         Ok(Some(log)) => merge(&mut json, &log),
         Ok(None) => {}
         Err(complaint) => console.note(format!("note: {complaint}")),
     }
     json["command"] = "inspect".into();
+    if args.verify {
+        json["verified"] = true.into();
+        console.note("Every byte is as its checksum says, and what it says is valid.");
+    }
     if let Some(folder) = &args.images {
-        let files = images::draw(&args.asset, &asset, folder)?;
+        let files = images::files(folder, content.points.len());
         json["images"] = files.iter().map(|file| file.display().to_string()).collect();
     }
     if args.json {
@@ -76,9 +110,28 @@ fn read_log(asset: &Path) -> Result<Option<Value>, String> {
     Ok(Some(kept))
 }
 
-/// Everything that is known from the asset and its file.
+/// Everything that is known from an asset in memory and its file.
 pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
-    let summary = format::read_summary(path)?;
+    content_json(
+        path,
+        &format::read_summary(path)?,
+        &Content::of(asset),
+        cut_rms_error(asset),
+    )
+}
+
+/// The bake's estimate of the error of its cuts.
+fn cut_rms_error(asset: &Asset) -> Option<f64> {
+    let mut estimates = asset.estimates.iter().flat_map(|e| &e.values);
+    estimates.find(|e| e.0 == "cut_rms_error").map(|e| e.1)
+}
+
+fn content_json(
+    path: &Path,
+    summary: &Summary,
+    content: &Content,
+    rms_error: Option<f64>,
+) -> Result<Value, Failure> {
     let mut sections = serde_json::Map::new();
     for section in &summary.sections {
         sections.insert(
@@ -87,9 +140,8 @@ pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
         );
     }
     sections.insert("total".into(), summary.file_bytes.into());
-    let provenance = &asset.provenance;
+    let provenance = &summary.provenance;
     let counted = |name: &str| provenance.counts.iter().find(|c| c.0 == name).map(|c| c.1);
-    let points: Vec<usize> = asset.points.iter().map(|level| level.positions.len()).collect();
     let settings: serde_json::Map<String, Value> = provenance
         .settings
         .iter()
@@ -100,19 +152,6 @@ pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
         .iter()
         .map(|l| json!({ "what": l.what, "why": l.why, "saved_bytes": l.saved_bytes }))
         .collect();
-    let instances = &asset.geometry.instances;
-    let triangles: usize = instances
-        .iter()
-        .map(|i| asset.geometry.meshes[i.mesh as usize].triangles.len())
-        .sum();
-    let transfer = asset.transfer.as_ref().map_or(0, |l| l.columns.len());
-    let bounce = asset.bounce.as_ref().map_or(0, |b| b.matrix.columns.len());
-    let solution: usize = asset
-        .solution
-        .iter()
-        .flat_map(|s| &s.channels)
-        .map(|c| c.columns.len())
-        .sum();
     Ok(json!({
         "schema": SCHEMA,
         "asset": path.display().to_string(),
@@ -123,23 +162,24 @@ pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
         "seed": provenance.seed,
         "lambert": provenance.lambert,
         "settings": settings,
-        "triangles": triangles,
-        "meshes": asset.geometry.meshes.len(),
-        "instances": instances.len(),
-        "materials": asset.materials.len(),
-        "textures": asset.textures.len(),
-        "points": points,
-        "disk_radius": asset.points.iter().map(|l| l.disk_radius).collect::<Vec<_>>(),
-        "links": transfer + bounce + solution,
+        "triangles": content.triangles,
+        "meshes": content.meshes,
+        "instances": content.instances,
+        "materials": content.materials,
+        "textures": content.textures,
+        "points": content.points,
+        "disk_radius": content.disk_radii,
+        // Saturating: the counts of a forged file may be anything.
+        "links": content.links_transfer.saturating_add(content.links_bounce).saturating_add(content.links_solution),
         "links_by_operator": {
-            "transfer": transfer,
-            "solution": solution,
-            "bounce": bounce,
+            "transfer": content.links_transfer,
+            "solution": content.links_solution,
+            "bounce": content.links_bounce,
         },
-        "links_per_level": links_per_level(asset),
-        "longest_row": longest_row(asset),
+        "links_per_level": content.links_per_level,
+        "longest_row": content.longest_row,
         "potential_links": counted("potential_links"),
-        "cuts": cuts_json(asset),
+        "cuts": content.cuts.map(|cuts| cuts_json(&cuts, rms_error)),
         "rays": counted("rays"),
         "receivers_gathered": counted("receivers_gathered"),
         "rays_without_points": counted("rays_without_points"),
@@ -151,52 +191,18 @@ pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
     }))
 }
 
-/// What visibility cuts the asset holds; null for none.
-fn cuts_json(asset: &Asset) -> Value {
-    let (Some(cuts), Some(tree)) = (&asset.cuts, &asset.light_tree) else {
-        return Value::Null;
-    };
-    let mode = match tree.lights {
-        format::LightSamples::Environment { .. } => "environment",
-        format::LightSamples::Surface { .. } => "indirect",
-    };
-    let sites = cuts.row_offsets.len().saturating_sub(1);
-    let place = match cuts.sites {
-        format::CutSites::Points => "points",
-        format::CutSites::Vertices => "vertices",
-    };
-    let estimates = asset.estimates.iter().flat_map(|e| &e.values);
+/// What visibility cuts an asset holds.
+fn cuts_json(cuts: &CutContent, rms_error: Option<f64>) -> Value {
     json!({
-        "mode": mode,
-        "sites_at": place,
-        "lights": tree.lights.len(),
-        "sites": sites,
-        "elements": cuts.heights.len(),
-        "mean_length": cuts.heights.len() as f64 / sites.max(1) as f64,
+        "mode": if cuts.of_surfaces { "indirect" } else { "environment" },
+        "sites_at": if cuts.at_vertices { "vertices" } else { "points" },
+        "lights": cuts.lights,
+        "sites": cuts.sites,
+        "elements": cuts.elements,
+        "mean_length": cuts.elements as f64 / cuts.sites.max(1) as f64,
         "sigma": cuts.sigma,
-        "rms_error": estimates.clone().find(|e| e.0 == "cut_rms_error").map(|e| e.1),
+        "rms_error": rms_error,
     })
-}
-
-fn links_per_level(asset: &Asset) -> Vec<u32> {
-    let mut first = 0;
-    asset
-        .points
-        .iter()
-        .map(|level| {
-            let rows = first..first + level.positions.len();
-            first = rows.end;
-            asset
-                .transfer
-                .as_ref()
-                .map_or(0, |l| l.row_offsets[rows.end] - l.row_offsets[rows.start])
-        })
-        .collect()
-}
-
-fn longest_row(asset: &Asset) -> u32 {
-    let rows = asset.transfer.as_ref().map_or(&[][..], |l| &l.row_offsets);
-    rows.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0)
 }
 
 fn table(header: &[&str], rows: Vec<Vec<String>>) -> String {
@@ -256,7 +262,7 @@ pub fn describe(json: &Value) -> String {
     }
     let array = |key: &str| json[key].as_array().cloned().unwrap_or_default();
     let points: Vec<u64> = array("points").iter().filter_map(Value::as_u64).collect();
-    let all_points: u64 = points.iter().sum();
+    let all_points = points.iter().fold(0u64, |sum, &n| sum.saturating_add(n));
     line(format!(
         "points     {} on {}",
         count(all_points),

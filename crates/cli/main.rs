@@ -10,6 +10,7 @@ mod choice;
 mod compare;
 mod console;
 mod demo;
+mod export;
 mod failure;
 mod frames;
 mod images;
@@ -67,6 +68,7 @@ enum Command {
     Play(play::PlayArgs),
     Inspect(inspect::InspectArgs),
     Check(check::CheckArgs),
+    Export(export::ExportArgs),
     Compare(compare::CompareArgs),
     Report(report::ReportArgs),
     Demo(demo::DemoArgs),
@@ -101,6 +103,7 @@ fn run(cli: &Cli, console: &Console) -> Result<Outcome, Failure> {
         Command::Play(args) => play::run(args, seed, console),
         Command::Inspect(args) => inspect::run(args, console),
         Command::Check(args) => check::run(args, seed, console),
+        Command::Export(args) => export::run(args, console),
         Command::Compare(args) => compare::run(args, console),
         Command::Report(args) => report::run(args, seed, console),
         Command::Demo(args) => demo::run(args, seed, console),

@@ -79,7 +79,10 @@ fn damage_anywhere_is_noticed() {
     }
     for case in cases {
         std::fs::write(&broken, &case).unwrap();
-        let text = complaint(relight().arg("inspect").arg(&broken).arg("--json"), 1);
+        let text = complaint(
+            relight().arg("inspect").arg(&broken).args(["--verify", "--json"]),
+            1,
+        );
         assert!(text.contains("broken.relight"), "{text}");
     }
 }
@@ -98,4 +101,47 @@ fn every_level_can_be_drawn() {
     assert_eq!(crate::stage::names(&images), ["level_0.png", "level_1.png"]);
     let bytes = |name: &str| std::fs::read(images.join(name)).unwrap();
     assert!(bytes("level_0.png") != bytes("level_1.png"));
+}
+
+/// What `inspect` says stands in provenance: what the links themselves are, it never reads, unless it is asked to.
+#[test]
+fn links_are_counted_without_being_read() {
+    let folder = folder();
+    let broken = folder.path().join("broken.relight");
+    let mut bytes = std::fs::read(cornell()).unwrap();
+    let summary = relight_format::summarise(&bytes).unwrap();
+    let links = summary
+        .sections
+        .iter()
+        .find(|s| s.name == "links_transfer")
+        .unwrap();
+    bytes[links.offset as usize..][..links.stored_bytes as usize].fill(0);
+    std::fs::write(&broken, bytes).unwrap();
+    let said = |asset: &std::path::Path| {
+        let output = relight()
+            .arg("inspect")
+            .arg(asset)
+            .arg("--json")
+            .assert()
+            .success();
+        let mut said = json(&output.get_output().stdout);
+        // What the log beside the file says, and the file's name.
+        for key in ["asset", "seconds", "peak_memory_bytes", "threads"] {
+            said.as_object_mut().unwrap().remove(key);
+        }
+        said
+    };
+    assert_eq!(said(&broken), said(cornell()));
+    let text = complaint(relight().arg("inspect").arg(&broken).arg("--verify"), 1);
+    assert!(
+        text.contains("links_transfer") && text.contains("checksum"),
+        "{text}"
+    );
+    let verified = relight()
+        .arg("inspect")
+        .arg(cornell())
+        .args(["--verify", "--json"])
+        .assert()
+        .success();
+    assert_eq!(json(&verified.get_output().stdout)["verified"], true);
 }

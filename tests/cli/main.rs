@@ -9,6 +9,7 @@ mod check;
 mod compare;
 mod cuts;
 mod cuts_indirect;
+mod export;
 mod general;
 mod inspect;
 mod materials;

@@ -194,7 +194,7 @@ pub fn bake(
         notes,
     };
     let lit = !transport.links.is_empty();
-    let asset = format::Asset {
+    let mut asset = format::Asset {
         provenance,
         geometry: convert::geometry(&kept),
         materials: convert::materials(&kept),
@@ -211,6 +211,8 @@ pub fn bake(
         estimates,
         cuts,
     };
+    let content = format::Content::of(&asset).to_counts();
+    asset.provenance.counts.extend(content);
     clock.lap("prune");
     let threads = rayon::current_num_threads();
     let stats = BakeStats {

@@ -1,10 +1,6 @@
 //! What an asset holds, as plain arrays.
 //!
-//! Conventions (design section 2): metres, right-handed, +Y up, linear Rec. 709, f32. World space unless said
-//! otherwise. The field order of the structures that derive `Serialize` is the layout of their section
-//! (SPEC 6): moving a field changes the file, and a test on stored bytes fails.
-
-use serde::{Deserialize, Serialize};
+//! Conventions (design section 2): metres, right-handed, +Y up, linear Rec. 709, f32. World space unless said otherwise.
 
 /// Everything in one file. A part that is empty or `None` has no section in the file.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -38,7 +34,7 @@ pub struct Asset {
 }
 
 /// Where an asset came from. Nothing in it may vary from run to run (no times, paths, thread counts).
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Provenance {
     /// Version of the tool that baked, such as `relight 0.1.0`.
     pub tool_version: String,
@@ -59,7 +55,7 @@ pub struct Provenance {
 }
 
 /// One part that a bake left out.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct LeftOut {
     /// What: "texture coordinates", "environment cuts", ...
     pub what: String,
@@ -107,7 +103,7 @@ pub struct Mesh {
 }
 
 /// glTF metallic-roughness parameters. All values finite.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Material {
     /// Name in the source, for lighting sequences and material edits. May be empty or shared.
     pub name: String,
@@ -159,7 +155,7 @@ impl Default for Material {
 }
 
 /// How a material's alpha acts.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum AlphaMode {
     /// Alpha is ignored.
     #[default]
@@ -171,7 +167,7 @@ pub enum AlphaMode {
 }
 
 /// Which image a material reads, and how texture coordinates reach it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TextureRef {
     /// Index into [`Asset::textures`].
     pub texture: u32,
@@ -319,7 +315,7 @@ pub struct WeightRows {
 }
 
 /// Error estimates of the bake, as names and values.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Estimates {
     /// Such as `relmse_indirect` and its value; all finite.
     pub values: Vec<(String, f64)>,

@@ -16,7 +16,7 @@ pub struct Limits {
     pub file_bytes: u64,
     /// Longest section after decompression, bytes.
     pub section_bytes: u64,
-    /// Most memory for decoded arrays together with the section being decompressed, bytes.
+    /// Most memory for decoded arrays together with the section being read and decompressed, bytes.
     pub total_bytes: u64,
 }
 
@@ -387,9 +387,8 @@ fn check_lengths(section: &SectionInfo, place: Place, limits: &Limits) -> Result
     Ok(())
 }
 
-/// Verifies a section's stored bytes against its checksum.
-pub(crate) fn verify(section: &SectionInfo, stored: &[u8]) -> Result<()> {
-    let actual = xxh3_64(stored);
+/// Compares the XXH3-64 of a section's stored bytes with its checksum.
+pub(crate) fn verify(section: &SectionInfo, actual: u64) -> Result<()> {
     if actual == section.checksum {
         return Ok(());
     }

@@ -13,12 +13,16 @@ pub type Result<T> = std::result::Result<T, FormatError>;
 #[non_exhaustive]
 pub enum FormatError {
     /// The operating system refused a file operation.
-    #[error("cannot {action} {}: {source}", path.display())]
+    #[error("cannot {action} {}{}: {source}", path.display(), place_in_file(section, *offset))]
     Io {
         /// What was being done: "open", "read", "write", ...
         action: &'static str,
         /// The file concerned.
         path: PathBuf,
+        /// The part of it, as [`Fault::section`] has it: `"file"` for the whole.
+        section: String,
+        /// Byte offset in the file.
+        offset: u64,
         /// The operating system's reason.
         source: std::io::Error,
     },
@@ -31,6 +35,38 @@ pub enum FormatError {
     /// Reading would take more than [`Limits`](crate::Limits) allow, or than the file can justify.
     #[error("limit exceeded: {0}; raise the limit if the file can be trusted")]
     LimitExceeded(Box<Fault>),
+}
+
+/// Nothing for the whole file.
+fn place_in_file(section: &str, offset: u64) -> String {
+    if section == "file" {
+        String::new()
+    } else {
+        format!(" ({section}, byte {offset})")
+    }
+}
+
+impl FormatError {
+    /// The evidence, whatever the class: of [`Io`](Self::Io) what was to be done and what the system said.
+    pub fn fault(&self) -> Fault {
+        match self {
+            FormatError::Io {
+                action,
+                path,
+                section,
+                offset,
+                source,
+            } => Fault {
+                section: section.clone(),
+                place: Place::File(*offset),
+                expected: format!("to {action} {}", path.display()),
+                found: source.to_string(),
+            },
+            FormatError::Invalid(fault)
+            | FormatError::Unsupported(fault)
+            | FormatError::LimitExceeded(fault) => Fault::clone(fault),
+        }
+    }
 }
 
 /// The evidence of a failure: where it is, what should stand there and what does.

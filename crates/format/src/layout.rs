@@ -187,6 +187,23 @@ impl Kind {
         self != Kind::Estimates
     }
 
+    /// The kinds whose content this one's refers to: [`Asset::validate`](crate::Asset::validate) compares them.
+    pub fn refers_to(self) -> &'static [Kind] {
+        match self {
+            Kind::Geometry => &[Kind::Materials],
+            Kind::Materials => &[Kind::Textures],
+            Kind::LinksTransfer | Kind::LinksBounce | Kind::LinksSolution => &[Kind::Senders],
+            Kind::Senders => &[Kind::Points],
+            Kind::Cuts => &[Kind::LightTree, Kind::Points, Kind::Geometry],
+            Kind::Provenance
+            | Kind::Textures
+            | Kind::Stage
+            | Kind::Points
+            | Kind::Estimates
+            | Kind::LightTree => &[],
+        }
+    }
+
     /// Codec that a writer tries. Textures are PNG and JPEG already; provenance stays readable in a hex dump.
     pub(crate) fn preferred_codec(self) -> Codec {
         match self {

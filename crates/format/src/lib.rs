@@ -45,9 +45,11 @@
 mod asset;
 pub mod codec;
 mod container;
+mod content;
 mod error;
 mod file;
 pub mod layout;
+mod read;
 mod section;
 mod validate;
 mod vertices;
@@ -59,10 +61,10 @@ pub use asset::{
 };
 pub use codec::vector::quantised_vector;
 pub use container::{Limits, SectionInfo};
+pub use content::{Content, CutContent};
 pub use error::{Fault, FormatError, Place, Result};
-pub use file::{
-    Summary, content_hash, read_asset, read_file, read_summary, summarise, write_asset, write_file,
-};
+pub use file::{content_hash, write_asset, write_file};
+pub use read::{Summary, read_asset, read_file, read_parts, read_summary, summarise};
 pub use section::cuts::quantised_cuts;
 pub use section::light_tree::quantised_light_tree;
 pub use section::links::quantised_links;

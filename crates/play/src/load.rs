@@ -5,6 +5,7 @@ use crate::cuts::{Lights, SitePlaces, SurfaceSamples, VisibilityCuts};
 use crate::frame::{Player, snapped};
 use crate::transfer::Transfer;
 use glam::Vec3;
+use relight_format::layout::Kind;
 use relight_format::{self as format, Asset, FormatError, Limits, Provenance};
 use relight_scene::light::LightKind;
 use relight_scene::scene::Scene;
@@ -90,7 +91,25 @@ pub struct Loaded {
     pub hash: u64,
 }
 
-/// Reads an asset and prepares it. With `with_operators` false the operators are left alone, as the reference
+/// What the reference integrators need.
+const SCENE: [Kind; 4] = [Kind::Geometry, Kind::Materials, Kind::Textures, Kind::Stage];
+
+/// What transfer and cuts need: everything but estimates.
+const WHOLE: [Kind; 11] = [
+    Kind::Geometry,
+    Kind::Materials,
+    Kind::Textures,
+    Kind::Stage,
+    Kind::Points,
+    Kind::Senders,
+    Kind::LinksTransfer,
+    Kind::LinksBounce,
+    Kind::LinksSolution,
+    Kind::LightTree,
+    Kind::Cuts,
+];
+
+/// Reads what is needed of an asset and prepares it. With `with_operators` false the operators are left alone, as the reference
 /// integrators need none.
 ///
 /// # Errors
@@ -100,7 +119,8 @@ pub fn load(path: &Path, with_operators: bool) -> Result<Loaded, LoadError> {
         file: path.to_path_buf(),
         source,
     };
-    let asset = format::read_file(path, &Limits::default()).map_err(in_format)?;
+    let kinds = if with_operators { &WHOLE[..] } else { &SCENE };
+    let asset = format::read_parts(path, &Limits::default(), kinds).map_err(in_format)?;
     let hash = asset_hash(path).map_err(in_format)?;
     from_asset(asset, hash, path, with_operators)
 }
@@ -200,6 +220,8 @@ pub fn asset_hash(path: &Path) -> Result<u64, FormatError> {
         .map_err(|source| FormatError::Io {
             action: "read",
             path: path.to_path_buf(),
+            section: "header".into(),
+            offset: 0,
             source,
         })?;
     Ok(format::content_hash(&header))

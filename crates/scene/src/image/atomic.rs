@@ -10,6 +10,17 @@ use std::path::Path;
 /// # Errors
 /// [`ImageError::Io`], naming the target; the temporary file is removed.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
+    write_atomically_with(path, |file| file.write_all(bytes))
+}
+
+/// As [`write_atomically`], of what `write` writes, piece by piece.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn write_atomically_with(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+) -> Result<(), ImageError> {
     let fail = |action| move |e| ImageError::io(path, action, e);
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -26,7 +37,11 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
     let mut file = builder
         .tempfile_in(folder)
         .map_err(fail("making a temporary file beside it"))?;
-    file.write_all(bytes).map_err(fail("writing"))?;
+    let mut buffer = std::io::BufWriter::new(&mut file);
+    write(&mut buffer)
+        .and_then(|()| buffer.flush())
+        .map_err(fail("writing"))?;
+    drop(buffer);
     file.as_file().sync_all().map_err(fail("syncing"))?;
     file.persist(path)
         .map_err(|e| ImageError::io(path, "renaming the finished file to it", e.error))?;

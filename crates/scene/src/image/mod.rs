@@ -23,7 +23,7 @@ pub mod ldr;
 pub mod metrics;
 pub mod preview;
 
-pub use atomic::write_atomically;
+pub use atomic::{write_atomically, write_atomically_with};
 pub use colormap::error_map;
 pub use environment::{EnvironmentMap, decode_environment, decode_hdr, read_environment, read_hdr};
 pub use error::{ImageError, Limits};

@@ -1,0 +1,265 @@
+//! `relight export`: what an asset holds, for other tools: numpy arrays, PLY point clouds, Radiance matrices.
+
+mod files;
+
+use crate::console::Console;
+use crate::failure::{Failure, Outcome};
+use crate::output::{self, SCHEMA};
+use crate::words;
+use anyhow::{Context, anyhow, bail};
+use clap::{Args, ValueEnum};
+use files::{Column, Folder, Matrix};
+use relight_format::layout::Kind;
+use relight_format::{self as format, Asset, CutSites, LightSamples, Limits, WeightRows};
+use relight_transport::light_tree::sphere_direction;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Write what an asset holds for other tools: .npy arrays, PLY points, Radiance matrices.
+///
+/// Metres, +Y up; links are vector irradiance per unit radiosity; indices count through all levels, coarsest first.
+#[derive(Args)]
+pub struct ExportArgs {
+    /// Asset to export from.
+    #[arg(value_name = "ASSET.relight")]
+    pub asset: PathBuf,
+    /// What to write.
+    #[arg(long, value_enum)]
+    pub what: What,
+    /// Folder for the files; made if it is not there, files of the same names are replaced.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Most bytes of a matrix, which is written densely (suffixes K, M, G: powers of 1024).
+    #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = parse_bytes)]
+    pub matrix_limit: u64,
+    /// Print one JSON object on stdout: the files, their shapes and units.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Parts of an asset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum What {
+    /// Points of all levels: positions, normals, albedo, level (.npy and .ply).
+    Points,
+    /// Sparse operators as compressed rows, and the clusters that send (.npy).
+    Links,
+    /// What each site sees of the lights: nodes and means (.npy).
+    Cuts,
+    /// The lights that cuts cluster: directions or surface samples (.npy and .ply).
+    Lights,
+    /// T and the bounce operator as dense matrices (Radiance, 32-bit floats).
+    Transfer,
+}
+
+fn parse_bytes(text: &str) -> Result<u64, String> {
+    let (digits, unit) = match text.char_indices().last() {
+        Some((at, 'K' | 'k')) => (&text[..at], 1u64 << 10),
+        Some((at, 'M' | 'm')) => (&text[..at], 1 << 20),
+        Some((at, 'G' | 'g')) => (&text[..at], 1 << 30),
+        _ => (text, 1),
+    };
+    let number = digits.parse::<u64>().ok().and_then(|n| n.checked_mul(unit));
+    number.ok_or_else(|| "give a number of bytes such as 500M or 4G".into())
+}
+
+/// Runs the command.
+pub fn run(args: &ExportArgs, console: &Console) -> Result<Outcome, Failure> {
+    let kinds: &[Kind] = match args.what {
+        What::Points => &[Kind::Points],
+        What::Links | What::Transfer => &[Kind::LinksTransfer, Kind::LinksBounce, Kind::LinksSolution],
+        What::Cuts => &[Kind::Cuts],
+        What::Lights => &[Kind::LightTree],
+    };
+    let name = args.asset.display();
+    let asset =
+        format::read_parts(&args.asset, &Limits::default(), kinds).map_err(|e| anyhow!("{name}: {e}"))?;
+    std::fs::create_dir_all(&args.output)
+        .with_context(|| format!("{}: cannot make the folder", args.output.display()))?;
+    let mut folder = Folder::new(&args.output);
+    let facts = match args.what {
+        What::Points => points(&asset, &mut folder),
+        What::Links => links(&asset, &mut folder),
+        What::Cuts => cuts(&asset, &mut folder),
+        What::Lights => lights(&asset, &mut folder),
+        What::Transfer => transfer(&asset, &mut folder, args.matrix_limit),
+    }
+    .with_context(|| name.to_string())?;
+    console.note(format!(
+        "Wrote {} into {}.",
+        words::plural(folder.written.len(), "file"),
+        args.output.display()
+    ));
+    if args.json {
+        output::print_json(&json!({
+            "schema": SCHEMA,
+            "command": "export",
+            "asset": name.to_string(),
+            "what": args.what.to_possible_value().map(|v| v.get_name().to_owned()),
+            "facts": facts,
+            "files": folder.written,
+        }))?;
+    }
+    Ok(Outcome::Done)
+}
+
+fn points(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
+    if asset.points.is_empty() {
+        bail!("holds no points; bake it with points, or export something else");
+    }
+    let levels = &asset.points;
+    let positions: Vec<[f32; 3]> = levels.iter().flat_map(|l| l.positions.iter().copied()).collect();
+    let normals: Vec<[f32; 3]> = levels.iter().flat_map(|l| l.normals.iter().copied()).collect();
+    let albedo: Vec<[f32; 3]> = levels.iter().flat_map(|l| l.albedo.iter().copied()).collect();
+    let level: Vec<u8> = levels
+        .iter()
+        .zip(0u8..)
+        .flat_map(|(l, i)| vec![i; l.positions.len()])
+        .collect();
+    folder.vectors("positions", "m", &positions)?;
+    folder.vectors("normals", "1", &normals)?;
+    folder.vectors("albedo", "1", &albedo)?;
+    folder.bytes("level", "1", &level)?;
+    let radii: Vec<f32> = levels.iter().map(|l| l.disk_radius).collect();
+    folder.floats("disk_radius", "m", &radii)?;
+    let supports: Vec<f32> = levels.iter().map(|l| l.support_radius).collect();
+    folder.floats("support_radius", "m", &supports)?;
+    folder.ply(
+        "points",
+        &[
+            (["x", "y", "z"], Column::Vectors(&positions)),
+            (["nx", "ny", "nz"], Column::Vectors(&normals)),
+            (["albedo_r", "albedo_g", "albedo_b"], Column::Vectors(&albedo)),
+            (["level", "", ""], Column::Bytes(&level)),
+        ],
+    )?;
+    Ok(json!({ "levels": levels.len() }))
+}
+
+fn links(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
+    let Some(senders) = &asset.senders else {
+        bail!("holds no links: no surface sends light to another");
+    };
+    if let Some(t) = &asset.transfer {
+        folder.numbers("transfer_row_offsets", "1", &t.row_offsets)?;
+        folder.numbers("transfer_columns", "1", &t.columns)?;
+        folder.vectors("transfer_vectors", "W/m² per W/m²", &t.vectors)?;
+    }
+    let mut weights = |name: &str, matrix: &WeightRows| -> anyhow::Result<()> {
+        folder.numbers(&format!("{name}_row_offsets"), "1", &matrix.row_offsets)?;
+        folder.numbers(&format!("{name}_columns"), "1", &matrix.columns)?;
+        folder.floats(&format!("{name}_weights"), "W/m² per W/m²", &matrix.weights)
+    };
+    if let Some(bounce) = &asset.bounce {
+        weights("bounce", &bounce.matrix)?;
+    }
+    for (channel, matrix) in asset.solution.iter().flat_map(|s| s.channels.iter().enumerate()) {
+        weights(&format!("solution_{channel}"), matrix)?;
+    }
+    folder.numbers("sender_counts", "1", &senders.counts)?;
+    folder.numbers("sender_of_finest_point", "1", &senders.leaf_of_point)?;
+    folder.bytes("importance", "1", &senders.importance)?;
+    for (i, parents) in senders.parents.iter().enumerate() {
+        folder.numbers(&format!("sender_parents_{}", i + 1), "1", parents)?;
+    }
+    Ok(json!({
+        "receivers": asset.transfer.as_ref().map(|t| t.receivers),
+        "senders": asset.transfer.as_ref().map(|t| t.senders),
+        "bounce_level": asset.bounce.as_ref().map(|b| b.level),
+        "solution_level": asset.solution.as_ref().map(|s| s.level),
+    }))
+}
+
+fn cuts(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
+    let (Some(cuts), Some(tree)) = (&asset.cuts, &asset.light_tree) else {
+        bail!("holds no visibility cuts; bake it with --cuts environment or --cuts indirect");
+    };
+    folder.numbers("cut_row_offsets", "1", &cuts.row_offsets)?;
+    folder.bytes("cut_heights", "1", &cuts.heights)?;
+    folder.floats("cut_values", "unit", &cuts.values)?;
+    // Not in the file: it follows from the heights.
+    let mut first = Vec::with_capacity(cuts.heights.len());
+    for row in cuts.row_offsets.windows(2) {
+        let mut leaf = 0u32;
+        for &height in &cuts.heights[row[0] as usize..row[1] as usize] {
+            first.push(leaf);
+            leaf += 1 << height;
+        }
+    }
+    folder.numbers("cut_first_leaves", "1", &first)?;
+    Ok(json!({
+        "sites": match cuts.sites {
+            CutSites::Points => "points",
+            CutSites::Vertices => "vertices",
+        },
+        "sigma": cuts.sigma,
+        "unit": cuts.unit,
+        "lights": tree.lights.len(),
+    }))
+}
+
+fn lights(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
+    let Some(tree) = &asset.light_tree else {
+        bail!("holds no lights that cuts cluster; bake it with --cuts environment or --cuts indirect");
+    };
+    match &tree.lights {
+        LightSamples::Environment { order } => {
+            let count = order.len() as u32;
+            let directions: Vec<[f32; 3]> = (order.iter())
+                .map(|&i| sphere_direction(i, count).to_array())
+                .collect();
+            folder.vectors("light_directions", "1", &directions)?;
+            folder.numbers("light_lattice_indices", "1", order)?;
+            folder.ply("lights", &[(["x", "y", "z"], Column::Vectors(&directions))])?;
+            Ok(json!({ "kind": "environment", "steradians": 4.0 * std::f64::consts::PI / f64::from(count) }))
+        }
+        LightSamples::Surface {
+            area,
+            positions,
+            normals,
+        } => {
+            folder.vectors("light_positions", "m", positions)?;
+            folder.vectors("light_normals", "1", normals)?;
+            folder.ply(
+                "lights",
+                &[
+                    (["x", "y", "z"], Column::Vectors(positions)),
+                    (["nx", "ny", "nz"], Column::Vectors(normals)),
+                ],
+            )?;
+            Ok(json!({ "kind": "surface", "area_m2": area }))
+        }
+    }
+}
+
+fn transfer(asset: &Asset, folder: &mut Folder, limit: u64) -> anyhow::Result<Value> {
+    let Some(t) = &asset.transfer else {
+        bail!("holds no transfer operator: no surface sends light to another");
+    };
+    folder.matrix(
+        "transfer",
+        limit,
+        &Matrix {
+            what: "vector irradiance (x, y, z) of points per unit radiosity of senders",
+            columns: t.senders as usize,
+            row_offsets: &t.row_offsets,
+            column: &t.columns,
+            entries: t.vectors.as_flattened(),
+        },
+    )?;
+    if let Some(bounce) = &asset.bounce {
+        let m = &bounce.matrix;
+        folder.matrix(
+            "bounce",
+            limit,
+            &Matrix {
+                what: "mean irradiance of clusters per unit radiosity of clusters",
+                columns: m.rows as usize,
+                row_offsets: &m.row_offsets,
+                column: &m.columns,
+                entries: &m.weights,
+            },
+        )?;
+    }
+    Ok(json!({ "rows": t.receivers, "columns": t.senders }))
+}

@@ -1,0 +1,65 @@
+//! The fuzz targets of the asset file, on any toolchain and for a fixed number of inputs. Longer:
+//! `RELIGHT_FUZZ_SECONDS=60 cargo test --release -p relight-format --test fuzz -- --nocapture`.
+
+#[path = "../../../fuzz/targets/assets.rs"]
+mod assets;
+mod common;
+#[path = "../../../fuzz/targets/mutate.rs"]
+mod mutate;
+
+use common::assets::wide_asset;
+use common::{sections_of, small_asset};
+use relight_format::{Asset, write_asset};
+use std::path::Path;
+
+/// A function to be fed with any bytes.
+pub type Target = fn(&[u8]);
+
+/// Inputs per target: a few seconds for all.
+const ROUNDS: usize = 1500;
+
+#[test]
+fn nothing_panics_or_hangs() {
+    for (name, count) in mutate::feed_all(&assets::all(), ROUNDS) {
+        println!("{name}: {count} inputs");
+    }
+}
+
+/// Writes the seeds that corpora started from; `cargo fuzz cmin` then makes them minimal.
+#[test]
+#[ignore = "writes the first inputs of the corpora"]
+fn write_the_seeds() {
+    let corpora = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus");
+    let write = |target: &str, name: &str, data: &[u8]| {
+        let folder = corpora.join(target);
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join(name), data).unwrap();
+    };
+    for (name, asset) in [
+        ("small", small_asset()),
+        ("wide", wide_asset()),
+        ("empty", Asset::default()),
+    ] {
+        let file = write_asset(&asset).unwrap();
+        if name != "wide" {
+            write("container", name, &file);
+        }
+        for section in sections_of(&file) {
+            let raw = match section.codec {
+                0 => section.stored,
+                _ => zstd::bulk::decompress(&section.stored, section.raw_bytes as usize).unwrap(),
+            };
+            let kind = relight_format::layout::Kind::from_number(section.kind).unwrap();
+            // Longer ones would only slow the fuzzer down.
+            if raw.len() <= 4096 {
+                write(kind.name(), name, &raw);
+            }
+        }
+    }
+    for i in 0..8u8 {
+        let data: Vec<u8> = (0..400u32)
+            .map(|k| (k.wrapping_mul(2_654_435_761) >> (8 + i)) as u8)
+            .collect();
+        write("round_trip", &format!("seed_{i}"), &data);
+    }
+}

@@ -1,0 +1,21 @@
+//! Functions that take any bytes and must neither panic nor hang nor take much memory: `cargo fuzz` feeds them for hours
+//! (README.md), tests named `fuzz` in the crates for seconds.
+
+pub mod targets {
+    //! The functions.
+
+    pub mod assets;
+
+    /// A function to be fed with any bytes.
+    pub type Target = fn(&[u8]);
+
+    /// Feeds one target.
+    pub fn feed(name: &str, data: &[u8]) {
+        for (known, target) in assets::all() {
+            if known == name {
+                return target(data);
+            }
+        }
+        panic!("no target {name}");
+    }
+}
