@@ -152,7 +152,9 @@ fn cuts(stage: &Stage) -> Measured {
     };
     let loaded = stage.loaded(scene, &params)?;
     let mut shot = stage.shot(&loaded, SIZE)?;
-    shot.choose_sites();
+    if let Some(cuts) = &loaded.player.cuts {
+        shot.choose_sites(&cuts.places);
+    }
     let emitters = SceneEmitters::new(&loaded.player.scene);
     let tracks = [sky(1.0)];
     let rig = LightRig::new(&emitters, &tracks).map_err(|e| e.to_string())?;

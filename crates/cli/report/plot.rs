@@ -89,10 +89,12 @@ pub fn all(measured: &[Measured], references: &[Reference]) -> Result<Vec<Plot>,
             .zip(front)
             .filter(|(m, _)| m.setting.layer == layer)
             .filter_map(|(m, front)| {
+                // Against black, a relative error is infinite: no axis holds it.
+                let error = Some(m.judged().relative()).filter(|e| e.is_finite())?;
                 let x = x(m).filter(|x| *x > 0.0)?;
                 Some(Dot {
                     x,
-                    y: m.judged().relative().max(LEAST_ERROR),
+                    y: error.max(LEAST_ERROR),
                     front,
                     integrator: m.setting.integrator,
                 })
@@ -101,7 +103,10 @@ pub fn all(measured: &[Measured], references: &[Reference]) -> Result<Vec<Plot>,
         if dots.is_empty() {
             continue;
         }
-        let floors = references.iter().map(|r| r.floor_of(layer));
+        let floors = references
+            .iter()
+            .map(|r| r.floor_of(layer))
+            .filter(|f| f.is_finite());
         let floor = (floors.sum::<f64>() / references.len().max(1) as f64).sqrt();
         let svg = drawn(&dots, label, floor).map_err(|error| anyhow::anyhow!("plot {name}: {error}"))?;
         plots.push(Plot {
