@@ -16,7 +16,7 @@ use relight_bake::transport::{Transport, levels_of, transport};
 use relight_bake::viewpoint;
 use relight_bake::visibility::site_cuts;
 use relight_format::codec::{cut, octahedral};
-use relight_play::cuts::VisibilityCuts;
+use relight_play::cuts::{SitePlaces, VisibilityCuts};
 use relight_play::frame::{Distant, LightingSettings, Player};
 use relight_play::lighting::irradiance_at;
 use relight_play::shot::{Shot, expose};
@@ -341,9 +341,13 @@ fn cuts(study: &Study) -> Result<(), Box<dyn Error>> {
         // Sites only need the points; links may be anything.
         let transfer = bare_transfer(&points);
         let mut player = Player::new(study.traced.clone(), Some(transfer), None);
-        player.cuts = Some(VisibilityCuts::of_directions(cuts, directions));
+        player.cuts = Some(VisibilityCuts::of_directions(
+            cuts,
+            SitePlaces::Points,
+            directions,
+        ));
         let mut shot = study.shot(&player);
-        shot.choose_sites();
+        shot.choose_sites(&SitePlaces::Points);
         let emitters = SceneEmitters::new(&player.scene);
         let rig = LightRig::new(&emitters, &tracks)?;
         let split = rig.split(0, params.lights).map(Arc::new);

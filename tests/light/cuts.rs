@@ -83,8 +83,8 @@ fn at_a_site_cuts_of_all_leaves_are_brute_force() {
     let count = fragments.len() as u32;
     let sites = FragmentSites {
         order: (0..count).collect(),
-        sites: (0..count).map(|i| [i, u32::MAX, u32::MAX, u32::MAX]).collect(),
-        weights: vec![[1.0, 0.0, 0.0, 0.0]; count as usize],
+        sites: (0..count).map(|i| [i, u32::MAX, u32::MAX]).collect(),
+        weights: vec![[1.0, 0.0, 0.0]; count as usize],
     };
     let points: Vec<Option<ShadingPoint>> = fragments.iter().map(|f| Some(f.1)).collect();
     let views: Vec<Vec3> = fragments.iter().map(|f| f.2).collect();
