@@ -1,7 +1,7 @@
 //! Reports: what is measured, what is written, that a stopped one goes on, and that the page works in a browser.
 
 use crate::stage::{complaint, cornell, data, folder, json, names, relight};
-use relight_scene::image::{BEAUTY, ExrHeader, FloatImage, Layers, write_exr};
+use relight_scene::image::{BEAUTY, ExrHeader, Layers, write_exr};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -124,12 +124,11 @@ fn errors_fall_with_samples_and_the_front_holds_what_nothing_beats() {
             .count()
     };
     assert!(front("beauty") > 0 && front("direct") > 0);
-    assert_eq!(
-        said["findings"].as_array().unwrap().len(),
-        3,
-        "{}",
-        said["findings"]
-    );
+    let said = said["findings"].as_array().unwrap();
+    assert!(said.len() >= 3);
+    for (sentence, begins) in said.iter().zip(["For 1 %", "For 3 %", "For 10 %"]) {
+        assert!(sentence.as_str().unwrap().starts_with(begins), "{sentence}");
+    }
 }
 
 #[test]
@@ -192,7 +191,7 @@ fn references_of_another_size_are_refused_and_given_ones_are_taken() {
     let folder = folder();
     let write = |width: usize| {
         let mut layers = Layers::new(width, 24);
-        layers.push_rgb(BEAUTY, &FloatImage::black(width, 24).pixels);
+        layers.push_rgb(BEAUTY, &vec![[1.0; 3]; width * 24]);
         write_exr(
             &folder.path().join("frame_0000.exr"),
             &layers,
@@ -210,8 +209,10 @@ fn references_of_another_size_are_refused_and_given_ones_are_taken() {
     );
     write(24);
     let said = report(&folder.path().join("out"), &given);
-    // Against black, all light is error.
-    assert!(number(&settings(&said)[0], "bias") > 0.0 || settings(&said)[0]["bias"].is_null());
+    // Against white, a dim room is too dark.
+    assert!(number(&settings(&said)[0], "bias") < 0.0);
+    let findings = said["findings"].to_string();
+    assert!(findings.contains("not known"), "{findings}");
     assert_eq!(said["references"][0]["floor_relmse"], Value::Null);
 }
 

@@ -148,9 +148,14 @@ def floats(cursor, width, count):
     return np.stack(columns, axis=-1)
 
 
+def normal_codes(cursor, count):
+    """6.2.2: the two codes of each."""
+    return planes(cursor, 2, count), planes(cursor, 2, count)
+
+
 def normals_16(cursor, count):
     """6.2.2: (n, 3)."""
-    u, v = planes(cursor, 2, count), planes(cursor, 2, count)
+    u, v = normal_codes(cursor, count)
     return octahedral(u - 32767, v - 32767, 16)
 
 
@@ -172,7 +177,8 @@ def mesh(cursor):
     require(flags <= 7 and uv_sets <= 8, "mesh flags of 0 to 7 and at most 8 sets of coordinates")
     cursor.zeros(2)
     result = {"material": material, "positions": floats(cursor, 3, vertices)}
-    result["normals"] = normals_16(cursor, vertices) if flags & 1 else None
+    codes = normal_codes(cursor, vertices) if flags & 1 else None
+    result["normals"] = None if codes is None else octahedral(codes[0] - 32767, codes[1] - 32767, 16)
     result["uvs"] = [floats(cursor, 2, vertices) for _ in range(uv_sets)]
     result["colors"] = floats(cursor, 4, vertices) if flags & 2 else None
     result["tangents"] = None
@@ -184,7 +190,17 @@ def mesh(cursor):
         signs = np.where(hands == 0, 1, -1).astype(np.float32)
         result["tangents"] = np.concatenate([directions, signs[:, None]], axis=1)
     result["triangles"] = indices(cursor, triangles, vertices)
+    result["sites"] = vertex_sites(result, codes)
     return result
+
+
+def vertex_sites(mesh, codes):
+    """6.13.1: their number."""
+    corners = mesh["triangles"].reshape(-1)
+    if codes is None:
+        return len(corners)
+    positions = np.ascontiguousarray(mesh["positions"], "<f4").view("<u4")
+    return len({(*positions[i].tolist(), int(codes[0][i]), int(codes[1][i])) for i in corners.tolist()})
 
 
 def geometry(cursor):
@@ -430,7 +446,7 @@ def check_whole(asset):
         part = asset["cuts"]
         require("light_tree" in asset, "cuts: a light tree")
         require(part["height"] == asset["light_tree"]["height"], "cuts: the height of the light tree")
-        at_vertices = sum(len(shapes["meshes"][i["mesh"]]["positions"]) for i in shapes["instances"])
+        at_vertices = sum(shapes["meshes"][i["mesh"]]["sites"] for i in shapes["instances"])
         sites = at_vertices if part["sites"] else (sizes[-1] if sizes else 0)
         require(len(part["row_offsets"]) - 1 == sites, "cuts: a cut for each site")
 

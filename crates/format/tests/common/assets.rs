@@ -200,17 +200,17 @@ pub fn wide_asset() -> Asset {
         matrix: weights(&lengths, 120, 1.0),
     });
     asset.light_tree = Some(LightTree { lights: wall() });
-    // 40 + 4 + 40 vertices.
-    let heads: Vec<Vec<u8>> = (0..84u32)
+    let sites = vertex_site_count(&asset.geometry).unwrap() as u32;
+    let heads: Vec<Vec<u8>> = (0..sites)
         .map(|i| if i % 7 == 0 { vec![8] } else { vec![(i % 8) as u8] })
         .collect();
-    let row_offsets = (0..=84).collect();
+    let row_offsets = (0..=sites).collect();
     asset.cuts = Some(completed(Cuts {
         sites: CutSites::Vertices,
         sigma: 0.125,
         unit: 1e-12,
         row_offsets,
-        values: (0..84).map(|i| uniform(800 + i) * 9.0).collect(),
+        values: (0..sites).map(|i| uniform(800 + u64::from(i)) * 9.0).collect(),
         heights: heads.concat(),
     }));
     asset

@@ -107,6 +107,7 @@ impl Dump {
             .flat_map(|i| i.to_le_bytes())
             .collect();
         self.line(&of("triangles"), "u32", &[mesh.triangles.len(), 3], &indices);
+        self.number(&of("sites"), vertex_sites(mesh).count as u64);
     }
 
     fn material(&mut self, name: &str, m: &Material) {
