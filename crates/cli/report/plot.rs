@@ -142,7 +142,7 @@ fn drawn(dots: &[Dot], label: &str, floor: f64) -> Result<String, Box<dyn std::e
             .configure_mesh()
             .x_desc(label)
             .y_desc("relative error (root of relMSE)")
-            .light_line_style(RGBColor(235, 235, 235))
+            .light_line_style(RGBColor(245, 245, 245))
             .x_label_formatter(&|v| short(*v))
             .y_label_formatter(&|v| format!("{} %", short(100.0 * v)))
             .draw()?;
@@ -174,6 +174,7 @@ fn drawn(dots: &[Dot], label: &str, floor: f64) -> Result<String, Box<dyn std::e
         }
         chart
             .configure_series_labels()
+            .position(SeriesLabelPosition::UpperRight)
             .background_style(WHITE.mix(0.85))
             .border_style(RGBColor(200, 200, 200))
             .draw()?;
