@@ -1,6 +1,6 @@
 //! `relight report`: error against run time, bake time and size, over settings and integrators.
 //!
-//! The way of a report: [`settings`] lists what to try, [`reference`] path-traces what all are judged by, [`measure`]
+//! The way of a report: [`settings`] lists what to try, [`mod@reference`] path-traces what all are judged by, [`measure`]
 //! bakes and plays them, [`findings`] finds the Pareto fronts and says in words what they mean, [`page`] and [`plot`]
 //! show it.
 
@@ -49,7 +49,7 @@ pub struct ReportArgs {
     /// Folder for everything that is written.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// One frame, 240 pixels wide, the most telling settings, within 8 minutes [default].
+    /// One frame, 240 pixels wide, the most telling settings, within 8 minutes; the default.
     #[arg(long, conflicts_with = "full")]
     pub quick: bool,
     /// Three frames, 480 pixels wide, all settings, within 2 hours.
