@@ -150,7 +150,7 @@ fn the_page_needs_nothing_beside_it_and_the_table_has_every_setting() {
 fn a_second_report_takes_the_references_of_the_first_further() {
     let folder = folder();
     let samples = |said: &Value| said["references"][0]["spp"].as_u64().unwrap();
-    let first = report(folder.path(), &["--budget", "0.1s"]);
+    let first = report(folder.path(), &["--budget", "0.001s"]);
     // Short of time, it measures one setting and names the others.
     assert_eq!(settings(&first).len(), 1);
     assert!(first["not_measured"].as_array().unwrap().len() > 5);
@@ -200,7 +200,7 @@ fn references_of_another_size_are_refused_and_given_ones_are_taken() {
         )
         .unwrap();
     };
-    let given = ["--budget", "0.1s", "--reference", folder.path().to_str().unwrap()];
+    let given = ["--budget", "0.001s", "--reference", folder.path().to_str().unwrap()];
     write(23);
     let said = complaint(&mut command(&folder.path().join("out"), &given), 1);
     assert!(
