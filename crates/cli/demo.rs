@@ -42,7 +42,7 @@ const SHEET_SHRINK: usize = 2;
 /// Size of the compared frame, samples of each of two path-traced halves, and which frame it is: small and few,
 /// because the whole demo is to take less than a minute.
 const CHECK_SIZE: (usize, usize) = (160, 90);
-const CHECK_SPP: u32 = 48;
+const CHECK_SPP: u32 = 32;
 const CHECK_FRAME: u32 = 8;
 
 /// Runs the command.

@@ -200,7 +200,12 @@ fn references_of_another_size_are_refused_and_given_ones_are_taken() {
         )
         .unwrap();
     };
-    let given = ["--budget", "0.001s", "--reference", folder.path().to_str().unwrap()];
+    let given = [
+        "--budget",
+        "0.001s",
+        "--reference",
+        folder.path().to_str().unwrap(),
+    ];
     write(23);
     let said = complaint(&mut command(&folder.path().join("out"), &given), 1);
     assert!(
