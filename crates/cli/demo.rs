@@ -9,6 +9,7 @@ use crate::lightcuts::LightcutArgs;
 use crate::many_lights::{PixelcutsArgs, PointArgs};
 use crate::output;
 use crate::play::{self, Integrator, LayerName, PlayArgs};
+use crate::session::median;
 use crate::words;
 use clap::Args;
 use relight_bake::params::{BakeParams, Preset};
@@ -99,11 +100,8 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
 }
 
 fn median_ms(played: &Value) -> f64 {
-    let mut totals: Vec<f64> = played["frames"].as_array().map_or_else(Vec::new, |frames| {
-        frames.iter().filter_map(|f| f["total"].as_f64()).collect()
-    });
-    totals.sort_by(f64::total_cmp);
-    totals.get(totals.len() / 2).copied().unwrap_or(0.0)
+    let frames = played["frames"].as_array().into_iter().flatten();
+    median(frames.filter_map(|f| f["total"].as_f64()))
 }
 
 /// The data folder of the clone that we run in, or of the one that the program was built in.

@@ -7,7 +7,7 @@ use crate::frames::{self, FrameRange, Pattern};
 use crate::lightcuts::LightcutArgs;
 use crate::many_lights::{self, PixelcutsArgs, PointArgs};
 use crate::output::{self, SCHEMA};
-use crate::session::{Session, milliseconds};
+use crate::session::{Session, median, milliseconds};
 use crate::signals;
 use crate::words;
 use clap::{Args, ValueEnum};
@@ -300,9 +300,7 @@ pub fn play(
 }
 
 fn summary(times: &[Value], integrator: Integrator, args: &PlayArgs, range: FrameRange) -> String {
-    let mut totals: Vec<f64> = times.iter().filter_map(|t| t["total"].as_f64()).collect();
-    totals.sort_by(f64::total_cmp);
-    let median = totals.get(totals.len() / 2).copied().unwrap_or(0.0);
+    let median = median(times.iter().filter_map(|t| t["total"].as_f64()));
     let name = integrator
         .to_possible_value()
         .map_or_else(String::new, |v| v.get_name().to_owned());

@@ -18,13 +18,14 @@ use crate::failure::{Failure, Outcome};
 use crate::frames::{self, FrameRange};
 use crate::inspect;
 use crate::output::{self, SCHEMA};
+use crate::play::PlayArgs;
 use crate::words;
 use anyhow::Context;
 use clap::Args;
 use measure::{Measured, Runs};
 use reference::Reference;
 use relight_format::{self as format, Limits};
-use relight_play::load::load;
+use relight_play::load::{asset_hash, from_asset};
 use relight_scene::image::write_atomically;
 use relight_scene::sequence::read_sequence;
 use serde_json::{Value, json};
@@ -136,6 +137,34 @@ pub(crate) struct Task {
     pub key: u64,
 }
 
+impl Task {
+    /// A play of some frames into EXR files of full precision, with further options.
+    ///
+    /// # Errors
+    /// The options are none of `play`'s.
+    pub fn play_args(
+        &self,
+        asset: &Path,
+        output: &Path,
+        frames: FrameRange,
+        more: &[String],
+    ) -> Result<PlayArgs, Failure> {
+        let words = [
+            asset.display().to_string(),
+            "--lights".into(),
+            self.lights.display().to_string(),
+            "-o".into(),
+            output.display().to_string(),
+            "--size".into(),
+            format!("{}x{}", self.size.0, self.size.1),
+            "--frames".into(),
+            format!("{}-{}x{}", frames.first, frames.last, frames.step),
+            "--float".into(),
+        ];
+        parsed(&[&words[..], more].concat())
+    }
+}
+
 /// Options that clap parses as a command of ours would.
 ///
 /// # Errors
@@ -158,11 +187,12 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
     let asset = format::read_file(&args.asset, &Limits::default())
         .with_context(|| args.asset.display().to_string())?;
     let described = described(&args.asset, &asset)?;
-    let loaded = load(&args.asset, false)?;
     let facts = Facts::new(&asset, &sequence);
     let frames = args
         .frames
         .unwrap_or_else(|| evenly(sequence.frames, preset.frames));
+    let scene_key = cache::scene_key(&asset, &sequence, &args.lights)?;
+    let loaded = from_asset(asset, asset_hash(&args.asset)?, &args.asset, false)?;
     let size = match args.size {
         Some(size) => size,
         None => default_size(args, &loaded, &sequence, preset.width)?,
@@ -174,9 +204,8 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
         frames,
         size,
         seed,
-        key: cache::task_key(&asset, &sequence, &args.lights, frames, size, seed)?,
+        key: cache::task_key(scene_key, frames, size, seed),
     };
-    drop(asset);
     let until = start + budget.mul_f64(REFERENCE_SHARE);
     let references: Vec<Reference> = match &args.reference {
         Some(folder) => reference::read(&task, folder)?,

@@ -9,18 +9,11 @@ use relight_scene::light::LightKind;
 use relight_scene::sequence::Sequence;
 use std::path::{Path, PathBuf};
 
-/// Identifies the scene, the lights and the view of a report.
+/// Identifies the scene and the lights of a report.
 ///
 /// # Errors
 /// The sequence's file is gone.
-pub fn task_key(
-    asset: &Asset,
-    sequence: &Sequence,
-    lights: &Path,
-    frames: FrameRange,
-    size: (usize, usize),
-    seed: u64,
-) -> Result<u64, Failure> {
+pub fn scene_key(asset: &Asset, sequence: &Sequence, lights: &Path) -> Result<u64, Failure> {
     let mut bytes = std::fs::read(lights).with_context(|| lights.display().to_string())?;
     for light in &sequence.lights {
         if let LightKind::Environment { map, .. } = &light.kind {
@@ -30,18 +23,22 @@ pub fn task_key(
         }
     }
     let provenance = &asset.provenance;
-    for number in [
-        provenance.source_hash,
-        provenance.lambert.into(),
+    bytes.extend(provenance.source_hash.to_le_bytes());
+    bytes.push(provenance.lambert.into());
+    Ok(content_hash(&bytes))
+}
+
+/// Identifies the view of a scene, too.
+pub fn task_key(scene: u64, frames: FrameRange, size: (usize, usize), seed: u64) -> u64 {
+    let numbers = [
+        scene,
         frames.first.into(),
         frames.step.into(),
         size.0 as u64,
         size.1 as u64,
         seed,
-    ] {
-        bytes.extend(number.to_le_bytes());
-    }
-    Ok(content_hash(&bytes))
+    ];
+    content_hash(numbers.map(u64::to_le_bytes).as_flattened())
 }
 
 /// Where something of this report is kept: `folder`/KEY`suffix`, where the key covers the scene, lights and view, the

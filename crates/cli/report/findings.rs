@@ -98,7 +98,7 @@ fn advice(measured: &[Measured], wanted: f64) -> String {
     if path <= best.ms() {
         return format!("{first}; path tracing takes {path:.0} ms for it, so the bake never pays.");
     }
-    let once = super::measure::median(&best.once);
+    let once = best.once_ms();
     let frames = ((1e3 * bake + once) / (path - best.ms())).ceil();
     format!(
         "{first}; path tracing takes {path:.0} ms for it, so the bake of {bake:.0} s pays from frame {frames:.0} on."

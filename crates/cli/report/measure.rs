@@ -8,7 +8,8 @@ use crate::bake::{self, BakeArgs, Job};
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::output;
-use crate::play::{self, PlayArgs};
+use crate::play;
+use crate::session::median;
 use relight_scene::image::Layers;
 use relight_scene::image::metrics::{Comparison, compare};
 use relight_scene::image::{Limits, read_exr, write_atomically};
@@ -86,13 +87,6 @@ pub struct Measured {
     pub peak_memory: Option<u64>,
 }
 
-/// Median; 0 of nothing.
-pub fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
-}
-
 impl Measured {
     /// Errors of the layer by which the setting is judged.
     pub fn judged(&self) -> Errors {
@@ -101,7 +95,12 @@ impl Measured {
 
     /// Median milliseconds a frame.
     pub fn ms(&self) -> f64 {
-        median(&self.milliseconds)
+        median(self.milliseconds.iter().copied())
+    }
+
+    /// Median milliseconds of what a standing camera needs once.
+    pub fn once_ms(&self) -> f64 {
+        median(self.once.iter().copied())
     }
 
     /// Bytes of the asset file.
@@ -128,7 +127,7 @@ impl Measured {
         let stages: Map<String, Value> = self
             .stages
             .iter()
-            .map(|(name, values)| (name.clone(), median(values).into()))
+            .map(|(name, values)| (name.clone(), median(values.iter().copied()).into()))
             .collect();
         let layers: Map<String, Value> = self
             .errors
@@ -149,7 +148,7 @@ impl Measured {
             "layer": self.setting.layer,
             "ms_per_frame": self.ms(),
             "ms_by_stage": stages,
-            "ms_once_per_shot": median(&self.once),
+            "ms_once_per_shot": self.once_ms(),
             "repetitions": self.milliseconds,
             "bake_seconds": self.bake_seconds,
             "asset_bytes": self.asset_bytes(),
@@ -278,23 +277,8 @@ fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf,
 /// Plays a setting once more.
 fn play_once(runs: &Runs, one: &mut Measured, console: &Console) -> Result<(), Failure> {
     let task = runs.task;
-    let range = task.frames;
-    let words: Vec<String> = [
-        one.asset.display().to_string(),
-        "--lights".into(),
-        task.lights.display().to_string(),
-        "-o".into(),
-        one.images.join("frame_####.exr").display().to_string(),
-        "--size".into(),
-        format!("{}x{}", task.size.0, task.size.1),
-        "--frames".into(),
-        format!("{}-{}x{}", range.first, range.last, range.step),
-        "--float".into(),
-    ]
-    .into_iter()
-    .chain(one.setting.play_words())
-    .collect();
-    let args: PlayArgs = parsed(&words)?;
+    let output = one.images.join("frame_####.exr");
+    let args = task.play_args(&one.asset, &output, task.frames, &one.setting.play_words())?;
     forget_peak_memory();
     // Not the references' seed: they must not share random numbers.
     let played = play::play(&args, task.seed ^ 1, &console.silent(), |_, _| {})?;

@@ -52,6 +52,7 @@ pub fn all(measured: &[Measured], references: &[Reference]) -> Result<Vec<Plot>,
     let time: Axis = |m| Some(m.ms());
     let bake: Axis = |m| m.bake_seconds.filter(|_| m.needs_bake());
     let bytes: Axis = |m| m.needs_bake().then(|| m.asset_bytes() as f64 / 1e6);
+    let front = pareto(measured);
     let mut plots = Vec::new();
     for (name, title, layer, label, x) in [
         (
@@ -83,12 +84,11 @@ pub fn all(measured: &[Measured], references: &[Reference]) -> Result<Vec<Plot>,
             bytes,
         ),
     ] {
-        let front = pareto(measured);
         let dots: Vec<Dot> = measured
             .iter()
-            .zip(front)
+            .zip(&front)
             .filter(|(m, _)| m.setting.layer == layer)
-            .filter_map(|(m, front)| {
+            .filter_map(|(m, &front)| {
                 // Against black, a relative error is infinite: no axis holds it.
                 let error = Some(m.judged().relative()).filter(|e| e.is_finite())?;
                 let x = x(m).filter(|x| *x > 0.0)?;

@@ -1,9 +1,10 @@
 //! What all settings are judged by: path-traced frames in two independent halves, which tell their own error.
 
-use super::{Task, cache, parsed};
+use super::{Task, cache};
 use crate::console::Console;
 use crate::failure::Failure;
-use crate::play::{self, PlayArgs};
+use crate::frames::FrameRange;
+use crate::play;
 use relight_scene::image::metrics::compare;
 use relight_scene::image::{
     BEAUTY, ExrHeader, FloatImage, ImageError, Layers, Limits, read_exr, write_atomically, write_exr,
@@ -209,24 +210,18 @@ impl Growing {
         let more = self.spp.max(FIRST_PASS);
         let quiet = console.silent();
         for half in 0..2usize {
-            let words: Vec<String> = [
-                task.asset.display().to_string(),
-                "--lights".into(),
-                task.lights.display().to_string(),
-                "-o".into(),
-                self.folder.join("pass.exr").display().to_string(),
-                "--integrator".into(),
-                "path".into(),
-                "--spp".into(),
-                more.to_string(),
-                "--size".into(),
-                format!("{}x{}", task.size.0, task.size.1),
-                "--frames".into(),
-                self.frame.to_string(),
-                "--float".into(),
-            ]
-            .into();
-            let args: PlayArgs = parsed(&words)?;
+            let only = FrameRange {
+                first: self.frame,
+                last: self.frame,
+                step: 1,
+            };
+            let path = ["--integrator", "path", "--spp"].map(str::to_owned);
+            let args = task.play_args(
+                &task.asset,
+                &self.folder.join("pass.exr"),
+                only,
+                &[&path[..], &[more.to_string()]].concat(),
+            )?;
             // No pass of either half shares random numbers with another.
             let seed = relight_format::content_hash(
                 format!("{} {} {half} {}", task.seed, self.frame, self.spp).as_bytes(),
