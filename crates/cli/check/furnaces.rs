@@ -5,13 +5,9 @@ use super::shapes::{cuboid, emissive, glowing, matt, painted, point, scene, sphe
 use super::stage::{SIZE, Stage, at_points, mean, quick};
 use glam::{DVec3, Vec3};
 use relight_bake::params::BakeParams;
-use relight_play::layers::{RenderSize, Watch};
-use relight_play::path::{PathSettings, render};
-use relight_scene::light_set::{LightSet, SceneEmitters};
 use relight_scene::scene::{Mesh, Scene};
 use relight_scene::traced::{Shading, TracedScene};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 /// Squares along an edge of the cube that a sphere is blown up from.
 const PARTS: u32 = 24;
@@ -138,26 +134,9 @@ fn uneven(stage: &Stage, middle: f32, amplitude: f32, bound: f64, solution: bool
 
 /// The path tracer in the same furnace.
 fn traced(stage: &Stage, albedo: f32, bound: f64, why: &'static str) -> Measured {
-    stage.at("play: path");
     let scene = Arc::new(furnace("box", albedo));
-    let traced = TracedScene::new(scene.clone(), Shading::Lambert).map_err(|e| e.to_string())?;
-    let emitters = SceneEmitters::new(&traced);
-    let tracks = [emissive()];
-    let lights = LightSet::new(&emitters, &tracks, 0.0).map_err(|e| e.to_string())?;
-    let size = RenderSize {
-        width: 24,
-        height: 24,
-    };
-    let watch = Watch {
-        cancel: &AtomicBool::new(false),
-        progress: &|_, _| {},
-    };
-    let settings = PathSettings {
-        spp: 64,
-        ..PathSettings::default()
-    };
-    let camera = scene.cameras[0].at(0.0);
-    let layers = render(&traced, &lights, &camera, size, &settings, &watch).map_err(|e| e.to_string())?;
+    let scene = TracedScene::new(scene, Shading::Lambert).map_err(|e| e.to_string())?;
+    let layers = stage.traced(&scene, &[emissive()])?;
     let of = |name: &str| -> f64 {
         let pixels = layers.rgb(name).unwrap_or_default().pixels;
         pixels.iter().map(|p| f64::from(p[0])).sum::<f64>() / pixels.len().max(1) as f64

@@ -6,14 +6,11 @@ use super::stage::{SIZE, Stage, coarse, mean, sane};
 use glam::{Vec2, Vec3};
 use relight_bake::params::{BakeParams, CutMode, CutParams};
 use relight_play::frame::{Distant, LightingSettings};
-use relight_play::layers::{RenderSize, Watch};
-use relight_play::path::{PathSettings, render};
 use relight_scene::bsdf::hemispherical_albedo;
-use relight_scene::light_set::{LightRig, LightSet, SceneEmitters};
+use relight_scene::light_set::{LightRig, SceneEmitters};
 use relight_scene::material::Material;
 use relight_scene::traced::{Shading, TracedScene};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 /// Perceptual roughness; α is its square, so that the first is a lobe of 1e-8.
 const ROUGHNESS: [f32; 6] = [0.0, 1e-4, 1e-2, 0.1, 0.5, 1.0];
@@ -31,31 +28,14 @@ fn white_sphere(stage: &Stage) -> Measured {
     let mut measures = Vec::new();
     for metallic in [0.0f32, 1.0] {
         for roughness in ROUGHNESS {
-            stage.at("play: path");
             let ball = scene(
                 vec![(sphere(16, false), glossy(roughness, metallic))],
                 Vec3::new(0.0, 0.0, 3.0),
                 Vec3::ZERO,
             );
             let traced = TracedScene::new(Arc::new(ball), Shading::Full).map_err(|e| e.to_string())?;
-            let emitters = SceneEmitters::new(&traced);
-            let tracks = [sky(1.0)];
-            let lights = LightSet::new(&emitters, &tracks, 0.0).map_err(|e| e.to_string())?;
-            let size = RenderSize {
-                width: 24,
-                height: 24,
-            };
-            let watch = Watch {
-                cancel: &AtomicBool::new(false),
-                progress: &|_, _| {},
-            };
-            let settings = PathSettings {
-                spp: 64,
-                ..PathSettings::default()
-            };
             let camera = traced.scene().cameras[0].at(0.0);
-            let layers =
-                render(&traced, &lights, &camera, size, &settings, &watch).map_err(|e| e.to_string())?;
+            let layers = stage.traced(&traced, &[sky(1.0)])?;
             let beauty = layers.rgb("beauty").unwrap_or_default().pixels;
             let broken = beauty
                 .iter()

@@ -7,14 +7,18 @@ use relight_bake::params::{BakeParams, Preset};
 use relight_bake::{Progress, bake};
 use relight_format::{self as format, Asset, Limits};
 use relight_play::frame::{LightingSettings, Lit};
+use relight_play::layers::{RenderSize, Watch};
 use relight_play::load::{Loaded, from_asset};
+use relight_play::path::{PathSettings, render};
 use relight_play::shot::{Shot, expose};
+use relight_scene::image::Layers;
 use relight_scene::light::LightTrack;
 use relight_scene::light_set::{LightSet, SceneEmitters};
 use relight_scene::scene::Scene;
 use relight_scene::surface::SurfaceHit;
-use relight_scene::traced::Shading;
+use relight_scene::traced::{Shading, TracedScene};
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use super::case::Measure;
@@ -56,6 +60,27 @@ pub fn coarse() -> BakeParams {
 }
 
 impl Stage {
+    /// A small path-traced frame of a scene under some lights, seen by its first camera.
+    pub fn traced(&self, scene: &TracedScene, tracks: &[LightTrack]) -> Result<Layers, String> {
+        self.at("play: path");
+        let emitters = SceneEmitters::new(scene);
+        let lights = LightSet::new(&emitters, tracks, 0.0).map_err(|e| e.to_string())?;
+        let size = RenderSize {
+            width: 24,
+            height: 24,
+        };
+        let watch = Watch {
+            cancel: &AtomicBool::new(false),
+            progress: &|_, _| {},
+        };
+        let settings = PathSettings {
+            spp: 64,
+            ..PathSettings::default()
+        };
+        let camera = scene.scene().cameras[0].at(0.0);
+        render(scene, &lights, &camera, size, &settings, &watch).map_err(|e| e.to_string())
+    }
+
     /// Says what is being done.
     pub fn at(&self, what: impl Into<String>) {
         if let Ok(mut now) = self.now.lock() {
