@@ -45,18 +45,24 @@ pub fn by_cuts(integrator: Integrator, args: &PlayArgs, loaded: &Loaded, sequenc
     }
 }
 
-/// One line about how light is made, and why.
-pub fn choice(integrator: Integrator, by_cuts: ByCuts, loaded: &Loaded) -> String {
+/// One line about how light is made, and why. `many`: lights are so many that lightcuts take less time.
+pub fn choice(integrator: Integrator, by_cuts: ByCuts, many: bool, loaded: &Loaded) -> String {
+    let shadowed = if many {
+        "lightcuts (so many lights take fewer rays that way)"
+    } else {
+        "shadow rays"
+    };
     let direct = match (by_cuts, &loaded.player.cuts) {
-        (ByCuts::Environments, _) => {
-            "direct light of environments by visibility cuts (the asset has them), of other lights by shadow rays"
-        }
-        (ByCuts::FirstBounce, _) => "direct light by shadow rays",
+        (ByCuts::Environments, _) => format!(
+            "direct light of environments by visibility cuts (the asset has them), of other lights by {shadowed}"
+        ),
         (ByCuts::Nothing, Some(cuts)) if cuts.directions().is_some() => {
-            "direct light by shadow rays (no environment shines)"
+            format!("direct light by {shadowed} (no environment shines)")
         }
-        (ByCuts::Nothing, Some(_)) => "direct light by shadow rays",
-        (ByCuts::Nothing, None) => "direct light by shadow rays (the asset has no visibility cuts)",
+        (ByCuts::Nothing, None) if !many => {
+            format!("direct light by {shadowed} (the asset has no visibility cuts)")
+        }
+        _ => format!("direct light by {shadowed}"),
     };
     let indirect = match (integrator, by_cuts) {
         (Integrator::Path, _) => return "Light by path tracing.".into(),

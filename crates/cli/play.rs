@@ -7,11 +7,12 @@ use crate::frames::{self, FrameRange, Pattern};
 use crate::lightcuts::LightcutArgs;
 use crate::many_lights::{self, PixelcutsArgs, PointArgs};
 use crate::output::{self, SCHEMA};
-use crate::session::{Session, median, milliseconds};
+use crate::session::{PIXEL_LIGHT_SAMPLES, Session, median, milliseconds};
 use crate::signals;
 use crate::words;
 use clap::{Args, ValueEnum};
 use relight_play::edited::Editor;
+use relight_play::lightcuts::worthwhile;
 use relight_play::load::{Loaded, check_kept, load};
 use relight_scene::camera::CameraTrack;
 use relight_scene::image::preview::tone_mapped;
@@ -226,7 +227,9 @@ pub fn play(
     let hash = loaded.hash;
 
     let by_cuts = by_cuts(integrator, args, &loaded, sequence);
-    console.note(choice(integrator, by_cuts, &loaded));
+    let many = !args.layers.contains(&LayerName::Lights)
+        && worthwhile(&rig.at(range.first.into()), PIXEL_LIGHT_SAMPLES);
+    console.note(choice(integrator, by_cuts, many, &loaded));
     let mut session = Session {
         args,
         splits: (by_cuts == ByCuts::Environments).then(|| splits(&rig, &loaded, sequence.lights.len())),

@@ -27,7 +27,7 @@ use std::time::Instant;
 
 /// Shadow rays for each light with extent: at a pixel's fragments and at the points. A sender averages some
 /// hundreds of points, a pixel nothing.
-const PIXEL_LIGHT_SAMPLES: u32 = 8;
+pub const PIXEL_LIGHT_SAMPLES: u32 = 8;
 const POINT_LIGHT_SAMPLES: u32 = 4;
 /// Primary rays per pixel of the transfer integrator where the camera stands still: they are cast once per shot.
 const FIXED_SPP: u32 = 16;
@@ -254,6 +254,21 @@ impl Session<'_> {
             ("resolve", resolve),
         ] {
             times.insert(name.into(), value.into());
+        }
+        if let Some(cuts) = lit.lightcuts {
+            let per = |count: u64, places: usize| count as f64 / places.max(1) as f64;
+            let pixels = shot.width * shot.height;
+            times.insert("lights".into(), cuts.lights.into());
+            for (name, value) in [
+                ("shadow_rays_per_pixel", per(cuts.pixels.shadow_rays, pixels)),
+                ("nodes_per_pixel", per(cuts.pixels.nodes, pixels)),
+                (
+                    "nodes_per_point",
+                    per(cuts.points.nodes, cuts.points.cuts as usize),
+                ),
+            ] {
+                times.insert(name.into(), value.into());
+            }
         }
         if let Some((nodes, stats)) = lit.cuts {
             times.insert("illumination_cut".into(), illumination_cut.into());

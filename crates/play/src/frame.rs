@@ -8,6 +8,7 @@ use crate::cuts::illumination::Illumination;
 use crate::cuts::shade::{Fragments, ShadeStats, irradiance_at_sites, shade};
 use crate::cuts::sites::FragmentSites;
 use crate::cuts::{SitePlaces, VisibilityCuts};
+use crate::lightcuts::{self, LightcutStats, ManyLights};
 use crate::lighting;
 use crate::reconstruct;
 use crate::shot::Shot;
@@ -100,6 +101,33 @@ pub struct Lit {
     pub transfer: Option<TransferStats>,
     /// Nodes of the last illumination cut, and how shading with it went.
     pub cuts: Option<CutStats>,
+    /// What direct light took where the lights were so many that lightcuts made it.
+    pub lightcuts: Option<Lightcuts>,
+}
+
+/// Where direct light is wanted: fragments, finest points and surface samples.
+struct Places<'a> {
+    fragments: &'a [Option<SurfaceHit>],
+    points: &'a [Option<SurfaceHit>],
+    samples: &'a [Option<SurfaceHit>],
+}
+
+/// Direct light at the same places: radiance of fragments, irradiance of the others.
+struct Sums {
+    direct: Vec<DVec3>,
+    points: Vec<DVec3>,
+    samples: Vec<DVec3>,
+}
+
+/// What lightcuts for direct light took.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Lightcuts {
+    /// Lights without extent that stand for all.
+    pub lights: usize,
+    /// Cuts at the points of the basis and at surface samples.
+    pub points: LightcutStats,
+    /// Cuts at the fragments.
+    pub pixels: LightcutStats,
 }
 
 impl Player {
@@ -150,10 +178,28 @@ impl Player {
         let samples = samples.map_or(&[][..], |s| &s.hits);
         // In f64: a faint light beside a bright one, or each of a million, would be lost or rounded the same way every
         // time (docs/stability.md).
-        let mut direct = vec![DVec3::ZERO; count];
-        let mut at_points = vec![DVec3::ZERO; lit_points.len()];
-        let mut at_samples = vec![DVec3::ZERO; samples.len()];
+        let mut sums = Sums {
+            direct: vec![DVec3::ZERO; count],
+            points: vec![DVec3::ZERO; lit_points.len()],
+            samples: vec![DVec3::ZERO; samples.len()],
+        };
+        let mut places = Places {
+            fragments: &shot.hits,
+            points: lit_points,
+            samples,
+        };
         let shadowed = distant.map_or(lights, |d| &d.near);
+        if !settings.per_light {
+            lit.lightcuts = self.by_lightcuts(
+                shot,
+                &views,
+                shadowed,
+                &mut places,
+                settings,
+                &mut sums,
+                &mut times,
+            );
+        }
         for light in 0..lights.len() {
             let start = Instant::now();
             let irradiance = |places: &[Option<SurfaceHit>], footprint: f32| {
@@ -171,17 +217,17 @@ impl Player {
                 irradiance
             };
             let mut own_received = Received {
-                points: irradiance(lit_points, self.footprint()),
-                samples: irradiance(samples, 0.0),
+                points: irradiance(places.points, self.footprint()),
+                samples: irradiance(places.samples, 0.0),
             };
             times.direct_points += milliseconds(start);
             let start = Instant::now();
-            let mut reflected = vec![Vec3::ZERO; count];
+            let mut reflected = vec![Vec3::ZERO; places.fragments.len()];
             lighting::reflected_at(
                 &self.scene,
                 shadowed,
                 light,
-                &shot.hits,
+                places.fragments,
                 &shot.points,
                 &views,
                 settings.pixel_samples,
@@ -199,9 +245,9 @@ impl Player {
                 add(&mut own_received.points, &even.irradiance);
                 lit.cuts = even.stats;
             }
-            add_double(&mut direct, &reflected);
-            add_double(&mut at_points, &own_received.points);
-            add_double(&mut at_samples, &own_received.samples);
+            add_double(&mut sums.direct, &reflected);
+            add_double(&mut sums.points, &own_received.points);
+            add_double(&mut sums.samples, &own_received.samples);
             if settings.per_light {
                 let mut own = emission(Some(light));
                 add(&mut own, &reflected);
@@ -213,20 +259,65 @@ impl Player {
         if let (Some(distant), false) = (distant, settings.per_light) {
             let all: Vec<&DistantLight> = distant.lights.iter().flatten().collect();
             let even = self.of_distant(shot, &views, &all, distant.most, settings, &mut times);
-            add_double(&mut direct, &even.radiance);
-            add_double(&mut at_points, &even.irradiance);
+            add_double(&mut sums.direct, &even.radiance);
+            add_double(&mut sums.points, &even.irradiance);
             lit.cuts = even.stats;
         }
-        lit.direct = rounded(direct);
+        lit.direct = rounded(sums.direct);
         let received = Received {
-            points: rounded(at_points),
-            samples: rounded(at_samples),
+            points: rounded(sums.points),
+            samples: rounded(sums.samples),
         };
         lit.emission = emission(None);
         let bounced;
         (lit.indirect, lit.transfer, bounced) = self.indirect(shot, &views, &received, settings, &mut times);
         lit.cuts = lit.cuts.or(bounced);
         (lit, times)
+    }
+
+    /// Direct light by lightcuts at the kinds of places where lights are so many that these take less time; such places
+    /// are taken from `places`.
+    fn by_lightcuts(
+        &self,
+        shot: &Shot,
+        views: &[Vec3],
+        lights: &LightSet,
+        places: &mut Places,
+        settings: &LightingSettings,
+        sums: &mut Sums,
+        times: &mut FrameTimes,
+    ) -> Option<Lightcuts> {
+        let points = lightcuts::worthwhile(lights, settings.point_samples);
+        let pixels = lightcuts::worthwhile(lights, settings.pixel_samples);
+        if !points && !pixels {
+            return None;
+        }
+        let start = Instant::now();
+        let many = ManyLights::new(&self.scene, lights, settings.seed);
+        let mut used = Lightcuts {
+            lights: many.len(),
+            ..Lightcuts::default()
+        };
+        if points {
+            for (places, footprint, sum) in [
+                (&mut places.points, self.footprint(), &mut sums.points),
+                (&mut places.samples, 0.0, &mut sums.samples),
+            ] {
+                let (irradiance, stats) = many.irradiance_at(&self.scene, std::mem::take(places), footprint);
+                add_double(sum, &irradiance);
+                used.points = used.points.sum(stats);
+            }
+        }
+        times.direct_points += milliseconds(start);
+        if pixels {
+            let start = Instant::now();
+            let fragments = std::mem::take(&mut places.fragments);
+            let (reflected, stats) = many.reflected_at(&self.scene, fragments, &shot.points, views);
+            add_double(&mut sums.direct, &reflected);
+            used.pixels = stats;
+            times.direct_pixels += milliseconds(start);
+        }
+        Some(used)
     }
 
     /// Light of even directions at fragments and points.

@@ -13,6 +13,7 @@
 
 mod blocks;
 pub(crate) mod cut;
+mod gather;
 mod sample;
 mod tightness;
 
@@ -35,6 +36,7 @@ use relight_scene::traced::TracedScene;
 use relight_transport::light_clusters::{BuildSettings, LightClusters, build};
 use std::sync::atomic::{AtomicU64, Ordering};
 
+pub use gather::{CROSSOVER, ManyLights, worthwhile};
 pub use sample::ReconstructionStats;
 pub use tightness::{Tightness, bound_tightness};
 
@@ -152,6 +154,16 @@ pub fn render(
 }
 
 impl LightcutStats {
+    /// Both together.
+    pub fn sum(self, other: LightcutStats) -> LightcutStats {
+        LightcutStats {
+            shadow_rays: self.shadow_rays + other.shadow_rays,
+            nodes: self.nodes + other.nodes,
+            cuts: self.cuts + other.cuts,
+            limited: self.limited + other.limited,
+        }
+    }
+
     fn count(&mut self, cut: &Cut, lit: &Lit<'_>) {
         self.nodes += cut.len() as u64;
         self.cuts += 1;

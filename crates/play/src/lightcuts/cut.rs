@@ -3,6 +3,7 @@
 //! Source: Walter et al. 2005, section 3, "Choosing lightcuts", and section 5 (clamping of virtual lights).
 
 use crate::direct::reflected;
+use crate::lighting::cosine_over;
 use crate::many_lights::{PointLights, clamp_limit, clamped};
 use glam::{DVec3, Vec3};
 use relight_scene::bsdf::bounds::ReflectionBound;
@@ -11,6 +12,7 @@ use relight_scene::surface::{SurfaceHit, Surfaces};
 use relight_scene::traced::TracedScene;
 use relight_transport::light_bounds::{Axis, LightBox, geometric_bound};
 use relight_transport::light_clusters::LightClusters;
+use relight_transport::point_light::Emission;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -19,6 +21,8 @@ pub(crate) struct Receiver<'a> {
     pub hit: &'a SurfaceHit,
     pub point: &'a ShadingPoint,
     pub wo: Vec3,
+    /// Surface, m², that the place stands for.
+    footprint: f32,
     bound: ReflectionBound,
     axes: [Axis; 4],
 }
@@ -30,9 +34,17 @@ impl<'a> Receiver<'a> {
             hit,
             point,
             wo,
+            footprint: 0.0,
             axes: bound.axes.map(Axis::new),
             bound,
         }
+    }
+
+    /// The same receiver as the middle of `footprint` m² of matt surface, over which light of near lamps is averaged
+    /// ([`cosine_over`]). Bounds are those of the middle: a lamp nearer than the footprint is wide may exceed them.
+    pub fn standing_for(mut self, footprint: f32) -> Receiver<'a> {
+        self.footprint = footprint;
+        self
     }
 
     /// Most that a node's lights can be reflected by, in all and the largest channel: radiance. Infinite near a
@@ -75,7 +87,8 @@ impl Lit<'_> {
             return Vec3::ZERO;
         };
         let reflected = reflected(point, wo, arrival.direction);
-        if reflected == Vec3::ZERO {
+        let stands_for_more = receiver.footprint > 0.0;
+        if reflected == Vec3::ZERO || stands_for_more && hit.geometric_normal.dot(arrival.direction) <= 0.0 {
             return Vec3::ZERO;
         }
         let Some(ray) = self.points.shadow_ray(i as usize, hit) else {
@@ -84,6 +97,12 @@ impl Lit<'_> {
         *shadow_rays += 1;
         if self.scene.occluded(&ray) {
             return Vec3::ZERO;
+        }
+        if stands_for_more && light.emission != Emission::Directional {
+            let distance = hit.position.distance(light.position);
+            let cosine = point.shading_normal.dot(arrival.direction);
+            let spread = cosine_over(receiver.footprint, distance, cosine) / cosine;
+            return reflected * (arrival.factor * spread);
         }
         reflected * arrival.factor
     }
