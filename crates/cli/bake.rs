@@ -290,7 +290,9 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     let result = match args.target_error {
         Some(target) => {
             let order = target::Order { job: &job, target };
-            let (baked, seconds) = timed(|| target::search(&order, &scene, console))?;
+            let (mut baked, seconds) = timed(|| target::search(&order, &scene, console))?;
+            let own: f64 = baked.stats.seconds.iter().map(|stage| stage.1).sum();
+            baked.stats.seconds.push(("search", seconds - own));
             store(
                 baked,
                 &args.output,

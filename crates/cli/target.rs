@@ -21,20 +21,49 @@ use relight_scene::sequence::{Sequence, parse_sequence};
 use std::path::Path;
 use std::sync::Arc;
 
-/// A step: preset (whose rays it takes), levels, sender levels, ε. Each costs two to three times the one before and errs
-/// by a third less, as long as points and links are what errs (docs/report.md).
-const LADDER: [(Preset, &str, usize, usize, f32); 6] = [
-    (Preset::Draft, "draft", 3, 2, 0.1),
-    (Preset::Draft, "draft", 4, 2, 0.1),
-    (Preset::Draft, "draft", 4, 3, 0.05),
-    (Preset::Draft, "draft", 5, 3, 0.05),
-    (Preset::Standard, "standard", 6, 4, 0.025),
-    (Preset::Fine, "fine", 6, 5, 0.01),
+/// A setting to try.
+#[derive(Clone, Copy)]
+struct Step {
+    /// Whose rays it takes, and its name on the command line.
+    preset: (Preset, &'static str),
+    levels: usize,
+    sender_levels: usize,
+    epsilon: f32,
+    /// The coarse radius; `None`: what was given, or that of the scene.
+    coarse_radius: Option<f32>,
+}
+
+const fn step(preset: (Preset, &'static str), levels: usize, sender_levels: usize, epsilon: f32) -> Step {
+    Step {
+        preset,
+        levels,
+        sender_levels,
+        epsilon,
+        coarse_radius: None,
+    }
+}
+
+const DRAFT: (Preset, &str) = (Preset::Draft, "draft");
+
+/// Each costs two to three times the one before and errs by a third less, as long as points and links are what errs
+/// (docs/report.md).
+const LADDER: [Step; 6] = [
+    step(DRAFT, 3, 2, 0.1),
+    step(DRAFT, 4, 2, 0.1),
+    step(DRAFT, 4, 3, 0.05),
+    step(DRAFT, 5, 3, 0.05),
+    step((Preset::Standard, "standard"), 6, 4, 0.025),
+    step((Preset::Fine, "fine"), 6, 5, 0.01),
 ];
 
 /// A setting will do if it is expected to err by up to so much more than asked for: estimates are no better, and the next
 /// step may err by much less.
 const CLOSE_ENOUGH: f64 = 1.15;
+/// What errs by less than this share of what was asked for, after a step that erred by too much, has a step tried between
+/// the two.
+const TOO_FINE: f64 = 0.75;
+/// Between two steps is the coarser one with points so much nearer to each other, twice as many.
+const BETWEEN: f32 = std::f32::consts::SQRT_2;
 /// A step that takes less off the error than this says that finer ones won't help.
 const WORTH: f64 = 0.95;
 
@@ -98,28 +127,32 @@ pub fn search(order: &Order, scene: &Arc<Scene>, console: &Console) -> Result<Ba
     let probes = Probes::trace(places, &sequence, given, order.target, console)?;
     let mut best: Option<(Baked, Estimate)> = None;
     let mut idle = 0;
+    let mut last = LADDER[0];
     for step in LADDER {
-        let params = with_step(given, step);
-        if relight_bake::settings::validate(&params).is_err() {
+        if relight_bake::settings::validate(&with_step(given, step)).is_err() {
             continue;
         }
-        let baked = bake_job(order.job, &params, scene.clone(), console)?;
-        signals::go_on()?;
-        console.begin("Comparing with the probes", None);
-        let estimate = probes.estimate(&baked.asset)?;
-        console.note(format!(
-            "{}: indirect light is expected to err by {} (asked for: {}).",
-            words_of(step),
-            percent(estimate.error),
-            percent(order.target)
-        ));
+        let (baked, estimate) = tried(order, scene, &probes, step, console)?;
         let before = best.as_ref().map(|b| b.1.error);
         let better = before.is_none_or(|b| estimate.error < b * WORTH);
         idle = if better { 0 } else { idle + 1 };
         let done = estimate.error <= CLOSE_ENOUGH * order.target;
+        if done && before.is_some() && estimate.error < TOO_FINE * order.target {
+            let radius = baked.asset.points.first().map(|level| level.disk_radius);
+            let between = Step {
+                coarse_radius: radius.map(|radius| radius / BETWEEN),
+                ..last
+            };
+            let coarser = tried(order, scene, &probes, between, console)?;
+            // It must not err more than asked for, nor less than the finer one.
+            let fits = (estimate.error..=CLOSE_ENOUGH * order.target).contains(&coarser.1.error);
+            best = Some(if fits { coarser } else { (baked, estimate) });
+            break;
+        }
         if better || done {
             best = Some((baked, estimate));
         }
+        last = step;
         // Two steps in vain: what errs is none of the knobs'.
         if done || idle == 2 {
             break;
@@ -134,21 +167,45 @@ pub fn search(order: &Order, scene: &Arc<Scene>, console: &Console) -> Result<Ba
     Ok(baked)
 }
 
-fn with_step(
-    given: &BakeParams,
-    (preset, _, levels, sender_levels, epsilon): (Preset, &str, usize, usize, f32),
-) -> BakeParams {
+/// Bakes a step and judges it.
+fn tried(
+    order: &Order,
+    scene: &Arc<Scene>,
+    probes: &Probes,
+    step: Step,
+    console: &Console,
+) -> Result<(Baked, Estimate), Failure> {
+    let params = with_step(order.job.params, step);
+    let baked = bake_job(order.job, &params, scene.clone(), console)?;
+    signals::go_on()?;
+    console.begin("Comparing with the probes", None);
+    let estimate = probes.estimate(&baked.asset)?;
+    console.note(format!(
+        "{}: indirect light is expected to err by {} (asked for: {}).",
+        words_of(step),
+        percent(estimate.error),
+        percent(order.target)
+    ));
+    Ok((baked, estimate))
+}
+
+fn with_step(given: &BakeParams, step: Step) -> BakeParams {
     BakeParams {
-        levels,
-        sender_levels,
-        epsilon,
-        rays: BakeParams::preset(preset).rays,
+        levels: step.levels,
+        sender_levels: step.sender_levels,
+        epsilon: step.epsilon,
+        rays: BakeParams::preset(step.preset.0).rays,
+        coarse_radius: step.coarse_radius.or(given.coarse_radius),
         ..given.clone()
     }
 }
 
-fn words_of((_, preset, levels, sender_levels, epsilon): (Preset, &str, usize, usize, f32)) -> String {
-    format!("--preset {preset} --levels {levels} --sender-levels {sender_levels} --epsilon {epsilon}")
+fn words_of(step: Step) -> String {
+    let radius = (step.coarse_radius).map_or_else(String::new, |r| format!(" --coarse-radius {r}"));
+    format!(
+        "--preset {} --levels {} --sender-levels {} --epsilon {}{radius}",
+        step.preset.1, step.levels, step.sender_levels, step.epsilon
+    )
 }
 
 fn percent(error: f64) -> String {
