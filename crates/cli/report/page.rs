@@ -166,7 +166,7 @@ const COLUMNS: [&str; 14] = [
 ];
 
 fn table(page: &mut String, measured: &[Measured]) {
-    *page += "<h2>All settings</h2>\n<table class=\"sortable\"><thead><tr>";
+    *page += "<h2>All settings</h2>\n<div class=\"wide\"><table class=\"sortable\"><thead><tr>";
     for column in COLUMNS {
         let _ = write!(page, "<th tabindex=\"0\">{column}</th>");
     }
@@ -197,7 +197,7 @@ fn table(page: &mut String, measured: &[Measured]) {
             if pareto { "yes" } else { "" },
         );
     }
-    *page += "</tbody></table>\n";
+    *page += "</tbody></table></div>\n";
 }
 
 /// Names of what is in any of the lists, in the order of their first appearance.
