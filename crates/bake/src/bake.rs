@@ -196,7 +196,7 @@ pub fn bake(
     if params.cuts.is_some() && cuts.is_none() {
         omitted.unused_cuts(levels.last().map_or(0, |l| l.positions.len()));
     }
-    let short = coding.short_links.then(|| transport.links.columns.len());
+    let short = coding.short_links.then_some(transport.links.columns.len());
     omitted.precision(receivers as usize, coding.grey, short, params);
     if let Some(cuts) = &cuts {
         omitted.cut_precision(cuts.cuts.heights.len());
