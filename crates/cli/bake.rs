@@ -46,7 +46,7 @@ pub struct BakeArgs {
     #[arg(long, value_enum, default_value_t = PresetName::Standard)]
     pub preset: PresetName,
     /// Choose levels, sender levels, epsilon and rays for this error of indirect light, such as 0.08 or 8%: the root of relMSE of
-    /// the indirect layer, as `report` lists it, estimated at other viewpoints near the cameras under --lights (or the
+    /// the indirect layer, as `report` lists it, estimated at other viewpoints near the camera that `play` takes by itself, under --lights (or the
     /// scene's own lights, or a lamp). Bakes ever finer settings until one will do. A result's estimate is stored.
     #[arg(long, value_name = "E", value_parser = target::parse, conflicts_with_all = ["preset", "levels", "sender_levels", "epsilon"])]
     pub target_error: Option<f64>,

@@ -8,7 +8,6 @@ use crate::session::{FIXED_SPP, PIXEL_LIGHT_SAMPLES, POINT_LIGHT_SAMPLES};
 use crate::signals;
 use glam::{Vec2, Vec3};
 use relight_bake::params::BakeParams;
-use relight_bake::seen::tracks;
 use relight_bake::viewpoint::in_open_space;
 use relight_format::{self as format, Asset, Limits};
 use relight_play::cuts::Lights;
@@ -17,14 +16,14 @@ use relight_play::layers::{RenderSize, Watch};
 use relight_play::load::from_asset;
 use relight_play::path::{self, PathSettings};
 use relight_play::shot::{Shot, expose};
-use relight_scene::camera::Camera;
+use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::image::FloatImage;
 use relight_scene::image::metrics::relmse;
 use relight_scene::light::{LightKind, LightTrack};
 use relight_scene::light_set::{LightRig, SceneEmitters};
 use relight_scene::rays::Ray;
 use relight_scene::scene::Scene;
-use relight_scene::sequence::Sequence;
+use relight_scene::sequence::{Sequence, SequenceCamera};
 use relight_scene::surface::Surfaces;
 use relight_scene::traced::{Shading, TracedScene};
 use relight_transport::random::Stream;
@@ -65,7 +64,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// Other viewpoints near those of the cameras that can be played, or, without any, in open space.
+    /// Other viewpoints near those of the camera that `play` takes by itself, or, without one, in open space.
     ///
     /// # Errors
     /// The scene cannot be traced, or there is nothing to see.
@@ -77,13 +76,13 @@ impl Places {
     ) -> Result<Places, Failure> {
         let traced = TracedScene::new(scene.clone(), shading)?;
         let frames = lights.map_or(scene.sequence.frames, |s| s.frames).max(1);
-        let tracks = tracks(scene, lights);
+        let track = played(scene, lights);
         let open = in_open_space(&traced, params.seed).0.unwrap_or(Vec3::ZERO);
         let mut windows = Vec::new();
         for i in 0..WINDOWS {
             let mut s = Stream::new(params.seed, STAGE, i);
             let frame = (frames - 1) * (i as u32 % FRAMES) / (FRAMES - 1);
-            let base = match tracks.get((i / u64::from(FRAMES)) as usize % tracks.len().max(1)) {
+            let base = match track {
                 Some(track) => (track.at(frame.into()), track.aspect.unwrap_or(ASPECT)),
                 None => (looking(open, uniform_sphere(two(&mut s))), ASPECT),
             };
@@ -97,7 +96,7 @@ impl Places {
                 anyhow::anyhow!("no camera sees anything by which --target-error could judge").into(),
             );
         }
-        let lamp = match tracks.first() {
+        let lamp = match track {
             Some(track) => track.at(0.0).position,
             None => open,
         };
@@ -127,6 +126,16 @@ fn uniform_sphere(u: Vec2) -> Vec3 {
     let (sin, cos) = (u.y * std::f32::consts::TAU).sin_cos();
     let r = (1.0 - z * z).max(0.0).sqrt();
     Vec3::new(r * cos, z, r * sin)
+}
+
+/// The camera that `play` takes by itself: the sequence's, else the scene's first. Errors of several cameras together would
+/// be those of the darkest room that any sees.
+fn played<'a>(scene: &'a Scene, lights: Option<&'a Sequence>) -> Option<&'a CameraTrack> {
+    match &lights.unwrap_or(&scene.sequence).camera {
+        Some(SequenceCamera::Own(track)) => Some(track),
+        Some(SequenceCamera::Node(name)) => scene.cameras.iter().find(|track| track.name == *name),
+        None => scene.cameras.first(),
+    }
 }
 
 fn two(s: &mut Stream) -> Vec2 {
