@@ -151,7 +151,9 @@ fn bits_of_means_that_sigma_cannot_use_change_less_than_sigma_does() {
     let views: Vec<Vec3> = fragments.iter().map(|f| f.2).collect();
     // Light that varies within nodes, which is what σ bounds: means alone are right under even light.
     let mut random = Stream::new(5, 0, 0);
-    let flux: Vec<Vec3> = (0..LIGHTS).map(|_| Vec3::splat(random.uniform().powi(8))).collect();
+    let flux: Vec<Vec3> = (0..LIGHTS)
+        .map(|_| Vec3::splat(random.uniform().powi(8)))
+        .collect();
     let shaded = |cuts: SiteCuts| -> Vec<Vec3> {
         let fragments = Fragments {
             sites: &sites,
