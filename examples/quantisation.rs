@@ -135,7 +135,7 @@ impl Study {
             mut bounce,
             bounce_level,
             ..
-        } = transport(&self.traced, points, &self.eyes, &params, link, |_| Ok(()))?;
+        } = transport(&self.traced, points, &self.eyes, &[], &params, link, |_| Ok(()))?;
         if let Some(b) = bits.bounce {
             fractions_rounded(&mut bounce, b);
         }

@@ -5,13 +5,14 @@ use crate::failure::{Failure, Outcome};
 use crate::inspect;
 use crate::output::{self, SCHEMA};
 use crate::signals;
+use crate::target;
 use crate::words;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use glam::Vec3;
 use relight_bake::error::BakeError;
-use relight_bake::params::{BakeParams, CutMode, CutParams, CutSites, Preset};
-use relight_bake::{BakeStats, bake};
+use relight_bake::params::{BakeParams, CutMode, CutParams, CutSites, Part, Preset};
+use relight_bake::{BakeStats, Baked, bake};
 use relight_format as format;
 use relight_scene::gltf::{ImportOptions, LightUnits, import};
 use relight_scene::image::write_atomically;
@@ -32,7 +33,7 @@ use std::time::Instant;
 #[command(after_help = "\
 The JSON of --json: points (per level, coarsest first), links, potential_links, rays, seconds (per stage, total,
 ray_tracing: thread-seconds in rays / threads), bytes (per section raw and stored, total), peak_memory_bytes,
-left_out (what, why, saved_bytes).")]
+left_out (what, why, saved_bytes, saved_rays, and with the bake's log saved_seconds: those rays at the bake's own pace).")]
 pub struct BakeArgs {
     /// Scene to bake: .glb or .gltf.
     #[arg(value_name = "SCENE")]
@@ -44,6 +45,11 @@ pub struct BakeArgs {
     /// times the bake). The options below win over it.
     #[arg(long, value_enum, default_value_t = PresetName::Standard)]
     pub preset: PresetName,
+    /// Choose levels, sender levels, epsilon and rays for this error of indirect light, such as 0.08 or 8%: the root of relMSE of
+    /// the indirect layer, as `report` lists it, estimated at other viewpoints near the camera that `play` takes by itself, under --lights (or the
+    /// scene's own lights, or a lamp). Bakes ever finer settings until one will do. A result's estimate is stored.
+    #[arg(long, value_name = "E", value_parser = target::parse, conflicts_with_all = ["preset", "levels", "sender_levels", "epsilon"])]
+    pub target_error: Option<f64>,
     /// Keep only what this lighting sequence can use. Without it the asset keeps what any light could use.
     #[arg(long, value_name = "SEQ.json")]
     pub lights: Option<PathBuf>,
@@ -66,8 +72,9 @@ pub struct BakeArgs {
     /// edited.
     #[arg(long)]
     pub solution: bool,
-    /// Visibility cuts: none; environment, for shadows and glossy reflections of environment maps and skies; or
-    /// indirect, for glossy reflections of lit surfaces, by one bounce of any light.
+    /// Visibility cuts: none; environment, for shadows and glossy reflections of environment maps and skies; auto, the same
+    /// if --lights has one or is not given; or indirect, for glossy reflections of lit surfaces, by one bounce of any
+    /// light.
     #[arg(long, value_enum, default_value_t = CutsName::None)]
     pub cuts: CutsName,
     /// Where the cuts stand: at the finest points, whose number follows the lighting, or at the vertices of the meshes,
@@ -88,6 +95,16 @@ pub struct BakeArgs {
     /// given several times [default: the scene's cameras, or a place in open space].
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
     pub viewpoint: Vec<Vec3>,
+    /// Keep what the scene and --lights cannot use, with commas between them: all, lights (the scene's own), emission,
+    /// materials (maps, textures, coordinates, colours), points (on surfaces that no light path joins to the viewpoints), senders
+    /// (levels that no link uses), bounces (the operator of the third bounce and further ones), cuts (of environments,
+    /// with --cuts auto), precision (bits of links far below --epsilon, colour of grey points). Links below significance are
+    /// kept by a smaller --epsilon.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
+    pub keep: Vec<KeepName>,
+    /// Only the cameras of the scene and of --lights will look: surfaces that none of them sees get no fine receivers.
+    #[arg(long)]
+    pub cameras_only: bool,
     /// Treat every material as Lambert with its base colour, for comparison with other renderers: metallic,
     /// roughness and normal maps are ignored, emission and alpha are kept.
     #[arg(long)]
@@ -119,8 +136,44 @@ pub enum CutsName {
     None,
     /// Environment maps and skies.
     Environment,
+    /// Those, if one may shine.
+    Auto,
     /// The first bounce of any light.
     Indirect,
+}
+
+/// What to keep although nothing uses it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum KeepName {
+    /// Everything.
+    All,
+    /// The scene's own lights.
+    Lights,
+    /// Emission of materials.
+    Emission,
+    /// What materials look up.
+    Materials,
+    /// Points on unreachable surfaces.
+    Points,
+    /// Sender levels without links.
+    Senders,
+    /// The bounce operator.
+    Bounces,
+    /// Cuts of environments.
+    Cuts,
+    /// Bits.
+    Precision,
+}
+
+impl KeepName {
+    fn parts(self) -> Vec<Part> {
+        let name = self.to_possible_value();
+        let named = |part: &Part| name.as_ref().is_some_and(|n| n.matches(part.name(), false));
+        match self {
+            KeepName::All => Part::ALL.to_vec(),
+            _ => Part::ALL.into_iter().filter(named).collect(),
+        }
+    }
 }
 
 /// Where visibility cuts stand.
@@ -171,6 +224,9 @@ pub fn params(args: &BakeArgs, seed: u64) -> Result<BakeParams, Failure> {
     params.solution = args.solution;
     params.cuts = cut_params(args)?;
     params.viewpoints = args.viewpoint.clone();
+    params.cameras_only = args.cameras_only;
+    params.keep = Part::ALL.to_vec();
+    (params.keep).retain(|part| args.keep.iter().any(|name| name.parts().contains(part)));
     params.seed = seed;
     relight_bake::settings::validate(&params).map_err(|error| Failure::Usage(error.to_string()))?;
     Ok(params)
@@ -184,7 +240,7 @@ fn cut_params(args: &BakeArgs) -> Result<Option<CutParams>, Failure> {
         ("--beta", args.beta.is_some()),
     ];
     let mode = match args.cuts {
-        CutsName::Environment => CutMode::Environment,
+        CutsName::Environment | CutsName::Auto => CutMode::Environment,
         CutsName::Indirect => CutMode::Indirect,
         CutsName::None => {
             return match given.iter().find(|option| option.1) {
@@ -205,6 +261,7 @@ fn cut_params(args: &BakeArgs) -> Result<Option<CutParams>, Failure> {
         lights: args.cut_lights.unwrap_or(defaults.lights),
         sigma: args.sigma.unwrap_or(defaults.sigma),
         beta: args.beta.unwrap_or(defaults.beta),
+        if_used: args.cuts == CutsName::Auto,
         ..defaults
     }))
 }
@@ -230,7 +287,22 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
         lights: lights.as_ref(),
         source_hash,
     };
-    let result = run_job(&job, scene, &args.output, import_seconds, console)?;
+    let result = match args.target_error {
+        Some(target) => {
+            let order = target::Order { job: &job, target };
+            let (mut baked, seconds) = timed(|| target::search(&order, &scene, console))?;
+            let own: f64 = baked.stats.seconds.iter().map(|stage| stage.1).sum();
+            baked.stats.seconds.push(("search", seconds - own));
+            store(
+                baked,
+                &args.output,
+                import_seconds + seconds,
+                import_seconds,
+                console,
+            )?
+        }
+        None => run_job(&job, scene, &args.output, import_seconds, console)?,
+    };
     console.close();
     console.note(format!("{}\n\n{}", result.text, result.saved));
     if args.json {
@@ -286,19 +358,40 @@ pub fn run_job(
     import_seconds: f64,
     console: &Console,
 ) -> Result<JobResult, Failure> {
+    let (baked, seconds) = timed(|| bake_job(job, job.params, scene, console))?;
+    store(baked, target, import_seconds + seconds, import_seconds, console)
+}
+
+/// Runs something and says how many seconds it took.
+fn timed<T>(act: impl FnOnce() -> Result<T, Failure>) -> Result<(T, f64), Failure> {
     let start = Instant::now();
-    let baked = bake(
-        scene,
-        job.shading,
-        job.params,
-        job.lights,
-        job.source_hash,
-        &BakeProgress(console),
-    )
-    .map_err(|error| match error {
+    let done = act()?;
+    Ok((done, start.elapsed().as_secs_f64()))
+}
+
+/// Bakes with parameters of the caller's.
+pub fn bake_job(
+    job: &Job,
+    params: &BakeParams,
+    scene: Arc<Scene>,
+    console: &Console,
+) -> Result<Baked, Failure> {
+    let progress = BakeProgress(console);
+    let baked = bake(scene, job.shading, params, job.lights, job.source_hash, &progress);
+    baked.map_err(|error| match error {
         BakeError::Stopped => signals::failure(),
         other => other.into(),
-    })?;
+    })
+}
+
+/// Writes an asset and its log; `seconds` is what all before took, `import_seconds` of it reading the scene.
+fn store(
+    baked: Baked,
+    target: &Path,
+    seconds: f64,
+    import_seconds: f64,
+    console: &Console,
+) -> Result<JobResult, Failure> {
     signals::go_on()?;
     console.begin("Writing the asset", None);
     let encode = Instant::now();
@@ -308,10 +401,11 @@ pub fn run_job(
     if let Some(load) = stats.seconds.first_mut() {
         load.1 += import_seconds;
     }
-    let total = import_seconds + start.elapsed().as_secs_f64();
+    let total = seconds + encode.elapsed().as_secs_f64();
     let log = log_json(&stats, total);
     let mut json = inspect::asset_json(target, &baked.asset)?;
     merge(&mut json, &log);
+    inspect::add_saved_seconds(&mut json);
     json["command"] = "bake".into();
     let log_path = log_path(target);
     write_atomically(&log_path, format!("{log:#}\n").as_bytes())?;

@@ -5,12 +5,13 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::images;
 use crate::output::{self, SCHEMA};
+use crate::target;
 use crate::words::{self, bytes, count};
 use clap::Args;
 use comfy_table::presets;
 use comfy_table::{CellAlignment, Table};
 use relight_format::layout::Kind;
-use relight_format::{self as format, Asset, Content, CutContent, FormatError, Limits, Summary};
+use relight_format::{self as format, Asset, Content, CutContent, Estimates, FormatError, Limits, Summary};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -43,11 +44,11 @@ pub fn run(args: &InspectArgs, console: &Console) -> Result<Outcome, Failure> {
     let summary = format::read_summary(path).map_err(failed)?;
     let counted = Content::from_counts(&summary.provenance.counts);
     // All of an asset is only read for pictures, on request, and where an older bake has counted nothing.
-    let (content, rms_error) = match counted {
+    let (content, estimates) = match counted {
         Some(content) if !args.verify && args.images.is_none() => {
             let estimates =
                 format::read_parts(path, &Limits::default(), &[Kind::Estimates]).map_err(failed)?;
-            (content, cut_rms_error(&estimates))
+            (content, estimates.estimates)
         }
         counted => {
             let asset = format::read_file(path, &Limits::default()).map_err(failed)?;
@@ -60,13 +61,15 @@ pub fn run(args: &InspectArgs, console: &Console) -> Result<Outcome, Failure> {
             if let Some(folder) = &args.images {
                 images::draw(path, &asset, folder)?;
             }
-            let rms_error = cut_rms_error(&asset);
-            (content, rms_error)
+            (content, asset.estimates)
         }
     };
-    let mut json = content_json(path, &summary, &content, rms_error)?;
+    let mut json = content_json(path, &summary, &content, estimates.as_ref())?;
     match read_log(path) {
-        Ok(Some(log)) => merge(&mut json, &log),
+        Ok(Some(log)) => {
+            merge(&mut json, &log);
+            add_saved_seconds(&mut json);
+        }
         Ok(None) => {}
         Err(complaint) => console.note(format!("note: {complaint}")),
     }
@@ -116,13 +119,13 @@ pub fn asset_json(path: &Path, asset: &Asset) -> Result<Value, Failure> {
         path,
         &format::read_summary(path)?,
         &Content::of(asset),
-        cut_rms_error(asset),
+        asset.estimates.as_ref(),
     )
 }
 
 /// The bake's estimate of the error of its cuts.
-fn cut_rms_error(asset: &Asset) -> Option<f64> {
-    let mut estimates = asset.estimates.iter().flat_map(|e| &e.values);
+fn cut_rms_error(estimates: Option<&Estimates>) -> Option<f64> {
+    let mut estimates = estimates.iter().flat_map(|e| &e.values);
     estimates.find(|e| e.0 == "cut_rms_error").map(|e| e.1)
 }
 
@@ -130,7 +133,7 @@ fn content_json(
     path: &Path,
     summary: &Summary,
     content: &Content,
-    rms_error: Option<f64>,
+    estimates: Option<&Estimates>,
 ) -> Result<Value, Failure> {
     let mut sections = serde_json::Map::new();
     for section in &summary.sections {
@@ -147,10 +150,15 @@ fn content_json(
         .iter()
         .map(|(name, value)| (name.clone(), value.clone().into()))
         .collect();
-    let left_out: Vec<Value> = provenance
-        .left_out
-        .iter()
-        .map(|l| json!({ "what": l.what, "why": l.why, "saved_bytes": l.saved_bytes }))
+    let known: serde_json::Map<String, Value> = (estimates.iter())
+        .flat_map(|e| &e.values)
+        .map(|(name, value)| (name.clone(), (*value).into()))
+        .collect();
+    let left_out: Vec<Value> = (provenance.left_out.iter().enumerate())
+        .map(|(i, l)| {
+            let rays = counted(&format!("saved_rays_{i}")).unwrap_or(0);
+            json!({ "what": l.what, "why": l.why, "saved_bytes": l.saved_bytes, "saved_rays": rays })
+        })
         .collect();
     Ok(json!({
         "schema": SCHEMA,
@@ -179,7 +187,7 @@ fn content_json(
         "links_per_level": content.links_per_level,
         "longest_row": content.longest_row,
         "potential_links": counted("potential_links"),
-        "cuts": content.cuts.map(|cuts| cuts_json(&cuts, rms_error)),
+        "cuts": content.cuts.map(|cuts| cuts_json(&cuts, cut_rms_error(estimates))),
         "rays": counted("rays"),
         "receivers_gathered": counted("receivers_gathered"),
         "rays_without_points": counted("rays_without_points"),
@@ -187,8 +195,21 @@ fn content_json(
         "surface_without_points_m2": counted("uncovered_square_mm").map(|n| n as f64 * 1e-6),
         "bytes": sections,
         "left_out": left_out,
+        "estimates": known,
+        "expected_error": target::line(estimates),
         "notes": provenance.notes,
     }))
+}
+
+/// Adds to what was left out the seconds that its rays would have taken, at the pace of the bake's own.
+pub fn add_saved_seconds(json: &mut Value) {
+    let (seconds, rays) = (json["seconds"]["ray_tracing"].as_f64(), json["rays"].as_f64());
+    let (Some(seconds), Some(rays)) = (seconds, rays.filter(|r| *r > 0.0)) else {
+        return;
+    };
+    for left in json["left_out"].as_array_mut().into_iter().flatten() {
+        left["saved_seconds"] = (left["saved_rays"].as_f64().unwrap_or(0.0) * seconds / rays).into();
+    }
 }
 
 /// What visibility cuts an asset holds.
@@ -295,6 +316,9 @@ pub fn describe(json: &Value) -> String {
             cuts["rms_error"].as_f64().unwrap_or(0.0),
         ));
     }
+    if let Some(expected) = json["expected_error"].as_str() {
+        line(format!("error      {expected}"));
+    }
     line(format!("rays       {}", count(number("rays"))));
     let (radii, per_level) = (array("disk_radius"), array("links_per_level"));
     let rows = (0..points.len())
@@ -335,11 +359,16 @@ pub fn describe(json: &Value) -> String {
     }
     for left in array("left_out") {
         let part = |key: &str| left[key].as_str().unwrap_or("-").to_owned();
-        let saved = left["saved_bytes"].as_u64().unwrap_or(0);
+        let mut saved = vec![bytes(left["saved_bytes"].as_u64().unwrap_or(0))];
+        if let Some(rays) = left["saved_rays"].as_u64().filter(|&rays| rays > 0) {
+            saved.push(format!("{} rays", count(rays)));
+            let seconds = left["saved_seconds"].as_f64();
+            saved.extend(seconds.map(|s| format!("{s:.1} s")));
+        }
         line(format!(
             "left out   {} ({}): {}",
             part("what"),
-            bytes(saved),
+            saved.join(", "),
             part("why")
         ));
     }

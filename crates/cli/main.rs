@@ -22,6 +22,7 @@ mod play;
 mod report;
 mod session;
 mod signals;
+mod target;
 mod words;
 
 use clap::{Args, Parser, Subcommand};

@@ -9,11 +9,12 @@ use crate::many_lights::{self, PixelcutsArgs, PointArgs};
 use crate::output::{self, SCHEMA};
 use crate::session::{PIXEL_LIGHT_SAMPLES, Session, median, milliseconds};
 use crate::signals;
+use crate::target;
 use crate::words;
 use clap::{Args, ValueEnum};
 use relight_play::edited::Editor;
 use relight_play::lightcuts::worthwhile;
-use relight_play::load::{Loaded, check_kept, load};
+use relight_play::load::{Loaded, check_camera, check_kept, load};
 use relight_scene::camera::CameraTrack;
 use relight_scene::image::preview::tone_mapped;
 use relight_scene::image::{BEAUTY, ExrHeader, Layers, write_exr, write_png};
@@ -211,6 +212,9 @@ pub fn play(
     let scene = loaded.scene.clone();
     let sequence = given.as_ref().unwrap_or(&scene.sequence);
     let track = camera(&args.asset, args.camera.as_deref(), &scene, sequence)?;
+    if with_operators {
+        check_camera(&loaded.provenance, &track)?;
+    }
     let (width, height) = args.size.unwrap_or_else(|| default_size(&track));
     let range = frame_range(args, sequence)?;
     if let Some(editor) = &mut editor {
@@ -230,6 +234,9 @@ pub fn play(
     let many = !args.layers.contains(&LayerName::Lights)
         && worthwhile(&rig.at(range.first.into()), PIXEL_LIGHT_SAMPLES);
     console.note(choice(integrator, by_cuts, many, &loaded));
+    if let Some(line) = target::line(loaded.estimates.as_ref()) {
+        console.note(format!("Error: {line}."));
+    }
     let mut session = Session {
         args,
         splits: (by_cuts == ByCuts::Environments).then(|| splits(&rig, &loaded, sequence.lights.len())),
@@ -324,7 +331,7 @@ fn integrator(args: &PlayArgs, loaded: &Loaded) -> Result<Integrator, Failure> {
         Integrator::Auto => Integrator::Path,
         Integrator::Cuts if loaded.player.cuts.is_none() => {
             return Err(anyhow::anyhow!(
-                "{}: was baked without visibility cuts; bake with --cuts environment or --cuts indirect, or use \
+                "{}: was baked without visibility cuts; bake with --cuts environment or --cuts indirect (with --cuts auto also --keep cuts), or use \
                  --integrator transfer",
                 args.asset.display()
             )

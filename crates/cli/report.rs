@@ -4,6 +4,7 @@
 //! bakes and plays them, [`findings`] finds the Pareto fronts and says in words what they mean, [`page`] and [`plot`]
 //! show it.
 
+mod bitmap;
 mod cache;
 mod findings;
 mod measure;
@@ -26,7 +27,7 @@ use measure::{Measured, Runs};
 use reference::Reference;
 use relight_format::{self as format, Limits};
 use relight_play::load::{asset_hash, from_asset};
-use relight_scene::image::write_atomically;
+use relight_scene::image::{write_atomically, write_png};
 use relight_scene::sequence::read_sequence;
 use serde_json::{Value, json};
 use settings::{Facts, Setting};
@@ -37,7 +38,7 @@ use std::time::{Duration, Instant};
 ///
 /// Path-traces references of some frames, whose own error is known from two independent halves; plays the asset with
 /// every integrator over a range of its options, and bakes the scene in it again with other options; writes
-/// report.html (plots, pictures with error maps, tables; opens offline), report.json, report.csv and plots/*.svg.
+/// report.html (plots, pictures with error maps, tables; opens offline), report.json, report.csv, plots/*.svg and *.png.
 /// References, bakes and measurements are kept in DIR by what they are of: a report that was stopped goes on.
 #[derive(Args)]
 pub struct ReportArgs {
@@ -307,9 +308,37 @@ fn report_json(
         "references": references.iter().map(Reference::json).collect::<Vec<_>>(),
         "settings": settings,
         "not_measured": skipped.iter().map(Setting::command).collect::<Vec<_>>(),
-        "findings": findings::sentences(measured, references, skipped.len()),
+        "findings": findings::sentences(measured, references, skipped.len(), &asset["estimates"]),
+        "commands": commands(task, references, measured),
         "seconds": start.elapsed().as_secs_f64(),
     })
+}
+
+/// Every command that does by hand what was done.
+fn commands(task: &Task, references: &[Reference], measured: &[Measured]) -> Vec<String> {
+    let frames = task.frames;
+    let common = format!(
+        "--lights {} --size {}x{} --frames {}-{}x{} --float",
+        task.lights.display(),
+        task.size.0,
+        task.size.1,
+        frames.first,
+        frames.last,
+        frames.step
+    );
+    let asset = task.asset.display();
+    let traced = references.iter().filter_map(|r| r.spp.map(|spp| (r.frame, spp))).flat_map(|(frame, spp)| {
+        ["a", "b"].map(|half| {
+            format!(
+                "relight play {asset} --integrator path --spp {} {common} -o frame_{frame:04}_{half}.exr --seed ...",
+                spp / 2
+            )
+        })
+    });
+    let all = measured
+        .iter()
+        .map(|m| m.setting.command_of(&asset.to_string(), &common, task.seed));
+    traced.chain(all).collect()
 }
 
 /// Processor and number of cores, as far as the system says.
@@ -337,6 +366,7 @@ fn write_report(
     let plots = plot::all(measured, references)?;
     for plot in &plots {
         write(&format!("plots/{}.svg", plot.name), &plot.svg)?;
+        write_png(&task.folder.join(format!("plots/{}.png", plot.name)), &plot.png)?;
     }
     write("report.csv", &page::csv(measured))?;
     write(

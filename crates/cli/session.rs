@@ -28,9 +28,10 @@ use std::time::Instant;
 /// Shadow rays for each light with extent: at a pixel's fragments and at the points. A sender averages some
 /// hundreds of points, a pixel nothing.
 pub const PIXEL_LIGHT_SAMPLES: u32 = 8;
-const POINT_LIGHT_SAMPLES: u32 = 4;
+/// See [`PIXEL_LIGHT_SAMPLES`].
+pub const POINT_LIGHT_SAMPLES: u32 = 4;
 /// Primary rays per pixel of the transfer integrator where the camera stands still: they are cast once per shot.
-const FIXED_SPP: u32 = 16;
+pub const FIXED_SPP: u32 = 16;
 /// The same where it moves and every frame casts them anew.
 const MOVING_SPP: u32 = 1;
 

@@ -137,7 +137,7 @@ fn given_lights_decide_what_is_left_out() {
         1,
     );
     assert!(
-        text.contains("glow") && text.contains("bake without --lights"),
+        text.contains("glow") && text.contains("--keep emission"),
         "{text}"
     );
 }
@@ -247,4 +247,47 @@ fn disks_wider_than_the_scene_still_have_points() {
     let said = bake_json(&data("cornell.glb"), &asset, &options);
     let points = said["points"].as_array().unwrap();
     assert!(points.iter().all(|n| n.as_u64().unwrap() > 0), "{points:?}");
+}
+
+/// The estimate is of other pixels; that these err likewise, docs/report.md measures.
+#[test]
+fn a_bake_for_an_error_says_what_it_expects_and_the_asset_repeats_it() {
+    let folder = folder();
+    let asset = folder.path().join("a.relight");
+    let lights = data("cornell.lights.json");
+    let lights = ["--lights", lights.to_str().unwrap()];
+    let said = bake_json(
+        &data("cornell.glb"),
+        &asset,
+        &[&["--target-error", "50%"][..], &lights].concat(),
+    );
+    let estimates = &said["estimates"];
+    assert_eq!(estimates["target_error"], 0.5);
+    let error = estimates["error_indirect"].as_f64().unwrap();
+    assert!(error > 0.0 && error < 1.15 * 0.5, "{error}");
+    let shown = relight()
+        .arg("inspect")
+        .arg(&asset)
+        .assert()
+        .success()
+        .get_output()
+        .stdout
+        .clone();
+    assert!(String::from_utf8(shown).unwrap().contains("expected to err by"));
+    let frame = folder.path().join("f.exr");
+    let mut play = relight();
+    play.arg("play")
+        .arg(&asset)
+        .args(lights)
+        .arg("-o")
+        .arg(&frame)
+        .args(["--frames", "0", "--size", "16x16"]);
+    let told = play.assert().success().get_output().stderr.clone();
+    assert!(String::from_utf8(told).unwrap().contains("expected to err by"));
+    // What E chooses cannot be chosen beside it.
+    let mut both = relight();
+    both.arg("bake").arg(data("cornell.glb")).arg("-o").arg(&asset);
+    both.args(["--target-error", "0.1", "--epsilon", "0.1"])
+        .assert()
+        .code(2);
 }

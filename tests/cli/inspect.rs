@@ -129,6 +129,9 @@ fn links_are_counted_without_being_read() {
         for key in ["asset", "seconds", "peak_memory_bytes", "threads"] {
             said.as_object_mut().unwrap().remove(key);
         }
+        for left in said["left_out"].as_array_mut().unwrap() {
+            left.as_object_mut().unwrap().remove("saved_seconds");
+        }
         said
     };
     assert_eq!(said(&broken), said(cornell()));

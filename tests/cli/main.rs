@@ -12,6 +12,7 @@ mod cuts_indirect;
 mod export;
 mod general;
 mod inspect;
+mod left_out;
 mod materials;
 mod play;
 mod report;

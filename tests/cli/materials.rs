@@ -280,7 +280,7 @@ fn what_a_bake_has_fixed_or_left_out_is_named_with_its_option() {
         )
     };
     assert!(
-        text.contains("edits[0].emission") && text.contains("without --lights"),
+        text.contains("edits[0].emission") && text.contains("--keep emission"),
         "{text}"
     );
 }

@@ -1,7 +1,7 @@
 //! Reports: what is measured, what is written, that a stopped one goes on, and that the page works in a browser.
 
 use crate::stage::{complaint, cornell, data, folder, json, names, relight};
-use relight_scene::image::{BEAUTY, ExrHeader, Layers, write_exr};
+use relight_scene::image::{BEAUTY, ExrHeader, Layers, decode_ldr, write_exr};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -74,7 +74,7 @@ fn number(setting: &Value, name: &str) -> f64 {
 fn every_integrator_and_bake_option_is_measured_and_named() {
     let (_, said) = shared();
     assert_eq!(said["not_measured"].as_array().unwrap().len(), 0);
-    for integrator in ["auto", "path", "brute"] {
+    for integrator in ["auto", "path", "brute", "lightcuts", "pixelcuts"] {
         assert!(
             settings(said).iter().any(|s| s["integrator"] == integrator),
             "{integrator}"
@@ -136,8 +136,20 @@ fn the_page_needs_nothing_beside_it_and_the_table_has_every_setting() {
     let (folder, said) = shared();
     let page = std::fs::read_to_string(folder.join("report.html")).unwrap();
     let plots = names(&folder.join("plots"));
-    assert_eq!(plots.len(), 4, "{plots:?}");
-    assert_eq!(page.matches("<svg").count(), plots.len());
+    // Each as lines and as pixels.
+    let ending = |ending: &str| plots.iter().filter(|name| name.ends_with(ending)).count();
+    assert_eq!(
+        (ending(".svg"), ending(".png"), plots.len()),
+        (4, 4, 8),
+        "{plots:?}"
+    );
+    assert_eq!(page.matches("<svg").count(), ending(".svg"));
+    let picture = std::fs::read(folder.join("plots/error_time.png")).unwrap();
+    let picture = decode_ldr("plot", &picture, &Default::default()).unwrap();
+    let dark = |p: &&[u8; 4]| p.iter().any(|c| *c < 128);
+    let coloured = picture.rgba8.iter().filter(dark).count();
+    // Axes, letters and dots: more than a line, far less than a full page.
+    assert!(coloured > 2000 && coloured < 200_000, "{coloured}");
     let outside = page.replace("http://www.w3.org/2000/svg", "");
     assert!(!outside.contains("http") && !outside.contains("src=\"pictures"));
     let csv = std::fs::read_to_string(folder.join("report.csv")).unwrap();

@@ -7,6 +7,7 @@ use relight_bake::candidates::Candidate;
 use relight_bake::light_samples::{Lights, in_tree};
 use relight_bake::params::CutParams;
 use relight_bake::visibility::site_cuts;
+use relight_format as format;
 use relight_play::cuts::illumination::Illumination;
 use relight_play::cuts::shade::{Fragments, shade};
 use relight_play::cuts::sites::FragmentSites;
@@ -17,6 +18,7 @@ use relight_scene::rays::Ray;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::{Shading, TracedScene};
+use relight_transport::cuts::SiteCuts;
 use relight_transport::random::Stream;
 use std::sync::Arc;
 
@@ -116,4 +118,76 @@ fn at_a_site_cuts_of_all_leaves_are_brute_force() {
     // The box hides most of the sky from all of them, but not the sky through its open side.
     let all = fragments.len() * LIGHTS as usize / 2;
     assert!(shadowed > all / 4 && shadowed < all, "{shadowed} of {all}");
+}
+
+/// What σ lets nodes scatter is more than what their means lose in the file. Truth: cuts of all leaves.
+#[test]
+fn bits_of_means_that_sigma_cannot_use_change_less_than_sigma_does() {
+    let scene = Arc::new(import(&data("cornell.glb"), &ImportOptions::default()).unwrap());
+    let scene = TracedScene::new(scene, Shading::Full).unwrap();
+    let fragments = fragments(&scene);
+    let candidates: Vec<Candidate> = fragments.iter().map(|f| Candidate::at(&scene, &f.0)).collect();
+    let leaves = in_tree(&scene, &candidates, &Lights::directions(LIGHTS), 0.45);
+    let Lights::Directions { directions, .. } = &leaves.lights else {
+        unreachable!()
+    };
+    let cuts_of = |sigma: f32| {
+        let params = CutParams {
+            lights: LIGHTS,
+            sigma,
+            every_light: true,
+            ..CutParams::default()
+        };
+        let made = site_cuts(&scene, &candidates, &leaves, &params, |_| Ok(())).unwrap();
+        (made.cuts, params.sigma())
+    };
+    let count = fragments.len() as u32;
+    let sites = FragmentSites {
+        order: (0..count).collect(),
+        sites: (0..count).map(|i| [i, u32::MAX, u32::MAX]).collect(),
+        weights: vec![[1.0, 0.0, 0.0]; count as usize],
+    };
+    let points: Vec<Option<ShadingPoint>> = fragments.iter().map(|f| Some(f.1)).collect();
+    let views: Vec<Vec3> = fragments.iter().map(|f| f.2).collect();
+    // Light that varies within nodes, which is what σ bounds: means alone are right under even light.
+    let mut random = Stream::new(5, 0, 0);
+    let flux: Vec<Vec3> = (0..LIGHTS)
+        .map(|_| Vec3::splat(random.uniform().powi(8)))
+        .collect();
+    let shaded = |cuts: SiteCuts| -> Vec<Vec3> {
+        let fragments = Fragments {
+            sites: &sites,
+            points: &points,
+            views: &views,
+            matt: true,
+        };
+        let cuts = VisibilityCuts::of_directions(cuts, SitePlaces::Points, directions);
+        shade(&cuts, &Illumination::new(&flux, LIGHTS as usize), &fragments).0
+    };
+    let difference = |a: &[Vec3], b: &[Vec3]| -> f64 {
+        let squares = a
+            .iter()
+            .zip(b)
+            .map(|(a, b)| f64::from((*a - *b).length_squared()));
+        let size = b.iter().map(|b| f64::from(b.length_squared())).sum::<f64>();
+        (squares.sum::<f64>() / size).sqrt()
+    };
+    // With so few lights the usual σ splits all that is neither lit nor dark: four times that.
+    let (cuts, sigma) = cuts_of(4.0 * CutParams::default().sigma);
+    let stored = format::quantised_cuts(&format::Cuts {
+        sites: format::CutSites::Points,
+        sigma,
+        unit: 1.0,
+        row_offsets: cuts.offsets.clone(),
+        heights: cuts.heights.clone(),
+        values: cuts.values.clone(),
+    });
+    let truth = shaded(cuts_of(1e-4).0);
+    let exact = shaded(cuts.clone());
+    let short = shaded(SiteCuts {
+        values: stored.values,
+        ..cuts
+    });
+    let (lost, coarse) = (difference(&short, &exact), difference(&exact, &truth));
+    assert!(lost > 0.0 && lost < coarse, "{lost} against {coarse}");
 }

@@ -119,13 +119,16 @@ def octahedral(u, v, bits):
     return np.stack([x / length, y / length, z / length], axis=-1).astype(np.float32)
 
 
-def shared_exponents(cursor, count):
+def shared_exponents(cursor, count, bits):
     """7.6: vectors (n, 3)."""
-    cursor.justify(count, 6)
-    exponent, signs, highs, *low = [np.frombuffer(cursor.take(count), np.uint8).astype(np.int64) for _ in range(6)]
+    cursor.justify(count, 5 if bits == 8 else 6)
+    plane = lambda: np.frombuffer(cursor.take(count), np.uint8).astype(np.int64)
+    exponent, signs = plane(), plane()
+    highs = np.zeros(count, np.int64) if bits == 8 else plane()
+    low = [plane() for _ in range(3)]
     require(not (exponent == 255).any(), "exponents of 0 to 254")
     require(not (signs > 7).any() and not (highs > 63).any(), "unused bits of 0")
-    step = np.ldexp(1.0, exponent - 136)
+    step = np.ldexp(1.0, exponent - 126 - bits)
     vectors = np.zeros((count, 3), np.float32)
     for axis in range(3):
         mantissa = (highs >> (2 * axis) & 3) * 256 + low[axis]
@@ -227,14 +230,14 @@ def normals_12(cursor, count):
     return octahedral(high_u * 16 + low % 16 - 2047, high_v * 16 + low // 16 - 2047, 12)
 
 
-def albedo(cursor, count):
-    """6.6.3: (n, 3)."""
+def albedo(cursor, count, channels):
+    """6.6.3: (n, 3); one channel is all three."""
     result = np.zeros((count, 3), np.float32)
     cursor.justify(count, 1)
-    for channel in range(3):
+    for channel in range(channels):
         high = np.frombuffer(cursor.take(count), np.uint8).astype(np.int64)
         low = np.frombuffer(cursor.take((count + 1) // 2), np.uint8).astype(np.int64)
         nibbles = np.stack([low % 16, low // 16], axis=-1).reshape(-1)[:count]
         t = (high * 16 + nibbles) / 4095.0
-        result[:, channel] = (t * t * (3.0 - 2.0 * t)).astype(np.float32)
+        result[:, channel:] = (t * t * (3.0 - 2.0 * t)).astype(np.float32)[:, None]
     return result

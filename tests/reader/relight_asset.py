@@ -31,7 +31,7 @@ from codecs_of_spec import (
 from xxh3 import xxh3_64
 from zstd_frame import decompress
 
-VERSION = 1
+VERSION = 2
 MAGIC = bytes.fromhex("8b524c540d0a1a0a")
 KINDS = {
     1: "provenance",
@@ -49,7 +49,7 @@ KINDS = {
     13: "cuts",
 }
 # Versions of each section's layout that this reader decodes.
-VERSIONS = {name: {1} for name in KINDS.values()}
+VERSIONS = {name: {1} for name in KINDS.values()} | {name: {1, 2} for name in ("points", "links_transfer")}
 MOST_RECORD_BYTES = 16777216
 
 
@@ -267,7 +267,7 @@ def stage(cursor):
         raise Refused(f"UTF-8 text: {error}") from error
 
 
-def points(cursor):
+def points(cursor, channels=3):
     count = cursor.u32()
     cursor.justify(count, 13)
 
@@ -279,13 +279,13 @@ def points(cursor):
             "support_radius": np.array([support]),
             "positions": positions(cursor, n),
             "normals": normals_12(cursor, n),
-            "albedo": albedo(cursor, n),
+            "albedo": albedo(cursor, n, channels),
         }
 
     return [level() for _ in range(count)]
 
 
-def links_transfer(cursor):
+def links_transfer(cursor, bits=10):
     receivers, senders, count = cursor.u32(), cursor.u32(), cursor.u32()
     offsets, columns = rows(cursor, receivers, count, senders)
     return {
@@ -293,7 +293,7 @@ def links_transfer(cursor):
         "senders": senders,
         "row_offsets": offsets,
         "columns": columns,
-        "vectors": shared_exponents(cursor, count),
+        "vectors": shared_exponents(cursor, count, bits),
     }
 
 
@@ -394,6 +394,9 @@ DECODE = {
         "cuts": cuts,
     }.items()
 }
+# 6.6 and 6.7, version 2.
+DECODE["points", 2] = lambda cursor: points(cursor, channels=1)
+DECODE["links_transfer", 2] = lambda cursor: links_transfer(cursor, bits=8)
 
 
 def check_finite(name, value):

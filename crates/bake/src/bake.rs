@@ -2,12 +2,14 @@
 
 use crate::candidates::Candidate;
 use crate::convert;
-use crate::coverage::{Coverage, coverage};
+use crate::coverage::{Coverage, coverage, everywhere};
 use crate::cut_sections::{World, cut_sections};
 use crate::error::BakeError;
 use crate::left_out::{Pruned, prune};
-use crate::params::BakeParams;
+use crate::omissions::Omissions;
+use crate::params::{BakeParams, CutParams, Part};
 use crate::points::{self, PointLevels};
+use crate::seen;
 use crate::settings;
 use crate::solution::{Solution, solution};
 use crate::timed::TimedSurfaces;
@@ -15,6 +17,7 @@ use crate::transport::{Transport, levels_of, transport};
 use crate::viewpoint;
 use glam::Vec3;
 use relight_format as format;
+use relight_scene::light::{LightKind, LightTrack};
 use relight_scene::scene::Scene;
 use relight_scene::sequence::Sequence;
 use relight_scene::surface::Surfaces;
@@ -98,6 +101,24 @@ pub fn bake(
     } = place_points(&timed, &scene, lights, params, progress)?;
     clock.lap("points");
 
+    let points = if params.keeps(Part::Points) {
+        everywhere(&traced, points, params.seed)
+    } else {
+        points
+    };
+    let tracks = match params.cameras_only {
+        true => seen::tracks(&scene, lights),
+        false => Vec::new(),
+    };
+    if params.cameras_only && tracks.is_empty() {
+        return Err(BakeError::Parameter {
+            name: "--cameras-only",
+            found: "a scene without a camera".into(),
+            expected: "a camera in the scene or in the sequence of --lights",
+        });
+    }
+    let frames = lights.map_or(1, |s| s.frames).max(scene.sequence.frames);
+    let cameras = seen::poses(&tracks, frames);
     let (levels, points) = quantised(points);
     let covered = levels_of(&points).last().map_or(Coverage::default(), |finest| {
         coverage(&traced, finest, params.seed)
@@ -114,8 +135,15 @@ pub fn bake(
         &timed,
         points,
         &viewpoints,
+        &cameras,
         params,
-        |v| Vec3::from(format::quantised_vector(v.to_array())),
+        |v| {
+            let stored = match params.short_links() {
+                true => format::shortened_vector,
+                false => format::quantised_vector,
+            };
+            Vec3::from(stored(v.to_array()))
+        },
         |done| {
             // One call in 64: the watcher may take a lock.
             if done.is_multiple_of(64) {
@@ -127,13 +155,17 @@ pub fn bake(
     )?;
     go_on()?;
     clock.lap("refine");
-    let solved = params.solution.then(|| solved(&transport, params));
+    let solved = (params.solution && params.needs_bounces()).then(|| solved(&transport, params));
     if solved.is_some() {
         clock.lap("solve");
     }
     go_on()?;
 
-    let cuts = match &params.cuts {
+    let wanted_cuts = params
+        .cuts
+        .as_ref()
+        .filter(|cuts| cuts_are_used(cuts, params, lights));
+    let cuts = match wanted_cuts {
         Some(cuts) => {
             let world = World {
                 scene: &traced,
@@ -150,15 +182,25 @@ pub fn bake(
     progress.stage("prune", None);
     let Pruned {
         scene: kept,
-        mut left_out,
+        left_out,
         keeps_lights,
         keeps_emission,
-    } = prune(&scene, shading, lights);
-    unreached(
-        &mut left_out,
-        covered,
-        levels.iter().map(|l| l.positions.len()).sum(),
-    );
+    } = prune(&scene, shading, lights, params);
+    let coding = coding(&levels, &transport, params);
+    let mut omitted = Omissions {
+        list: left_out,
+        ..Omissions::default()
+    };
+    omitted.unreached(covered, receivers as usize);
+    omitted.of_operators(&transport, params);
+    if params.cuts.is_some() && cuts.is_none() {
+        omitted.unused_cuts(levels.last().map_or(0, |l| l.positions.len()));
+    }
+    let short = coding.short_links.then_some(transport.links.columns.len());
+    omitted.precision(receivers as usize, coding.grey, short, params);
+    if let Some(cuts) = &cuts {
+        omitted.cut_precision(cuts.cuts.heights.len());
+    }
     let rays = transport.rays + search_rays;
     let cut_rays = cuts.as_ref().map_or(0, |c| c.rays);
     let (light_tree, estimates, cuts) = cuts.map_or((None, None, None), |made| {
@@ -183,14 +225,22 @@ pub fn bake(
             if keeps_emission { "kept" } else { "left out" }.into(),
         ),
     ]));
+    if params.cameras_only {
+        settings.extend(setting_strings([(
+            "cameras_only",
+            convert::camera_hashes(&tracks),
+        )]));
+    }
+    let mut counts = counts(&transport, &facts);
+    counts.extend(omitted.counts());
     let provenance = format::Provenance {
         tool_version: concat!("relight ", env!("CARGO_PKG_VERSION")).into(),
         settings,
         source_hash,
         seed: params.seed,
         lambert: shading == Shading::Lambert,
-        left_out,
-        counts: counts(&transport, &facts),
+        left_out: omitted.list,
+        counts,
         notes,
     };
     let lit = !transport.links.is_empty();
@@ -210,6 +260,7 @@ pub fn bake(
         light_tree,
         estimates,
         cuts,
+        coding,
     };
     let content = format::Content::of(&asset).to_counts();
     asset.provenance.counts.extend(content);
@@ -221,6 +272,26 @@ pub fn bake(
         threads,
     };
     Ok(Baked { asset, stats })
+}
+
+/// Whether cuts are worth making: `--cuts auto` makes none without an environment to see.
+fn cuts_are_used(cuts: &CutParams, params: &BakeParams, lights: Option<&Sequence>) -> bool {
+    let distant = |light: &LightTrack| {
+        matches!(
+            light.kind,
+            LightKind::Environment { .. } | LightKind::SunSky { .. }
+        )
+    };
+    !cuts.if_used || params.keeps(Part::Cuts) || lights.is_none_or(|s| s.lights.iter().any(distant))
+}
+
+/// What takes fewer bits in the file.
+fn coding(levels: &[format::Level], made: &Transport, params: &BakeParams) -> format::Coding {
+    let mut albedos = levels.iter().flat_map(|l| &l.albedo);
+    format::Coding {
+        grey: !params.keeps(Part::Precision) && albedos.all(|[r, g, b]| r == g && g == b),
+        short_links: params.short_links() && !made.links.is_empty(),
+    }
 }
 
 struct Clock {
@@ -381,25 +452,6 @@ fn remarks(transport: &Transport, facts: &Facts, viewpoints: &[Vec3]) -> Vec<Str
         );
     }
     notes
-}
-
-/// Bytes that a point takes on disk, about (docs/format.md).
-const POINT_BYTES: f64 = 10.0;
-/// Share of the surface below which nothing is said: samples on rims miss now and then.
-const NEGLIGIBLE: f64 = 0.002;
-
-fn unreached(left_out: &mut Vec<format::LeftOut>, covered: Coverage, points: usize) {
-    let Coverage { area, uncovered } = covered;
-    if uncovered <= NEGLIGIBLE * area {
-        return;
-    }
-    let per_area = points as f64 / (area - uncovered).max(f64::MIN_POSITIVE);
-    left_out.push(format::LeftOut {
-        what: format!("points on {:.1} % of the surface", 100.0 * uncovered / area),
-        why: "no light path leads from there to the viewpoints; --viewpoint adds places that can be seen"
-            .into(),
-        saved_bytes: (per_area * uncovered * POINT_BYTES) as u64,
-    });
 }
 
 fn links(links: &Links) -> format::Links {

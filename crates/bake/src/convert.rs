@@ -5,9 +5,10 @@
 
 use glam::{Affine2, Vec3, Vec4};
 use relight_format as format;
+use relight_scene::camera::CameraTrack;
 use relight_scene::material::{AlphaMode, Material, Texture, TextureUse, Wrap};
 use relight_scene::scene::{Instance, Mesh, Scene};
-use relight_scene::sequence::stage_to_json;
+use relight_scene::sequence::{camera_to_json, stage_to_json};
 
 /// Meshes and instances.
 pub fn geometry(scene: &Scene) -> format::Geometry {
@@ -32,6 +33,15 @@ pub fn stage(scene: &Scene) -> format::Stage {
     format::Stage {
         json: stage_to_json(&scene.cameras, &scene.sequence),
     }
+}
+
+/// Names that tell cameras apart, with spaces between them: hashes of what the file says of each.
+pub fn camera_hashes(tracks: &[&CameraTrack]) -> String {
+    let hash = |track: &&CameraTrack| {
+        let text = camera_to_json(track);
+        format!("{:016x}", format::content_hash(text.as_bytes()))
+    };
+    tracks.iter().map(hash).collect::<Vec<_>>().join(" ")
 }
 
 fn mesh(mesh: &Mesh) -> format::Mesh {

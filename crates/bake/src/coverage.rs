@@ -3,8 +3,14 @@
 //! Surfaces that no importance reached get no points (design section 6); what that leaves out is measured here
 //! by surface samples, evenly by area.
 
+use crate::candidates::Candidate;
+use crate::points::{self, PointLevels};
+use glam::Vec3;
+use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
 use relight_transport::basis::{Level, NearestPoint};
+use relight_transport::grid::morton_order;
+use relight_transport::poisson::Disks;
 use relight_transport::random::Stream;
 
 /// Surface samples: enough to see one per cent of the surface to within a tenth of itself.
@@ -21,36 +27,120 @@ pub struct Coverage {
     pub uncovered: f64,
 }
 
+/// Places spread evenly over the area of all triangles.
+struct Samples<'a> {
+    scene: &'a TracedScene,
+    /// Sums of the triangles' areas.
+    sums: Vec<f64>,
+}
+
+impl<'a> Samples<'a> {
+    /// `None` where there is no area.
+    fn new(scene: &'a TracedScene) -> Option<Samples<'a>> {
+        let mut sums = Vec::with_capacity(scene.triangle_count());
+        let mut total = 0.0f64;
+        for triangle in 0..scene.triangle_count() as u32 {
+            total += f64::from(scene.triangle_area(triangle));
+            sums.push(total);
+        }
+        (total > 0.0).then_some(Samples { scene, sums })
+    }
+
+    fn total(&self) -> f64 {
+        self.sums.last().copied().unwrap_or(0.0)
+    }
+
+    /// The place at `at` of all area, 0 to 1; `None` in a hole of it.
+    fn at(&self, at: f64, stream: &mut Stream, front: bool) -> Option<SurfaceHit> {
+        let at = at * self.total();
+        let triangle = self
+            .sums
+            .partition_point(|sum| *sum < at)
+            .min(self.sums.len() - 1) as u32;
+        let root = stream.uniform().sqrt();
+        let v = stream.uniform() * root;
+        let barycentric = [root - v, v];
+        (self.scene.coverage(triangle, barycentric) > 0.0)
+            .then(|| self.scene.surface_at(triangle, barycentric, front))
+    }
+}
+
+/// Candidates per round, of which either half is on one side.
+const ROUND: u64 = 16_384;
+/// Rounds after which levels are taken as they are.
+const MOST_ROUNDS: u64 = 1 << 12;
+/// Stage number of the random stream.
+const STAGE_EVERYWHERE: u32 = 11;
+
+/// Adds points on all surfaces, both sides, that have none (`--keep points`); those that are there keep their places and
+/// their order before the new ones.
+pub fn everywhere(scene: &TracedScene, mut points: PointLevels, seed: u64) -> PointLevels {
+    let Some(samples) = Samples::new(scene) else {
+        return points;
+    };
+    let finest = points.levels.len().saturating_sub(1);
+    let directions = points::crevice_directions(seed);
+    let (mut disks, mut more): (Vec<Disks>, Vec<Vec<Candidate>>) = (points.levels.iter())
+        .map(|level| {
+            let (positions, normals) = places(&level.points);
+            let mut disks = Disks::new(level.disk_radius);
+            disks.throw(&positions, &normals, 0, |_| true);
+            (disks, Vec::new())
+        })
+        .unzip();
+    for round in 0..MOST_ROUNDS {
+        if disks.iter().all(Disks::is_full) {
+            break;
+        }
+        let batch: Vec<Candidate> = (0..ROUND)
+            .filter_map(|i| {
+                let mut stream = Stream::new(seed, STAGE_EVERYWHERE, round * ROUND + i);
+                let at = f64::from(stream.uniform());
+                let hit = samples.at(at, &mut stream, i % 2 == 0)?;
+                Some(Candidate::at(scene, &hit))
+            })
+            .collect();
+        let (positions, normals) = places(&batch);
+        for (l, disks) in disks.iter_mut().enumerate() {
+            let radius = disks.radius();
+            let old = disks.candidates.len();
+            disks.throw(&positions, &normals, 0, |i| {
+                l == finest || points::is_open(scene, &batch[i], radius, &directions)
+            });
+            more[l].extend(disks.candidates[old..].iter().map(|&c| batch[c as usize]));
+        }
+    }
+    for (level, more) in points.levels.iter_mut().zip(more) {
+        let (positions, _) = places(&more);
+        let order = morton_order(&positions);
+        (level.points).extend(order.into_iter().map(|i| more[i as usize]));
+    }
+    points
+}
+
+fn places(points: &[Candidate]) -> (Vec<Vec3>, Vec<Vec3>) {
+    points.iter().map(|p| (p.position, p.normal)).unzip()
+}
+
 /// Measures coverage by the finest level.
 pub fn coverage(scene: &TracedScene, finest: &Level, seed: u64) -> Coverage {
-    let mut sums = Vec::with_capacity(scene.triangle_count());
-    let mut total = 0.0f64;
-    for triangle in 0..scene.triangle_count() as u32 {
-        total += f64::from(scene.triangle_area(triangle));
-        sums.push(total);
-    }
-    if total <= 0.0 {
+    let Some(samples) = Samples::new(scene) else {
         return Coverage::default();
-    }
+    };
     let nearest = NearestPoint::new(finest);
     let (mut there, mut bare) = (0u64, 0u64);
     for i in 0..SAMPLES {
         let mut stream = Stream::new(seed, STAGE, i);
         // One sample in each of equally large parts.
-        let at = (i as f64 + f64::from(stream.uniform())) / SAMPLES as f64 * total;
-        let triangle = sums.partition_point(|sum| *sum < at).min(sums.len() - 1) as u32;
-        let root = stream.uniform().sqrt();
-        let v = stream.uniform() * root;
-        let barycentric = [root - v, v];
-        if scene.coverage(triangle, barycentric) <= 0.0 {
+        let at = (i as f64 + f64::from(stream.uniform())) / SAMPLES as f64;
+        let Some(hit) = samples.at(at, &mut stream, true) else {
             continue;
-        }
+        };
         there += 1;
-        let hit = scene.surface_at(triangle, barycentric, true);
         let covered = |normal| nearest.at(hit.position, normal).is_some();
         bare += u64::from(!covered(hit.normal) && !covered(-hit.normal));
     }
-    let share = total / SAMPLES as f64;
+    let share = samples.total() / SAMPLES as f64;
     Coverage {
         area: there as f64 * share,
         uncovered: bare as f64 * share,

@@ -2,6 +2,7 @@
 //!
 //! Every omission says what, why, and how many bytes it would have taken before compression.
 
+use crate::params::{BakeParams, Part};
 use glam::{Vec2, Vec3, Vec4};
 use relight_format::LeftOut;
 use relight_scene::light::LightKind;
@@ -25,7 +26,7 @@ pub struct Pruned {
 
 /// Leaves out what `shading` and `lights` cannot use. `lights`: the only sequence that will be played, if the
 /// bake was told.
-pub fn prune(scene: &Scene, shading: Shading, lights: Option<&Sequence>) -> Pruned {
+pub fn prune(scene: &Scene, shading: Shading, lights: Option<&Sequence>, params: &BakeParams) -> Pruned {
     let mut pruned = Pruned {
         scene: scene.clone(),
         left_out: Vec::new(),
@@ -33,8 +34,15 @@ pub fn prune(scene: &Scene, shading: Shading, lights: Option<&Sequence>) -> Prun
         keeps_emission: true,
     };
     if let Some(sequence) = lights {
-        own_lights(&mut pruned, sequence);
-        emission(&mut pruned, sequence);
+        if !params.keeps(Part::Lights) {
+            own_lights(&mut pruned, sequence);
+        }
+        if !params.keeps(Part::Emission) {
+            emission(&mut pruned, sequence);
+        }
+    }
+    if params.keeps(Part::Materials) {
+        return pruned;
     }
     if shading == Shading::Lambert {
         glossy_maps(&mut pruned);
@@ -46,7 +54,8 @@ pub fn prune(scene: &Scene, shading: Shading, lights: Option<&Sequence>) -> Prun
     pruned
 }
 
-fn note(left_out: &mut Vec<LeftOut>, what: impl Into<String>, why: &str, saved_bytes: usize) {
+/// Adds an entry.
+pub fn note(left_out: &mut Vec<LeftOut>, what: impl Into<String>, why: &str, saved_bytes: usize) {
     left_out.push(LeftOut {
         what: what.into(),
         why: why.into(),
@@ -54,8 +63,17 @@ fn note(left_out: &mut Vec<LeftOut>, what: impl Into<String>, why: &str, saved_b
     });
 }
 
-fn plural(count: usize, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+/// A number of things.
+pub fn plural(count: usize, what: &str) -> String {
+    let digits = count.to_string();
+    let grouped: Vec<&str> = (digits.as_bytes().rchunks(3).rev())
+        .map(|group| std::str::from_utf8(group).unwrap_or_default())
+        .collect();
+    format!(
+        "{} {what}{}",
+        grouped.join(","),
+        if count == 1 { "" } else { "s" }
+    )
 }
 
 fn own_lights(pruned: &mut Pruned, sequence: &Sequence) {
@@ -71,7 +89,7 @@ fn own_lights(pruned: &mut Pruned, sequence: &Sequence) {
         note(
             &mut pruned.left_out,
             plural(count, "light") + " of the scene",
-            "the sequence given with --lights replaces them; bake without --lights to keep them",
+            "the sequence given with --lights replaces them; --keep lights keeps them",
             saved,
         );
     }
@@ -98,7 +116,7 @@ fn emission(pruned: &mut Pruned, sequence: &Sequence) {
         note(
             &mut pruned.left_out,
             format!("emission of {}", plural(count, "material")),
-            "the sequence given with --lights has no `emissive` light; bake without --lights to keep it",
+            "the sequence given with --lights has no `emissive` light; --keep emission keeps it",
             count * 12,
         );
     }

@@ -24,8 +24,79 @@ pub struct BakeParams {
     pub viewpoints: Vec<Vec3>,
     /// Visibility cuts; `None`: no cuts.
     pub cuts: Option<CutParams>,
+    /// Refines only receivers that the cameras see, beyond what the bounces need; frames of other cameras are refused.
+    pub cameras_only: bool,
+    /// What is kept although scene and lights cannot use it.
+    pub keep: Vec<Part>,
     /// Seed of all random numbers.
     pub seed: u64,
+}
+
+/// What a bake leaves out unless it is told to keep it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The scene's own lights, where a sequence replaces them.
+    Lights,
+    /// Emission of materials, where the sequence lets none shine.
+    Emission,
+    /// Maps, textures, coordinates, tangents and colours that nothing looks up.
+    Materials,
+    /// Points on surfaces from which no light comes to the viewpoints.
+    Points,
+    /// Sender levels to which no link leads.
+    Senders,
+    /// The operator of further bounces, where there are none or a solution takes its place.
+    Bounces,
+    /// Visibility cuts of environments, where the sequence has none.
+    Cuts,
+    /// Colour of grey points; bits of links far below ε.
+    Precision,
+}
+
+impl Part {
+    /// All of them.
+    pub const ALL: [Part; 8] = [
+        Part::Lights,
+        Part::Emission,
+        Part::Materials,
+        Part::Points,
+        Part::Senders,
+        Part::Bounces,
+        Part::Cuts,
+        Part::Precision,
+    ];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Part::Lights => "lights",
+            Part::Emission => "emission",
+            Part::Materials => "materials",
+            Part::Points => "points",
+            Part::Senders => "senders",
+            Part::Bounces => "bounces",
+            Part::Cuts => "cuts",
+            Part::Precision => "precision",
+        }
+    }
+}
+
+impl BakeParams {
+    /// Whether a part is kept that nothing uses.
+    pub fn keeps(&self, part: Part) -> bool {
+        self.keep.contains(&part)
+    }
+
+    /// Whether further bounces need an operator of their own: the first two are T's.
+    pub fn needs_bounces(&self) -> bool {
+        self.keeps(Part::Bounces) || self.bounces.is_none_or(|n| n > 2)
+    }
+
+    /// Whether the vectors of T are stored with short mantissas. Those are off by at most 2⁻⁷ of a link, which is half of
+    /// what is dropped for being weak when ε is twice that or more, even of the strongest link there can be.
+    pub fn short_links(&self) -> bool {
+        !self.keeps(Part::Precision) && self.epsilon >= 1.0 / 64.0
+    }
 }
 
 /// What visibility cuts are made for.
@@ -64,6 +135,8 @@ pub struct CutParams {
     pub beta: f32,
     /// Most nodes of one cut.
     pub most: usize,
+    /// Made only if an environment or a sky may shine.
+    pub if_used: bool,
     /// Casts a ray at every light above a site's horizon instead of only where shadows have edges: for studies.
     pub every_light: bool,
 }
@@ -87,6 +160,7 @@ impl Default for CutParams {
             sigma: 2.0,
             beta: 0.45,
             most: 4096,
+            if_used: false,
             every_light: false,
         }
     }
@@ -116,6 +190,8 @@ impl BakeParams {
             solution: false,
             viewpoints: Vec::new(),
             cuts: None,
+            cameras_only: false,
+            keep: Vec::new(),
             seed: 0,
         };
         match preset {

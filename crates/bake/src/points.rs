@@ -68,7 +68,7 @@ pub fn distribute(
         .map(|l| Disks::new(coarse_radius / (1u64 << l) as f32))
         .collect();
     let mut kept: Vec<Vec<Candidate>> = vec![Vec::new(); levels];
-    let directions = DirectionSet::uniform(CREVICE_RAYS, &mut Stream::new(seed, 2, 0));
+    let directions = crevice_directions(seed);
     let crevice_rays = std::sync::atomic::AtomicU64::new(0);
     let (mut particles, mut traced, mut rays) = (0u64, 0u64, 0u64);
     let mut barren = 0;
@@ -144,9 +144,14 @@ fn without_openness(finest: &[Candidate], radius: f32) -> Vec<Candidate> {
     (disks.candidates.iter()).map(|&c| finest[c as usize]).collect()
 }
 
+/// The crevice test's directions.
+pub fn crevice_directions(seed: u64) -> DirectionSet {
+    DirectionSet::uniform(CREVICE_RAYS, &mut Stream::new(seed, 2, 0))
+}
+
 /// Section 2.3, last paragraph: whether the harmonic mean distance to the geometry above a place, along rays
 /// of length 3R, misses counting as 3R, is at least R/6.
-fn is_open(surfaces: &dyn Surfaces, place: &Candidate, radius: f32, directions: &DirectionSet) -> bool {
+pub fn is_open(surfaces: &dyn Surfaces, place: &Candidate, radius: f32, directions: &DirectionSet) -> bool {
     let frame = Frame::around(place.geometric_normal);
     let longest = 3.0 * radius;
     let sum: f32 = directions

@@ -466,6 +466,7 @@ mod tests {
             &traced,
             placed,
             &middle,
+            &[],
             &BakeParams::default(),
             |v| v,
             |_| Ok(()),

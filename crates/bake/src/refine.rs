@@ -43,8 +43,10 @@ pub struct Refinement<'a> {
     pub epsilon: f32,
     /// Sender level of the bounce operator.
     pub bounce_level: usize,
-    /// Receiver level whose gathers make the bounce operator.
-    pub bounce_receivers: usize,
+    /// Receiver level whose gathers make the bounce operator; `None`: it is not needed.
+    pub bounce_receivers: Option<usize>,
+    /// Receivers that are worth a gather; empty: all.
+    pub wanted: &'a [bool],
     /// Seed of the direction sets.
     pub seed: u64,
 }
@@ -63,6 +65,23 @@ pub struct Refined {
     pub rays: u64,
     /// Rays that met a surface without points.
     pub lost: u64,
+    /// Links that gathers found and that were dropped as too weak.
+    pub dropped: u64,
+    /// Rays of receivers that were not gathered: their parents keep no link, or they were not wanted.
+    pub spared: Spared,
+}
+
+/// Gathers that were not made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Spared {
+    /// Receivers whose parents keep no link, so that theirs would be too weak.
+    pub weak: u64,
+    /// Rays of those.
+    pub weak_rays: u64,
+    /// Receivers that were not wanted.
+    pub unwanted: u64,
+    /// Rays of those.
+    pub unwanted_rays: u64,
 }
 
 /// Most rays a receiver gets: the coarsest rows are few, and all others rest on them.
@@ -83,6 +102,8 @@ struct Receiver {
     reconstructed: Vec<(u32, Vec3)>,
     bounce: Vec<(u32, f32)>,
     gathered: bool,
+    /// Links that were dropped.
+    dropped: u64,
 }
 
 /// Room to work in, for one thread.
@@ -162,7 +183,25 @@ pub fn refine(
                 coarser.rows.push(receiver.reconstructed);
             }
             gathered += usize::from(receiver.gathered);
-            if level == r.bounce_receivers {
+            refined.dropped += receiver.dropped;
+            if !receiver.gathered {
+                // Receivers come in order, one for each entry of `keeps`.
+                let wanted = r.is_wanted(coarser.keeps.len() - 1);
+                let Spared {
+                    weak,
+                    weak_rays,
+                    unwanted,
+                    unwanted_rays,
+                } = &mut refined.spared;
+                let (count, sum) = if wanted {
+                    (weak, weak_rays)
+                } else {
+                    (unwanted, unwanted_rays)
+                };
+                *count += 1;
+                *sum += rays;
+            }
+            if Some(level) == r.bounce_receivers {
                 refined.bounce_rows.push(receiver.bounce);
             }
         }
@@ -172,6 +211,12 @@ pub fn refine(
     refined.links = coarser.links;
     refined.lost = lost.into_inner();
     Ok(refined)
+}
+
+impl Refinement<'_> {
+    fn is_wanted(&self, i: usize) -> bool {
+        self.wanted.get(i).copied().unwrap_or(true)
+    }
 }
 
 impl Room {
@@ -202,7 +247,8 @@ impl<'a> Sweep<'a> {
     /// A row is looked at when one of its parents kept a link (figure 5).
     fn is_active(&self, i: usize) -> bool {
         let parents = self.refinement.fine_from_coarse.row(i);
-        parents.is_empty() || parents.iter().any(|&(k, _)| self.coarser.keeps[k as usize])
+        self.refinement.is_wanted(i)
+            && (parents.is_empty() || parents.iter().any(|&(k, _)| self.coarser.keeps[k as usize]))
     }
 
     /// The outcome of receiver `i`.
@@ -215,7 +261,7 @@ impl<'a> Sweep<'a> {
     ) -> Receiver {
         let r = self.refinement;
         let active = self.is_active(i);
-        let bounces = self.level == r.bounce_receivers;
+        let bounces = Some(self.level) == r.bounce_receivers;
         let Room {
             gathered,
             predicted,
@@ -231,6 +277,7 @@ impl<'a> Sweep<'a> {
             reconstructed: Vec::new(),
             bounce: Vec::new(),
             gathered: active || bounces,
+            dropped: 0,
         };
         if receiver.gathered {
             let missed = gather(r.surfaces, &r.field, &r.places[i], &self.directions, gathered);
@@ -251,6 +298,7 @@ impl<'a> Sweep<'a> {
                 threshold: self.threshold,
             };
             receiver.links = select(&row, quantised, scratch);
+            receiver.dropped = (gathered.touched.len() as u64).saturating_sub(receiver.links.len() as u64);
         }
         if self.remembered {
             receiver.reconstructed = self.reconstructed(predicted, &receiver.links);

@@ -103,6 +103,8 @@ pub fn settings(params: &BakeParams) -> Vec<(String, String)> {
             ("beta", cuts.beta.to_string()),
         ]
     });
+    let names: Vec<&str> = params.keep.iter().map(|part| part.name()).collect();
+    let kept = (!names.is_empty()).then(|| ("keep", names.join(" ")));
     let automatic = |value: Option<String>| value.unwrap_or_else(|| "automatic".into());
     let viewpoints: Vec<String> = params
         .viewpoints
@@ -137,6 +139,7 @@ pub fn settings(params: &BakeParams) -> Vec<(String, String)> {
     ]
     .into_iter()
     .chain(of_cuts)
+    .chain(kept)
     .map(|(name, value)| (name.to_owned(), value))
     .collect()
 }

@@ -5,12 +5,14 @@ use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::SenderField;
 use crate::importance::importance;
-use crate::params::BakeParams;
+use crate::params::{BakeParams, Part};
 use crate::points::PointLevels;
-use crate::refine::{Refined, Refinement, refine};
+use crate::refine::{Refined, Refinement, Spared, refine};
+use crate::seen::seen_by;
 use crate::select::TypicalLight;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+use relight_scene::camera::Camera;
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::{Level, NearestPoint};
@@ -30,7 +32,7 @@ pub struct Transport {
     pub tree: SenderTree,
     /// T.
     pub links: Links,
-    /// K: the flat bounce operator.
+    /// K: the flat bounce operator; empty where it is not needed.
     pub bounce: Rows,
     /// Sender level on which K works.
     pub bounce_level: usize,
@@ -40,6 +42,12 @@ pub struct Transport {
     pub rays: u64,
     /// Rays of the refinement that met a surface without points.
     pub lost: u64,
+    /// Links that were dropped as too weak.
+    pub dropped: u64,
+    /// Gathers that were not made.
+    pub spared: Spared,
+    /// Finest sender levels that were left out, because no link leads to them, and their clusters.
+    pub idle_senders: (usize, usize),
 }
 
 /// The basis of the points.
@@ -67,11 +75,12 @@ const NEAR: f32 = 1.0;
 /// smaller by a tenth and errors larger by 3 % (docs/transfer.md).
 const AMBIENT: f32 = 0.1;
 
-/// Computes the operators over given points.
+/// Computes the operators over given points. `cameras`: those that alone will look; none for all.
 pub fn transport(
     surfaces: &dyn Surfaces,
     points: PointLevels,
     viewpoints: &[Vec3],
+    cameras: &[Camera],
     params: &BakeParams,
     quantised: impl Fn(Vec3) -> Vec3 + Sync,
     step: impl Fn(usize) -> Result<(), BakeError> + Sync,
@@ -91,6 +100,18 @@ pub fn transport(
         .collect();
     let bounce_level = 1.min(tree.levels() - 1);
     let bounce_receivers = (bounce_level + 3).min(levels.len() - 1);
+    let needs_bounces = params.needs_bounces();
+    let (wanted, camera_rays) = match cameras {
+        [] => (Vec::new(), 0),
+        _ => {
+            // With one bounce only pixels ask for receivers; further ones start from what all points reflect.
+            let first = match params.bounces {
+                Some(1) => 1,
+                _ => bounce_receivers + 1,
+            };
+            seen_by(surfaces, cameras, &levels, &parents, first)
+        }
+    };
     let refinement = Refinement {
         surfaces,
         places: &places,
@@ -105,7 +126,8 @@ pub fn transport(
         rays: params.rays,
         epsilon: params.epsilon,
         bounce_level,
-        bounce_receivers,
+        bounce_receivers: needs_bounces.then_some(bounce_receivers),
+        wanted: &wanted,
         seed: params.seed,
     };
     let Refined {
@@ -114,8 +136,82 @@ pub fn transport(
         gathered,
         rays,
         lost,
+        dropped,
+        spared,
     } = refine(&refinement, quantised, step)?;
-    let receivers = &levels[bounce_receivers];
+    let clusters = tree.ranges.range(bounce_level).len();
+    let bounce = if needs_bounces {
+        let receivers = &levels[bounce_receivers];
+        averaged(&refinement, receivers, &bounce_rows, bounce_level)
+    } else {
+        Rows {
+            columns: clusters as u32,
+            offsets: vec![0; clusters + 1],
+            entries: Vec::new(),
+        }
+    };
+    let rays = rays + points.rays + importance_rays + camera_rays;
+    let mut made = Transport {
+        points,
+        tree,
+        links,
+        bounce,
+        bounce_level,
+        gathered,
+        rays,
+        lost,
+        dropped,
+        spared,
+        idle_senders: (0, 0),
+    };
+    if !params.keeps(Part::Senders) {
+        leave_out_idle_senders(&mut made);
+    }
+    Ok(made)
+}
+
+/// Leaves out the finest sender levels to which no link leads: nothing ever asks for their clusters' means.
+fn leave_out_idle_senders(made: &mut Transport) {
+    let Transport {
+        tree,
+        links,
+        bounce,
+        bounce_level,
+        idle_senders,
+        ..
+    } = made;
+    let least = if bounce.entries.is_empty() {
+        0
+    } else {
+        *bounce_level
+    };
+    let last = links.columns.iter().max().map_or(0, |&j| j as usize);
+    let used = (0..tree.levels()).find(|&l| last < tree.ranges.range(l).end);
+    let levels = used.unwrap_or(0).max(least) + 1;
+    if levels >= tree.levels() || links.is_empty() {
+        return;
+    }
+    let kept = tree.ranges.range(levels - 1).end;
+    *idle_senders = (tree.levels() - levels, tree.ranges.total() - kept);
+    let counts: Vec<usize> = (0..levels).map(|l| tree.ranges.range(l).len()).collect();
+    links.senders = kept as u32;
+    let parents = tree.parents[..levels - 1].to_vec();
+    *tree = SenderTree::new(
+        &counts,
+        tree.cluster_of_point(levels - 1),
+        parents,
+        tree.importance.clone(),
+    );
+}
+
+/// The bounce operator from the gathers of `receivers`.
+fn averaged(
+    refinement: &Refinement,
+    receivers: &Level,
+    bounce_rows: &[Vec<(u32, f32)>],
+    bounce_level: usize,
+) -> Rows {
+    let tree = refinement.field.tree;
     let cluster_of_point = tree.cluster_of_point(bounce_level);
     let nearest: Vec<usize> = (0..receivers.len())
         .map(|i| {
@@ -129,18 +225,7 @@ pub fn transport(
     let cluster_of_receiver: Vec<u32> = nearest.iter().map(|&p| cluster_of_point[p]).collect();
     let weights: Vec<f32> = nearest.iter().map(|&p| weight(tree.importance[p])).collect();
     let clusters = tree.ranges.range(bounce_level).len();
-    let bounce = bounce_operator(&bounce_rows, &cluster_of_receiver, &weights, clusters);
-    let rays = rays + points.rays + importance_rays;
-    Ok(Transport {
-        points,
-        tree,
-        links,
-        bounce,
-        bounce_level,
-        gathered,
-        rays,
-        lost,
-    })
+    bounce_operator(bounce_rows, &cluster_of_receiver, &weights, clusters)
 }
 
 /// Stage number of the pilots' random stream.

@@ -4,6 +4,7 @@ use super::measure::Measured;
 use super::reference::Reference;
 use crate::words;
 use relight_scene::image::BEAUTY;
+use serde_json::Value;
 
 /// Errors that a report speaks of.
 const WANTED: [f64; 3] = [0.01, 0.03, 0.10];
@@ -25,8 +26,14 @@ pub fn pareto(measured: &[Measured]) -> Vec<bool> {
 }
 
 /// Sentences for the top of the page.
-pub fn sentences(measured: &[Measured], references: &[Reference], skipped: usize) -> Vec<String> {
+pub fn sentences(
+    measured: &[Measured],
+    references: &[Reference],
+    skipped: usize,
+    estimates: &Value,
+) -> Vec<String> {
     let mut all: Vec<String> = WANTED.iter().map(|&wanted| advice(measured, wanted)).collect();
+    all.extend(asset_itself(measured, references, estimates));
     let own = references.iter().map(|r| r.floor_of(BEAUTY)).sum::<f64>() / references.len().max(1) as f64;
     if references.iter().any(|r| r.floor.is_none()) {
         all.push(
@@ -48,6 +55,41 @@ pub fn sentences(measured: &[Measured], references: &[Reference], skipped: usize
     all
 }
 
+/// What the asset's indirect light errs by, and what its bake expected.
+fn asset_itself(measured: &[Measured], references: &[Reference], estimates: &Value) -> Option<String> {
+    let plain = |m: &&Measured| m.setting.bake.is_empty() && m.setting.play.is_empty() && m.needs_bake();
+    let error = measured.iter().find(plain)?.indirect()?;
+    let expected = match (
+        estimates["error_indirect"].as_f64(),
+        estimates["target_error"].as_f64(),
+    ) {
+        (Some(expected), Some(target)) => format!(
+            "; its bake expected {:.1} % (--target-error {:.1} %)",
+            100.0 * expected,
+            100.0 * target
+        ),
+        _ => String::new(),
+    };
+    let floor = references.iter().map(|r| r.floor_of("indirect")).sum::<f64>();
+    let own = (floor / references.len().max(1) as f64).sqrt();
+    let found = if own > 2.0 * error {
+        // What is left of the difference of two such numbers says nothing.
+        format!(
+            "by less than can be told: its reference's own error is {:.1} %",
+            100.0 * own
+        )
+    } else {
+        format!(
+            "by {:.1} % (its reference's own error is {:.1} %)",
+            100.0 * error,
+            100.0 * own
+        )
+    };
+    Some(format!(
+        "The asset's indirect light alone errs {found}{expected}."
+    ))
+}
+
 /// Milliseconds that a path tracer takes for an error: its variance falls as 1 over time, the constant is that of its
 /// longest measurement. `None` if it was not measured.
 fn path_ms(measured: &[Measured], error: f64) -> Option<f64> {
@@ -55,6 +97,16 @@ fn path_ms(measured: &[Measured], error: f64) -> Option<f64> {
     let longest = paths.max_by(|a, b| a.ms().total_cmp(&b.ms()))?;
     let reached = longest.judged().relative();
     (reached > 0.0).then(|| longest.ms() * (reached / error).powi(2))
+}
+
+/// Milliseconds in words.
+fn lasting(ms: f64) -> String {
+    match ms * 1e-3 {
+        s if s < 10.0 => format!("{ms:.0} ms"),
+        s if s < 120.0 => format!("{s:.0} s"),
+        s if s < 7200.0 => format!("{:.0} minutes", s / 60.0),
+        s => format!("{:.0} hours", s / 3600.0),
+    }
 }
 
 fn is_path(m: &Measured) -> bool {
@@ -79,7 +131,7 @@ fn advice(measured: &[Measured], wanted: f64) -> String {
             )
         });
         let path = path.map_or_else(String::new, |ms| {
-            format!(" The path tracer would take some {:.0} ms a frame.", ms)
+            format!(" The path tracer would take some {} a frame.", lasting(ms))
         });
         return format!("For {percent:.0} % error no setting that was measured will do.{closest}{path}");
     };
@@ -96,11 +148,15 @@ fn advice(measured: &[Measured], wanted: f64) -> String {
         return format!("{first}.");
     };
     if path <= best.ms() {
-        return format!("{first}; path tracing takes {path:.0} ms for it, so the bake never pays.");
+        return format!(
+            "{first}; path tracing takes {} for it, so the bake never pays.",
+            lasting(path)
+        );
     }
     let once = best.once_ms();
     let frames = ((1e3 * bake + once) / (path - best.ms())).ceil();
     format!(
-        "{first}; path tracing takes {path:.0} ms for it, so the bake of {bake:.0} s pays from frame {frames:.0} on."
+        "{first}; path tracing takes {} for it, so the bake of {bake:.0} s pays from frame {frames:.0} on.",
+        lasting(path)
     )
 }

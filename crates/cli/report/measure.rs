@@ -93,6 +93,21 @@ impl Measured {
         self.errors.get(self.setting.layer).copied().unwrap_or_default()
     }
 
+    /// Error of indirect light, which `bake --target-error` speaks of.
+    pub fn indirect(&self) -> Option<f64> {
+        self.errors.get("indirect").map(Errors::relative)
+    }
+
+    /// Whether it is the first that plays its asset in the order of measuring: the asset itself, or one baked for it.
+    pub fn is_another_asset(&self) -> bool {
+        self.needs_bake() && self.setting.play.is_empty() && matches!(self.setting.integrator, "auto")
+    }
+
+    /// Rays of the bake, or nothing where nothing was baked.
+    pub fn bake_rays(&self) -> Option<u64> {
+        self.described["rays"].as_u64().filter(|_| self.needs_bake())
+    }
+
     /// Median milliseconds a frame.
     pub fn ms(&self) -> f64 {
         median(self.milliseconds.iter().copied())
@@ -155,6 +170,7 @@ impl Measured {
             "bytes": self.described["bytes"],
             "rays": self.described["rays"],
             "error": errors.relative(),
+            "error_indirect": self.indirect(),
             "rmse": errors.rmse,
             "relmse": errors.relmse,
             "bias": errors.bias,
@@ -166,6 +182,29 @@ impl Measured {
         })
     }
 }
+
+/// Seconds of a frame that a setting with more samples will take, if one with fewer was measured.
+fn predicted(setting: &Setting, measured: &[Measured]) -> Option<f64> {
+    fn split(setting: &Setting) -> (Option<f64>, Vec<&(&'static str, String)>) {
+        let spp = setting.play.iter().find(|o| o.0 == "--spp");
+        let others = setting.play.iter().filter(|o| o.0 != "--spp").collect();
+        (spp.and_then(|o| o.1.parse().ok()), others)
+    }
+    let (spp, others) = split(setting);
+    let alike = |m: &&Measured| {
+        m.setting.integrator == setting.integrator
+            && m.setting.bake == setting.bake
+            && split(&m.setting).1 == others
+    };
+    let last = measured.iter().rfind(alike)?;
+    Some(last.ms() * 1e-3 * spp? / split(&last.setting).0?)
+}
+
+/// Share of the time that is left that a single setting may take.
+const MOST: f64 = 0.15;
+
+/// Share of the time that is left above which a setting is not timed again.
+const SLOW: f64 = 0.04;
 
 /// Measures settings until all are or it is time to stop; also returns those that found no time.
 ///
@@ -183,13 +222,14 @@ pub fn all(
         Some((settings.len() * runs.repetitions) as u64),
     );
     let mut done = 0;
+    let frames = runs.references.len() as f64;
     for setting in settings {
         // Another bake takes about as long as the first one did.
-        let bake = runs.base_bake["seconds"]["total"]
-            .as_f64()
-            .filter(|_| !setting.bake.is_empty());
+        let bake = bake_seconds(runs.base_bake).filter(|_| !setting.bake.is_empty());
         let ready = Instant::now() + Duration::from_secs_f64(bake.unwrap_or(0.0).clamp(0.0, 1e6));
-        if ready > runs.until && !measured.is_empty() {
+        let left = runs.until.saturating_duration_since(Instant::now()).as_secs_f64();
+        let slow = predicted(setting, &measured).is_some_and(|seconds| seconds * frames > MOST * left);
+        if (slow || ready > runs.until) && !measured.is_empty() {
             skipped.push(setting.clone());
             continue;
         }
@@ -211,12 +251,24 @@ pub fn all(
             break;
         }
         for one in &mut measured {
+            // What is slow is timed fewer times, so that all that is quick is timed often.
+            let left = runs.until.saturating_duration_since(Instant::now());
+            if one.ms() * runs.references.len() as f64 > 1e3 * SLOW * left.as_secs_f64() {
+                continue;
+            }
             play_once(runs, one, console)?;
             done += 1;
             console.advance_to(done);
         }
     }
     Ok((measured, skipped))
+}
+
+/// Seconds of a bake by itself, without the search for its settings (`--target-error`).
+fn bake_seconds(described: &Value) -> Option<f64> {
+    let seconds = &described["seconds"];
+    let search = seconds["search"].as_f64().unwrap_or(0.0);
+    seconds["total"].as_f64().map(|total| total - search)
 }
 
 /// Bakes a setting's asset, if it isn't there yet.
@@ -234,7 +286,7 @@ fn begin(runs: &Runs, setting: &Setting, console: &Console) -> Result<Measured, 
         stages: BTreeMap::new(),
         once: Vec::new(),
         errors: BTreeMap::new(),
-        bake_seconds: described["seconds"]["total"].as_f64(),
+        bake_seconds: bake_seconds(&described),
         described,
         peak_memory: None,
     })
@@ -301,7 +353,9 @@ fn play_once(runs: &Runs, one: &mut Measured, console: &Console) -> Result<(), F
     }
     let once = played["once_per_shot"].as_object();
     let once = once.into_iter().flatten().filter(|(name, _)| *name != "load");
-    one.once.push(once.filter_map(|(_, ms)| ms.as_f64()).sum());
+    // The sum of nothing is −0.
+    one.once
+        .push(once.filter_map(|(_, ms)| ms.as_f64()).sum::<f64>() + 0.0);
     Ok(())
 }
 

@@ -6,6 +6,7 @@ use super::measure::Measured;
 use super::plot::Plot;
 use super::reference::Reference;
 use crate::failure::Failure;
+use crate::session::median;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use relight_scene::image::{
@@ -23,7 +24,7 @@ const SCRIPT: &str = include_str!("page.js");
 pub fn csv(measured: &[Measured]) -> String {
     let mut text =
         "integrator,layer,label,ms_per_frame,ms_once_per_shot,bake_seconds,asset_bytes,error,rmse,relmse,\
-                    floor_relmse,bias,flip,p99,peak_memory_bytes,pareto\n"
+                    floor_relmse,error_indirect,bias,flip,p99,bake_rays,peak_memory_bytes,pareto\n"
             .to_owned();
     for (m, pareto) in measured.iter().zip(pareto(measured)) {
         let e = m.judged();
@@ -31,7 +32,7 @@ pub fn csv(measured: &[Measured]) -> String {
         // Labels hold commas, never quotes.
         let _ = writeln!(
             text,
-            "{},{},\"{}\",{},{},{},{},{},{},{},{},{},{},{},{},{pareto}",
+            "{},{},\"{}\",{},{},{},{},{},{},{},{},{},{},{},{},{},{},{pareto}",
             m.setting.integrator,
             m.setting.layer,
             m.setting.label(),
@@ -43,9 +44,11 @@ pub fn csv(measured: &[Measured]) -> String {
             e.rmse,
             e.relmse,
             e.floor,
+            known(m.indirect()),
             e.bias,
             e.flip,
             e.p99,
+            known(m.bake_rays().map(|rays| rays as f64)),
             known(m.peak_memory.map(|b| b as f64)),
         );
     }
@@ -82,23 +85,27 @@ pub fn html(
         );
     }
     facts(&mut page, task, json);
+    page += "<div class=\"plots\">\n";
     for plot in plots {
         let _ = writeln!(
             page,
-            "<h2>{}</h2>\n<figure class=\"plot\" id=\"{}\">",
-            escaped(&plot.title),
-            plot.name
+            "<figure class=\"plot\" id=\"{}\"><figcaption>{}</figcaption>",
+            plot.name,
+            escaped(&plot.title)
         );
         page += plot
             .svg
             .trim_start_matches("<?xml version=\"1.0\" encoding=\"utf-8\"?>");
         page += "</figure>\n";
     }
+    page += "</div>\n";
     page += "<p class=\"note\">Filled dots are on the Pareto front. Error is the root of relMSE, less the reference's \
              own.</p>\n";
     table(&mut page, measured);
+    stages(&mut page, measured);
+    sections(&mut page, measured);
     strip(&mut page, task, measured, references)?;
-    commands(&mut page, task, measured, json);
+    commands(&mut page, task, json);
     let _ = write!(page, "<script>\n{SCRIPT}</script>\n</body></html>\n");
     Ok(page)
 }
@@ -141,7 +148,7 @@ fn facts(page: &mut String, task: &Task, json: &Value) {
     );
 }
 
-const COLUMNS: [&str; 11] = [
+const COLUMNS: [&str; 14] = [
     "setting",
     "layer",
     "ms a frame",
@@ -149,14 +156,17 @@ const COLUMNS: [&str; 11] = [
     "bake s",
     "asset MB",
     "error %",
+    "indirect %",
     "bias %",
     "FLIP",
     "p99",
+    "M rays",
+    "peak MB",
     "Pareto",
 ];
 
 fn table(page: &mut String, measured: &[Measured]) {
-    *page += "<h2>All settings</h2>\n<table class=\"sortable\"><thead><tr>";
+    *page += "<h2>All settings</h2>\n<div class=\"wide\"><table class=\"sortable\"><thead><tr>";
     for column in COLUMNS {
         let _ = write!(page, "<th tabindex=\"0\">{column}</th>");
     }
@@ -168,8 +178,8 @@ fn table(page: &mut String, measured: &[Measured]) {
         let known = |value: Option<f64>| value.map_or_else(|| "–".into(), |v| format!("{v:.1}"));
         let _ = writeln!(
             page,
-            "<tr{}><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.1}</td><td>{}</td><td>{}</td><td>{:.3}</td><td>{:+.2}</td>\
-             <td>{:.4}</td><td>{:.3}</td><td>{}</td></tr>",
+            "<tr{}><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.1}</td><td>{}</td><td>{}</td><td>{:.3}</td><td>{}</td><td>{:+.2}</td>\
+             <td>{:.4}</td><td>{:.3}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
             if pareto { " class=\"front\"" } else { "" },
             escaped(&m.setting.label()),
             m.setting.layer,
@@ -178,13 +188,115 @@ fn table(page: &mut String, measured: &[Measured]) {
             known(bake),
             known(megabytes),
             100.0 * e.relative(),
+            known(m.indirect().map(|e| 100.0 * e)),
             100.0 * e.bias,
             e.flip,
             e.p99,
+            known(m.bake_rays().map(|rays| rays as f64 * 1e-6)),
+            known(m.peak_memory.map(|bytes| bytes as f64 * 1e-6)),
             if pareto { "yes" } else { "" },
         );
     }
-    *page += "</tbody></table>\n";
+    *page += "</tbody></table></div>\n";
+}
+
+/// Names of what is in any of the lists, in the order of their first appearance.
+fn names<'a>(lists: impl Iterator<Item = Vec<&'a str>>) -> Vec<&'a str> {
+    let mut all: Vec<&str> = Vec::new();
+    for name in lists.flatten() {
+        if !all.contains(&name) {
+            all.push(name);
+        }
+    }
+    all
+}
+
+/// A table with a column for each name and a row for each setting; cells without a value stay empty.
+fn grid<'a>(
+    page: &mut String,
+    title: &str,
+    columns: &[&str],
+    rows: impl Iterator<Item = (&'a Measured, Vec<Option<f64>>)>,
+    digits: usize,
+) {
+    let heads: String = columns
+        .iter()
+        .map(|name| format!("<th tabindex=\"0\">{}</th>", escaped(name)))
+        .collect();
+    let _ = write!(
+        page,
+        "<h2>{title}</h2>\n<div class=\"wide\"><table class=\"sortable\"><thead><tr><th tabindex=\"0\">setting</th>{heads}</tr>\
+         </thead>\n<tbody>\n"
+    );
+    for (m, values) in rows {
+        let cells: String = (values.into_iter())
+            .map(|value| value.map_or_else(|| "<td></td>".into(), |v| format!("<td>{v:.digits$}</td>")))
+            .collect();
+        let _ = writeln!(page, "<tr><td>{}</td>{cells}</tr>", escaped(&m.setting.label()));
+    }
+    *page += "</tbody></table></div>\n";
+}
+
+/// Milliseconds of a frame's stages.
+fn stages(page: &mut String, measured: &[Measured]) {
+    // Counts that integrators over points tell beside their times.
+    const COUNTS: [&str; 11] = [
+        "lights",
+        "virtual_lights",
+        "tree_bytes",
+        "nodes_per_pixel",
+        "limited_cuts_per_pixel",
+        "exact_lights",
+        "shadow_rays_per_pixel",
+        "eye_rays_per_pixel",
+        "samples_per_pixel",
+        "shadow_rays_per_reconstruction_cut",
+        "illumination_cut_nodes",
+    ];
+    let timed = |name: &str| !COUNTS.contains(&name) && !name.contains("per_fragment");
+    let of = |m: &Measured, name: &str| m.stages.get(name).map(|v| median(v.iter().copied()));
+    let all = names(
+        measured
+            .iter()
+            .map(|m| m.stages.keys().map(String::as_str).collect()),
+    );
+    let (times, counts): (Vec<&str>, Vec<&str>) = all.into_iter().partition(|name| timed(name));
+    let rows = |columns: Vec<&str>| {
+        let of_columns = |m: &Measured| columns.iter().map(|name| of(m, name)).collect::<Vec<_>>();
+        measured
+            .iter()
+            .map(|m| (m, of_columns(m)))
+            .filter(|(_, v)| v.iter().any(Option::is_some))
+            .collect::<Vec<_>>()
+    };
+    grid(
+        page,
+        "Milliseconds of a frame by stage",
+        &times,
+        rows(times.clone()).into_iter(),
+        2,
+    );
+    if !counts.is_empty() {
+        let title = "Lights, nodes and rays of the integrators over points";
+        grid(page, title, &counts, rows(counts.clone()).into_iter(), 1);
+    }
+}
+
+fn section_names(m: &Measured) -> Vec<&str> {
+    let sections = m.described["bytes"].as_object().into_iter();
+    let all = sections.flat_map(|s| s.keys()).map(String::as_str);
+    all.filter(|name| *name != "total").collect()
+}
+
+/// Kilobytes of the assets' sections.
+fn sections(page: &mut String, measured: &[Measured]) {
+    let baked: Vec<&Measured> = measured.iter().filter(|m| m.is_another_asset()).collect();
+    let stored = |m: &Measured, name: &str| m.described["bytes"][name]["stored"].as_f64().map(|b| b * 1e-3);
+    let columns = names(baked.iter().map(|m| section_names(m)));
+    let rows = baked
+        .iter()
+        .map(|m| (*m, columns.iter().map(|name| stored(m, name)).collect()));
+    grid(page, "Kilobytes of the assets by section", &columns, rows, 1);
 }
 
 /// A picture of each setting, to be flipped against reference and error map.
@@ -251,17 +363,14 @@ fn embedded(path: &Path, image: &Image8) -> Result<String, Failure> {
     ))
 }
 
-fn commands(page: &mut String, task: &Task, measured: &[Measured], json: &Value) {
+fn commands(page: &mut String, task: &Task, json: &Value) {
     let _ = write!(
         page,
-        "<h2>Commands</h2>\n<p class=\"note\">ASSET is {}; each play has --lights {} --size {}x{} --float.</p>\n<pre>",
+        "<h2>Commands</h2>\n<p class=\"note\">SCENE is the file that {} was baked from.</p>\n<pre>",
         escaped(&task.asset.display().to_string()),
-        escaped(&task.lights.display().to_string()),
-        task.size.0,
-        task.size.1,
     );
-    for m in measured {
-        let _ = writeln!(page, "{}", escaped(&m.setting.command()));
+    for command in json["commands"].as_array().into_iter().flatten() {
+        let _ = writeln!(page, "{}", escaped(command.as_str().unwrap_or_default()));
     }
     *page += "</pre>\n";
     let skipped = json["not_measured"].as_array().map_or(&[][..], Vec::as_slice);

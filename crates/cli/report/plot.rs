@@ -1,10 +1,13 @@
 //! Error against time, bake time and size, on logarithmic axes.
 
+use super::bitmap::{self, Bitmap};
 use super::findings::pareto;
 use super::measure::Measured;
 use super::reference::Reference;
 use crate::failure::Failure;
+use plotters::coord::Shift;
 use plotters::prelude::*;
+use relight_scene::image::Image8;
 use std::ops::Range;
 
 /// Pixels of a plot.
@@ -20,6 +23,8 @@ pub struct Plot {
     pub title: String,
     /// The drawing.
     pub svg: String,
+    /// The same as pixels.
+    pub png: Image8,
 }
 
 /// One dot.
@@ -108,11 +113,13 @@ pub fn all(measured: &[Measured], references: &[Reference]) -> Result<Vec<Plot>,
             .map(|r| r.floor_of(layer))
             .filter(|f| f.is_finite());
         let floor = (floors.sum::<f64>() / references.len().max(1) as f64).sqrt();
-        let svg = drawn(&dots, label, floor).map_err(|error| anyhow::anyhow!("plot {name}: {error}"))?;
+        let (svg, png) =
+            both(&dots, label, floor).map_err(|error| anyhow::anyhow!("plot {name}: {error}"))?;
         plots.push(Plot {
             name,
             title: title.to_owned(),
             svg,
+            png,
         });
     }
     Ok(plots)
@@ -125,62 +132,92 @@ fn around(values: impl Iterator<Item = f64> + Clone) -> Range<f64> {
     low / 1.6..high * 1.6
 }
 
-fn drawn(dots: &[Dot], label: &str, floor: f64) -> Result<String, Box<dyn std::error::Error>> {
+/// As lines and as pixels.
+fn both(dots: &[Dot], label: &str, floor: f64) -> Result<(String, Image8), Box<dyn std::error::Error>> {
     let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-        root.fill(&WHITE)?;
-        let x = around(dots.iter().map(|d| d.x));
-        let floor = floor.max(LEAST_ERROR);
-        let y = around(dots.iter().map(|d| d.y).chain([floor]));
-        let mut chart = ChartBuilder::on(&root)
-            .margin(12)
-            .x_label_area_size(42)
-            .y_label_area_size(64)
-            .build_cartesian_2d(x.clone().log_scale(), y.log_scale())?;
+    drawn(
+        &SVGBackend::with_string(&mut svg, SIZE).into_drawing_area(),
+        1,
+        dots,
+        label,
+        floor,
+    )?;
+    let mut png = bitmap::white(SIZE);
+    drawn(
+        &Bitmap(&mut png).into_drawing_area(),
+        bitmap::SCALE,
+        dots,
+        label,
+        floor,
+    )?;
+    Ok((svg, png))
+}
+
+/// Draws on an area that is `scale` times [`SIZE`].
+fn drawn<B: DrawingBackend>(
+    root: &DrawingArea<B, Shift>,
+    scale: u32,
+    dots: &[Dot],
+    label: &str,
+    floor: f64,
+) -> Result<(), Box<dyn std::error::Error>>
+where
+    B::ErrorType: 'static,
+{
+    let length = 16 * scale as i32;
+    root.fill(&WHITE)?;
+    let x = around(dots.iter().map(|d| d.x));
+    let floor = floor.max(LEAST_ERROR);
+    let y = around(dots.iter().map(|d| d.y).chain([floor]));
+    let mut chart = ChartBuilder::on(root)
+        .margin(12 * scale)
+        .x_label_area_size(42 * scale)
+        .y_label_area_size(64 * scale)
+        .build_cartesian_2d(x.clone().log_scale(), y.log_scale())?;
+    chart
+        .configure_mesh()
+        .x_desc(label)
+        .y_desc("relative error (root of relMSE)")
+        .light_line_style(RGBColor(245, 245, 245))
+        .x_label_formatter(&|v| short(*v))
+        .y_label_formatter(&|v| format!("{} %", short(100.0 * v)))
+        .draw()?;
+    let line = [(x.start, floor), (x.end, floor)];
+    chart
+        .draw_series(LineSeries::new(line, RGBColor(150, 150, 150).stroke_width(scale)))?
+        .label("reference's own error")
+        .legend(|(x, y)| PathElement::new([(x, y), (x + length, y)], RGBColor(150, 150, 150)));
+    let mut names: Vec<&str> = dots.iter().map(|d| d.integrator).collect();
+    names.sort_unstable();
+    names.dedup();
+    for name in names {
+        let own = || dots.iter().filter(|d| d.integrator == name);
+        let color = color(name);
         chart
-            .configure_mesh()
-            .x_desc(label)
-            .y_desc("relative error (root of relMSE)")
-            .light_line_style(RGBColor(245, 245, 245))
-            .x_label_formatter(&|v| short(*v))
-            .y_label_formatter(&|v| format!("{} %", short(100.0 * v)))
-            .draw()?;
-        let line = [(x.start, floor), (x.end, floor)];
-        chart
-            .draw_series(LineSeries::new(line, RGBColor(150, 150, 150).stroke_width(1)))?
-            .label("reference's own error")
-            .legend(|(x, y)| PathElement::new([(x, y), (x + 16, y)], RGBColor(150, 150, 150)));
-        let mut names: Vec<&str> = dots.iter().map(|d| d.integrator).collect();
-        names.sort_unstable();
-        names.dedup();
-        for name in names {
-            let own = || dots.iter().filter(|d| d.integrator == name);
-            let color = color(name);
-            chart
-                .draw_series(own().map(|d| Circle::new((d.x, d.y), 4, color.stroke_width(1))))?
-                .label(name)
-                .legend(move |(x, y)| Circle::new((x + 8, y), 4, color.filled()));
-            chart.draw_series(
-                own()
-                    .filter(|d| d.front)
-                    .map(|d| Circle::new((d.x, d.y), 4, color.filled())),
-            )?;
-            if name == "path" {
-                let mut curve: Vec<(f64, f64)> = own().map(|d| (d.x, d.y)).collect();
-                curve.sort_by(|a, b| a.0.total_cmp(&b.0));
-                chart.draw_series(LineSeries::new(curve, color.stroke_width(1)))?;
-            }
+            .draw_series(own().map(|d| Circle::new((d.x, d.y), 4 * scale, color.stroke_width(scale))))?
+            .label(name)
+            .legend(move |(x, y)| Circle::new((x + length / 2, y), 4 * scale, color.filled()));
+        chart.draw_series(
+            own()
+                .filter(|d| d.front)
+                .map(|d| Circle::new((d.x, d.y), 4 * scale, color.filled())),
+        )?;
+        if name == "path" {
+            let mut curve: Vec<(f64, f64)> = own().map(|d| (d.x, d.y)).collect();
+            curve.sort_by(|a, b| a.0.total_cmp(&b.0));
+            chart.draw_series(LineSeries::new(curve, color.stroke_width(scale)))?;
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
-            .background_style(WHITE.mix(0.85))
-            .border_style(RGBColor(200, 200, 200))
-            .draw()?;
-        root.present()?;
     }
-    Ok(svg)
+    chart
+        .configure_series_labels()
+        .legend_area_size(30 * scale)
+        .label_font(("sans-serif", 13 * scale))
+        .position(SeriesLabelPosition::UpperRight)
+        .background_style(WHITE.mix(0.85))
+        .border_style(RGBColor(200, 200, 200))
+        .draw()?;
+    root.present()?;
+    Ok(())
 }
 
 /// At most three digits.

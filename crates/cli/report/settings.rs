@@ -64,6 +64,24 @@ impl Setting {
         }
     }
 
+    /// The commands in full, for an asset and options of every play. Plays do not share the references' random numbers.
+    pub fn command_of(&self, asset: &str, common: &str, seed: u64) -> String {
+        let (bake, asset) = if self.bake.is_empty() {
+            (String::new(), asset)
+        } else {
+            let bake = format!(
+                "relight bake SCENE -o other.relight {} --seed {seed} && ",
+                self.bake.join(" ")
+            );
+            (bake, "other.relight")
+        };
+        format!(
+            "{bake}relight play {asset} {} {common} -o frame_####.exr --seed {}",
+            self.play_words().join(" "),
+            seed ^ 1
+        )
+    }
+
     /// The commands that do the same by hand.
     pub fn command(&self) -> String {
         let play = format!("relight play ASSET {}", self.play_words().join(" "));
@@ -88,6 +106,7 @@ pub struct Facts {
     levels: usize,
     sender_levels: usize,
     epsilon: f32,
+    coarse_radius: Option<f32>,
 }
 
 impl Facts {
@@ -155,6 +174,7 @@ impl Facts {
             levels: number("levels").map_or(0, |n| n as usize),
             sender_levels: number("sender_levels").map_or(0, |n| n as usize),
             epsilon: number("epsilon").unwrap_or(0.025),
+            coarse_radius: asset.points.first().map(|level| level.disk_radius),
         }
     }
 
@@ -217,9 +237,15 @@ pub fn sweep(facts: &Facts, full: bool) -> Vec<Setting> {
             all.push(Setting::play("cuts", layer, &[("--illumination-cut", nodes)]));
         }
     }
-    if facts.has_points {
-        all.extend(bakes(facts, full));
-    }
+    let mut bakes = if facts.has_points {
+        bakes(facts, full)
+    } else {
+        Vec::new()
+    };
+    let finer = bakes.split_off(bakes.len().min(COARSER));
+    all.extend(bakes);
+    all.extend(many_lights(full));
+    all.extend(finer);
     if by_cuts {
         for sigma in if full { &["1", "1.5", "3", "4"][..] } else { &["4"] } {
             all.push(facts.baked("--sigma", (*sigma).to_owned()));
@@ -229,15 +255,57 @@ pub fn sweep(facts: &Facts, full: bool) -> Vec<Setting> {
     all
 }
 
+/// Bakes before the integrators over points: those that are coarser than the asset's own, and so quicker.
+const COARSER: usize = 3;
+
+/// Virtual lights of the integrators over lights without extent: indirect light of some tens of lights a reflection.
+const VIRTUAL: &str = "2000";
+
+/// All light by points: clusters of lights, clusters of pixels, and every point with a shadow ray, which shows what the points
+/// themselves err by. One eye ray a pixel in all but reconstruction, which chooses its own.
+fn many_lights(full: bool) -> Vec<Setting> {
+    let points = [("--vpls", VIRTUAL), ("--spp", "1")];
+    let of = |integrator, more: &[(&'static str, &str)]| {
+        Setting::play(integrator, BEAUTY, &[&points[..], more].concat())
+    };
+    let mut all = vec![of("lightcuts", &[]), of("pixelcuts", &[]), of("brute", &[])];
+    let ratios: &[&str] = if full {
+        &["0.005", "0.01", "0.05", "0.1"]
+    } else {
+        &["0.1"]
+    };
+    all.extend(ratios.iter().map(|r| of("lightcuts", &[("--error-ratio", r)])));
+    let nodes: &[&str] = if full { &["50", "100", "300"] } else { &["100"] };
+    all.extend(nodes.iter().map(|n| of("lightcuts", &[("--max-nodes", n)])));
+    all.push(Setting::play(
+        "lightcuts",
+        BEAUTY,
+        &[("--vpls", VIRTUAL), ("--reconstruction", "on")],
+    ));
+    let clusters: &[&str] = if full {
+        &["256", "512", "1024", "4096"]
+    } else {
+        &["512"]
+    };
+    all.extend(clusters.iter().map(|k| of("pixelcuts", &[("--clusters", k)])));
+    let trees: &[&str] = if full { &["1", "4", "64"] } else { &["4"] };
+    all.extend(trees.iter().map(|l| of("pixelcuts", &[("--trees", l)])));
+    all
+}
+
 fn bakes(facts: &Facts, full: bool) -> Vec<Setting> {
     let mut all = Vec::new();
-    let factors: &[f32] = if full { &[4.0, 2.0, 0.5, 0.25] } else { &[4.0, 0.5] };
-    for factor in factors {
-        all.push(facts.baked("--epsilon", (facts.epsilon * factor).to_string()));
-    }
+    let epsilon = |factor: f32| facts.baked("--epsilon", (facts.epsilon * factor).to_string());
+    all.push(epsilon(4.0));
     if facts.levels > facts.sender_levels.max(1) {
         all.push(facts.baked("--levels", (facts.levels - 1).to_string()));
     }
+    let factors: &[f32] = if full { &[1.4, 2.0, 0.7] } else { &[1.4] };
+    for (factor, radius) in factors.iter().zip(facts.coarse_radius.into_iter().cycle()) {
+        all.push(facts.baked("--coarse-radius", (radius * factor).to_string()));
+    }
+    let factors: &[f32] = if full { &[2.0, 0.5, 0.25] } else { &[0.5] };
+    all.extend(factors.iter().map(|&factor| epsilon(factor)));
     if facts.sender_levels > 1 && full {
         all.push(facts.baked("--sender-levels", (facts.sender_levels - 1).to_string()));
     }

@@ -338,7 +338,10 @@ fn compare_vector_codecs(vectors: &[[f32; 3]]) {
     polar.extend(directions.iter().map(|[u, v]| (u & 15 | (v & 15) << 4) as u8));
     report("magnitude 9-bit float, octahedral 2 × 12", 9, &polar);
     // The codec in use, with other arrangements of its planes.
-    let codes: Vec<_> = vectors.iter().map(|&v| codec::vector::encode(v)).collect();
+    let codes: Vec<_> = vectors
+        .iter()
+        .map(|&v| codec::vector::encode(v, codec::vector::Mantissa::Long))
+        .collect();
     let high = |c: &codec::vector::Code, k: usize| (c.mantissas[k] >> 8) as u8 | u8::from(c.negative[k]) << 2;
     let lows = (0..3).flat_map(|k| codes.iter().map(move |c| c.mantissas[k] as u8));
     let mut apart: Vec<u8> = codes.iter().map(|c| c.exponent).collect();

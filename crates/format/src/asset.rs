@@ -31,6 +31,17 @@ pub struct Asset {
     pub light_tree: Option<LightTree>,
     /// What each site sees of the lights. Never without a light tree.
     pub cuts: Option<Cuts>,
+    /// How short some parts are stored.
+    pub coding: Coding,
+}
+
+/// What a file may store in fewer bits, because the content does not use them. Reading says how it was stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Coding {
+    /// One channel of albedo at the points: red, green and blue are equal at each of all levels.
+    pub grey: bool,
+    /// Mantissas of 8 bits instead of 10 in the vectors of T ([`shortened_vector`](crate::shortened_vector)).
+    pub short_links: bool,
 }
 
 /// Where an asset came from. Nothing in it may vary from run to run (no times, paths, thread counts).

@@ -5,8 +5,8 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use crate::error::{Place, Result, invalid, limit, unsupported};
 use crate::layout::{
-    BYTE_ORDER_MARK, Codec, ENTRY_BYTES, FLAG_REQUIRED, HEADER_BYTES, Kind, MAGIC, MAX_RATIO, MAX_SECTIONS,
-    SPEC_VERSION, ZSTD_LEVEL, entry, header,
+    BYTE_ORDER_MARK, CONTAINER_VERSION, Codec, ENTRY_BYTES, FLAG_REQUIRED, HEADER_BYTES, Kind, MAGIC,
+    MAX_RATIO, MAX_SECTIONS, SPEC_VERSION, ZSTD_LEVEL, entry, header,
 };
 
 /// What a reader may take. Files are refused with `LimitExceeded` before it is taken.
@@ -68,7 +68,9 @@ impl SectionInfo {
     /// `Unsupported` when the section is required.
     pub(crate) fn readable(&self, entry_offset: u64) -> Result<Option<(Kind, Codec)>> {
         match (self.kind, self.codec) {
-            (Some(kind), Some(codec)) if kind.version() == self.version => Ok(Some((kind, codec))),
+            (Some(kind), Some(codec)) if (1..=kind.version()).contains(&self.version) => {
+                Ok(Some((kind, codec)))
+            }
             _ if !self.required => Ok(None),
             _ => Err(unsupported(
                 &self.name,
@@ -87,18 +89,18 @@ impl SectionInfo {
 ///
 /// # Errors
 /// `Io` never; `Invalid` when zstd fails, which it does only without memory.
-pub(crate) fn assemble(sections: &[(Kind, Vec<u8>)]) -> Result<Vec<u8>> {
+pub(crate) fn assemble(sections: &[(Kind, u16, Vec<u8>)]) -> Result<Vec<u8>> {
     let mut file = vec![0; HEADER_BYTES as usize];
     let mut table = Vec::new();
-    for (kind, raw) in sections {
+    for (kind, version, raw) in sections {
         let (codec, compressed) = compress(*kind, raw)?;
         let stored = compressed.as_deref().unwrap_or(raw);
         table.extend_from_slice(&(*kind as u32).to_le_bytes());
-        table.extend_from_slice(&kind.version().to_le_bytes());
+        table.extend_from_slice(&version.to_le_bytes());
         table.extend_from_slice(&(if kind.required() { FLAG_REQUIRED } else { 0 }).to_le_bytes());
         table.extend_from_slice(&(codec as u32).to_le_bytes());
-        // Every section of version 1 is readable since specification version 1.
-        table.extend_from_slice(&SPEC_VERSION.to_le_bytes());
+        // Layouts of version N came with specification version N, so far.
+        table.extend_from_slice(&u32::from(*version).to_le_bytes());
         for number in [
             file.len() as u64,
             stored.len() as u64,
@@ -115,7 +117,7 @@ pub(crate) fn assemble(sections: &[(Kind, Vec<u8>)]) -> Result<Vec<u8>> {
     let mut put = |at: usize, bytes: &[u8]| file[at..at + bytes.len()].copy_from_slice(bytes);
     put(header::MAGIC, &MAGIC);
     put(header::BYTE_ORDER_MARK, &BYTE_ORDER_MARK.to_le_bytes());
-    put(header::VERSION, &SPEC_VERSION.to_le_bytes());
+    put(header::VERSION, &CONTAINER_VERSION.to_le_bytes());
     put(header::FILE_BYTES, &file_bytes.to_le_bytes());
     put(header::TABLE_OFFSET, &table_offset.to_le_bytes());
     put(header::SECTION_COUNT, &(sections.len() as u32).to_le_bytes());

@@ -23,7 +23,7 @@ pub fn write_asset(asset: &Asset) -> Result<Vec<u8>> {
     let mut sections = Vec::new();
     for kind in Kind::ALL {
         if let Some(raw) = section::encode(kind, asset)? {
-            sections.push((kind, raw));
+            sections.push((kind, section::version(kind, asset), raw));
         }
     }
     container::assemble(&sections)

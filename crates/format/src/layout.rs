@@ -1,8 +1,11 @@
 //! The numbers of the layout: magic, versions, kinds, codecs, offsets. `SPEC.md` sections 3 to 5 list the same
 //! numbers, and a test compares the two: a change here without one there fails.
 
-/// Version of the specification that this crate writes, and the highest that it reads. SPEC 3.
-pub const SPEC_VERSION: u32 = 1;
+/// Version of the specification that this crate implements: the highest that it reads. SPEC 3.
+pub const SPEC_VERSION: u32 = 2;
+
+/// Version of the specification since which header and table are as they are: what the header says. SPEC 3.3.
+pub const CONTAINER_VERSION: u32 = 1;
 
 /// First eight bytes of every asset. The first byte has its high bit set and CR LF and ^Z follow the letters, so
 /// that transfers which strip the eighth bit or translate line ends are noticed at once (as in PNG). SPEC 3.1.
@@ -177,9 +180,13 @@ impl Kind {
         }
     }
 
-    /// Version of the section's layout that this crate writes and reads.
+    /// Highest version of the section's layout: this crate reads it and all before it, and writes the lowest that holds
+    /// the content.
     pub fn version(self) -> u16 {
-        1
+        match self {
+            Kind::Points | Kind::LinksTransfer => 2,
+            _ => 1,
+        }
     }
 
     /// Whether a reader that cannot decode the section must refuse the file: estimates only inform.

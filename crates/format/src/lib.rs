@@ -38,7 +38,7 @@
 //! ```
 //!
 //! What is quantised loses precision, within the bounds that [`codec`] states. A baker that corrects for the
-//! loss asks [`quantised_level`], [`quantised_links`], [`quantised_vector`], [`quantised_weights`],
+//! loss asks [`quantised_level`], [`quantised_links`], [`quantised_vector`], [`quantised_weights`], [`shortened_links`],
 //! [`quantised_light_tree`] and [`quantised_cuts`] what a reader will see.
 #![forbid(unsafe_code)]
 
@@ -55,11 +55,11 @@ mod validate;
 mod vertices;
 
 pub use asset::{
-    AlphaMode, Asset, BounceLinks, CutSites, Cuts, Estimates, Filter, Geometry, Instance, LeftOut, Level,
-    LightSamples, LightTree, Links, Material, Mesh, Provenance, Senders, Solution, Stage, Texture,
+    AlphaMode, Asset, BounceLinks, Coding, CutSites, Cuts, Estimates, Filter, Geometry, Instance, LeftOut,
+    Level, LightSamples, LightTree, Links, Material, Mesh, Provenance, Senders, Solution, Stage, Texture,
     TextureRef, WeightRows, Wrap,
 };
-pub use codec::vector::quantised_vector;
+pub use codec::vector::{quantised_vector, shortened_vector};
 pub use container::{Limits, SectionInfo};
 pub use content::{Content, CutContent};
 pub use error::{Fault, FormatError, Place, Result};
@@ -67,7 +67,7 @@ pub use file::{content_hash, write_asset, write_file};
 pub use read::{Summary, read_asset, read_file, read_parts, read_summary, summarise};
 pub use section::cuts::quantised_cuts;
 pub use section::light_tree::quantised_light_tree;
-pub use section::links::quantised_links;
+pub use section::links::{quantised_links, shortened_links};
 pub use section::points::quantised_level;
 pub use section::weights::quantised_weights;
 pub use vertices::{VertexSites, vertex_site_count, vertex_sites};

@@ -146,11 +146,11 @@ fn decode(
     let stored = source.bytes(&info.name, info.offset, info.stored_bytes)?;
     container::verify(info, xxhash_rust::xxh3::xxh3_64(&stored))?;
     match codec {
-        Codec::Stored => section::decode(kind, &stored, memory, asset)?,
+        Codec::Stored => section::decode(kind, info.version, &stored, memory, asset)?,
         Codec::Zstd => {
             let raw = container::decompress(info, &stored)?;
             drop(stored);
-            section::decode(kind, &raw, memory, asset)?;
+            section::decode(kind, info.version, &raw, memory, asset)?;
         }
     }
     *memory += transient;

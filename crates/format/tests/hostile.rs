@@ -140,19 +140,19 @@ fn newer_versions_of_known_sections_count_as_unknown() {
         None,
         "estimates are optional"
     );
-    sections[5].version = 2;
+    sections[5].version = 3;
     assert_eq!(fault(&read(&forge(&sections)).unwrap_err()).0, "unsupported");
 }
 
 #[test]
 fn a_newer_container_is_refused_with_its_version() {
     let mut bytes = write_asset(&small_asset()).unwrap();
-    bytes[12] = 2;
+    bytes[12] = 3;
     reseal_header(&mut bytes);
     let error = read(&bytes).unwrap_err();
     assert_eq!(fault(&error).0, "unsupported");
     assert!(
-        error.to_string().contains("needs a reader of format version 2"),
+        error.to_string().contains("needs a reader of format version 3"),
         "{error}"
     );
 }

@@ -293,6 +293,10 @@ fn parts_are_read_with_what_they_refer_to_and_without_the_rest() {
             estimates: whole.estimates.clone().filter(|_| has(Kind::Estimates)),
             light_tree: whole.light_tree.clone().filter(|_| has(Kind::LightTree)),
             cuts: whole.cuts.clone().filter(|_| has(Kind::Cuts)),
+            coding: Coding {
+                grey: whole.coding.grey && has(Kind::Points),
+                short_links: whole.coding.short_links && has(Kind::LinksTransfer),
+            },
         };
         assert_eq!(asset, expected, "{kind:?}");
     }

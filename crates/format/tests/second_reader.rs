@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::assets::{empty_asset, wide_asset};
+use common::assets::{empty_asset, short_asset, wide_asset};
 use common::{Forged, dump, forge, sections_of, small_asset};
 use relight_format::*;
 use std::path::{Path, PathBuf};
@@ -93,7 +93,8 @@ fn both_readers_find_the_same_in_every_fixture() {
 fn both_readers_find_the_same_in_what_is_written_now() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
-    for (i, asset) in [small_asset(), wide_asset(), empty_asset()].iter().enumerate() {
+    let assets = [small_asset(), wide_asset(), empty_asset(), short_asset()];
+    for (i, asset) in assets.iter().enumerate() {
         let file = folder.path().join(format!("{i}.relight"));
         write_file(&file, asset).unwrap();
         agree(&python, &file);
@@ -109,7 +110,7 @@ fn both_readers_refuse_the_same_forgeries() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let mut forgeries = Vec::new();
-    for asset in [small_asset(), wide_asset()] {
+    for asset in [small_asset(), wide_asset(), short_asset()] {
         forgeries.extend(forged_from(&write_asset(&asset).unwrap()));
     }
     forgeries.extend(disputable(&sections_of(&write_asset(&small_asset()).unwrap())));
@@ -232,6 +233,7 @@ fn forged_from(file: &[u8]) -> Vec<Vec<u8>> {
             let mut sections = sections.clone();
             sections[i] = Forged {
                 flags: section.flags,
+                version: section.version,
                 ..Forged::new(section.kind, stored)
             };
             forgeries.push(forge(&sections));
@@ -258,6 +260,7 @@ fn write_the_fixtures() {
         ("environment", small_asset()),
         ("surface", wide_asset()),
         ("nothing", empty_asset()),
+        ("short", short_asset()),
     ] {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!(
             "tests/fixtures/version_{}_{name}.relight",

@@ -77,7 +77,7 @@ impl Editor {
         if is("emission", "left out")
             && let Some(error) = edits.refuse_emission(
                 "the emission of materials was left out of this asset, because it was baked with --lights for a \
-                 sequence without an `emissive` light; bake without --lights, or with one that has it",
+                 sequence without an `emissive` light; bake with --keep emission, or with one that has it",
             )
         {
             return Err(error.into());

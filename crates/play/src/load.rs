@@ -7,9 +7,10 @@ use crate::transfer::Transfer;
 use glam::Vec3;
 use relight_format::layout::Kind;
 use relight_format::{self as format, Asset, FormatError, Limits, Provenance};
+use relight_scene::camera::CameraTrack;
 use relight_scene::light::LightKind;
 use relight_scene::scene::Scene;
-use relight_scene::sequence::{Sequence, SequenceError, stage_from_json};
+use relight_scene::sequence::{Sequence, SequenceError, camera_to_json, stage_from_json};
 use relight_scene::traced::{Shading, TracedScene, TracedSceneError};
 use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::cuts::SiteCuts;
@@ -64,16 +65,22 @@ pub enum LeftOutError {
     /// The scene's own lights were left out.
     #[error(
         "the scene's own lights were left out of this asset, because it was baked with --lights: give a sequence \
-         with --lights, or bake without --lights to keep them"
+         with --lights, or bake with --keep lights to keep them"
     )]
     OwnLights,
     /// The scene has no lights.
     #[error("the scene in this asset has no lights of its own: give a sequence with --lights")]
     NoLights,
+    /// What the camera sees was not refined.
+    #[error(
+        "this asset was baked with --cameras-only for other cameras than {0:?}: bake without --cameras-only, or with \
+         --lights for a sequence that has this camera"
+    )]
+    Camera(String),
     /// Emission of materials was left out.
     #[error(
         "light {0:?} lets materials shine, but their emission was left out of this asset, because it was baked \
-         with --lights for a sequence without an `emissive` light: bake without --lights, or with this sequence"
+         with --lights for a sequence without an `emissive` light: bake with --keep emission, or with this sequence"
     )]
     Emission(String),
 }
@@ -86,6 +93,8 @@ pub struct Loaded {
     pub scene: Arc<Scene>,
     /// Where the asset came from.
     pub provenance: Provenance,
+    /// What the bake expects of its errors, if it said.
+    pub estimates: Option<format::Estimates>,
     /// Identifies the file's content: the header's hash, which covers the table's checksum, which covers
     /// those of all sections.
     pub hash: u64,
@@ -94,8 +103,9 @@ pub struct Loaded {
 /// What the reference integrators need.
 const SCENE: [Kind; 4] = [Kind::Geometry, Kind::Materials, Kind::Textures, Kind::Stage];
 
-/// What transfer and cuts need: everything but estimates.
-const WHOLE: [Kind; 11] = [
+/// What transfer and cuts need: everything.
+const WHOLE: [Kind; 12] = [
+    Kind::Estimates,
     Kind::Geometry,
     Kind::Materials,
     Kind::Textures,
@@ -145,6 +155,7 @@ pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) ->
         solution,
         light_tree,
         cuts,
+        estimates,
         ..
     } = asset;
     let (cameras, sequence) = match stage.json.as_str() {
@@ -205,6 +216,7 @@ pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) ->
         player: Player::new(traced, transfer, cuts),
         scene,
         provenance,
+        estimates,
         hash,
     })
 }
@@ -388,6 +400,20 @@ fn matrix(stored: format::WeightRows) -> Rows {
 
 fn vectors(values: &[[f32; 3]]) -> Vec<Vec3> {
     values.iter().copied().map(Vec3::from).collect()
+}
+
+/// Checks that an asset was baked for a camera.
+///
+/// # Errors
+/// [`LeftOutError::Camera`].
+pub fn check_camera(provenance: &Provenance, camera: &CameraTrack) -> Result<(), LeftOutError> {
+    let hash = format::content_hash(camera_to_json(camera).as_bytes());
+    match setting(provenance, "cameras_only") {
+        Some(known) if !known.split(' ').any(|known| known == format!("{hash:016x}")) => {
+            Err(LeftOutError::Camera(camera.name.clone()))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Checks that an asset has kept what a sequence needs; `None`: the scene's own lights.

@@ -237,6 +237,23 @@ impl Shot {
         self.coverage.len()
     }
 
+    /// Adds the pixels of another shot below; it must be as wide. For light that leaves alike in all directions, which
+    /// needs no eye: the first shot's stays. Weights and sites are to be found afterwards.
+    pub fn append(&mut self, below: Shot) {
+        if self.offsets.is_empty() {
+            *self = below;
+            return;
+        }
+        let start = self.offsets[self.offsets.len() - 1];
+        self.height += below.height;
+        (self.offsets).extend(below.offsets.iter().skip(1).map(|&at| start + at));
+        self.coverage.extend(below.coverage);
+        self.hits.extend(below.hits);
+        self.points.extend(below.points);
+        self.directions.extend(below.directions);
+        self.albedo.extend(below.albedo);
+    }
+
     /// Whether there are no fragments (an image of no pixels).
     pub fn is_empty(&self) -> bool {
         self.coverage.is_empty()

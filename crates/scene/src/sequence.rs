@@ -6,7 +6,7 @@ mod json_out;
 
 pub use fields::SequenceError;
 pub use json_in::{parse_sequence, read_sequence, stage_from_json};
-pub use json_out::{sequence_to_json, stage_to_json};
+pub use json_out::{camera_to_json, sequence_to_json, stage_to_json};
 
 use crate::camera::CameraTrack;
 use crate::light::LightTrack;

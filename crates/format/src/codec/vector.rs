@@ -7,12 +7,45 @@
 //! Vectors whose largest component is below 2⁻¹²⁶ become zero. Half floats take more bytes and a magnitude with
 //! an octahedral direction takes as many and decodes slower (docs/format.md).
 
+/// How many bits mantissas have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mantissa {
+    /// 10.
+    Long,
+    /// 8: relative error ≤ 2⁻⁷.
+    Short,
+}
+
+impl Mantissa {
+    /// 8 bits if `short`, else 10.
+    pub fn new(short: bool) -> Mantissa {
+        if short { Mantissa::Short } else { Mantissa::Long }
+    }
+
+    fn bits(self) -> u32 {
+        match self {
+            Mantissa::Long => 10,
+            Mantissa::Short => 8,
+        }
+    }
+
+    /// The largest mantissa.
+    fn most(self) -> f64 {
+        f64::from((1u32 << self.bits()) - 1)
+    }
+
+    /// 2^(exponent − 126 − bits) as f64, exactly; exponent 1 to 254.
+    fn step(self, exponent: u8) -> f64 {
+        f64::from_bits((u64::from(exponent) + 1023 - 126 - u64::from(self.bits())) << 52)
+    }
+}
+
 /// One encoded vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Code {
     /// Biased exponent of the largest component, 1 to 254; 0 for the zero vector.
     pub exponent: u8,
-    /// Magnitudes in steps of 2^(exponent − 136), 0 to 1023.
+    /// Magnitudes in steps of 2^(exponent − 136), 0 to 1023; short ones in steps of 2^(exponent − 134), 0 to 255.
     pub mantissas: [u16; 3],
     /// Whether each component is negative; never for a mantissa of zero.
     pub negative: [bool; 3],
@@ -24,13 +57,8 @@ const ZERO: Code = Code {
     negative: [false; 3],
 };
 
-/// 2^(exponent − 136) as f64, exactly; exponent 1 to 254.
-fn step(exponent: u8) -> f64 {
-    f64::from_bits((u64::from(exponent) + 1023 - 136) << 52)
-}
-
 /// The code of a vector; non-finite components read as zero.
-pub fn encode(vector: [f32; 3]) -> Code {
+pub fn encode(vector: [f32; 3], mantissa: Mantissa) -> Code {
     let vector = vector.map(|v| if v.is_finite() { v } else { 0.0 });
     let largest = vector[0].abs().max(vector[1].abs()).max(vector[2].abs());
     let mut exponent = (largest.to_bits() >> 23) as u8;
@@ -38,12 +66,12 @@ pub fn encode(vector: [f32; 3]) -> Code {
         return ZERO;
     }
     // The next power of two is taken when the largest mantissa would round up to it.
-    if f64::from(largest) / step(exponent) >= 1023.5 && exponent < 254 {
+    if f64::from(largest) / mantissa.step(exponent) >= mantissa.most() + 0.5 && exponent < 254 {
         exponent += 1;
     }
     // Multiplying by the reciprocal of a power of two is exact.
-    let steps_per_unit = 1.0 / step(exponent);
-    let mantissas = vector.map(|v| (f64::from(v.abs()) * steps_per_unit + 0.5).min(1023.0) as u16);
+    let steps_per_unit = 1.0 / mantissa.step(exponent);
+    let mantissas = vector.map(|v| (f64::from(v.abs()) * steps_per_unit + 0.5).min(mantissa.most()) as u16);
     let mut negative = [false; 3];
     for axis in 0..3 {
         negative[axis] = vector[axis] < 0.0 && mantissas[axis] > 0;
@@ -56,11 +84,11 @@ pub fn encode(vector: [f32; 3]) -> Code {
 }
 
 /// The vector of a code.
-pub fn decode(code: Code) -> [f32; 3] {
+pub fn decode(code: Code, mantissa: Mantissa) -> [f32; 3] {
     if code.exponent == 0 {
         return [0.0; 3];
     }
-    let step = step(code.exponent);
+    let step = mantissa.step(code.exponent);
     let mut vector = [0.0; 3];
     for axis in 0..3 {
         // Exact: ten bits of mantissa, and no step below f32's smallest subnormal.
@@ -77,7 +105,17 @@ pub fn decode(code: Code) -> [f32; 3] {
 /// The vector that a reader of the file will see in place of `vector`: relative error ≤ 2⁻⁹.
 /// `quantised_vector(quantised_vector(v)) == quantised_vector(v)`.
 pub fn quantised_vector(vector: [f32; 3]) -> [f32; 3] {
-    decode(encode(vector))
+    quantised(vector, Mantissa::Long)
+}
+
+/// [`quantised_vector`] for assets whose links are short ([`Coding::short_links`](crate::Coding)): relative error ≤ 2⁻⁷.
+pub fn shortened_vector(vector: [f32; 3]) -> [f32; 3] {
+    quantised(vector, Mantissa::Short)
+}
+
+/// The vector that a reader will see.
+pub fn quantised(vector: [f32; 3], mantissa: Mantissa) -> [f32; 3] {
+    decode(encode(vector, mantissa), mantissa)
 }
 
 #[cfg(test)]
@@ -98,12 +136,17 @@ mod tests {
             let error = norm([v[0] - q[0], v[1] - q[1], v[2] - q[2]]);
             prop_assert!(error <= norm(v) / 512.0);
             prop_assert_eq!(quantised_vector(q).map(f32::to_bits), q.map(f32::to_bits));
+            let q = shortened_vector(v);
+            let error = norm([v[0] - q[0], v[1] - q[1], v[2] - q[2]]);
+            prop_assert!(error <= norm(v) / 128.0);
+            prop_assert_eq!(shortened_vector(q).map(f32::to_bits), q.map(f32::to_bits));
         }
 
         #[test]
         fn any_bits_give_a_finite_vector_that_stays(bits in any::<[u32; 3]>()) {
             let q = quantised_vector(bits.map(f32::from_bits));
             prop_assert!(q.iter().all(|c| c.is_finite()));
+            prop_assert!(shortened_vector(bits.map(f32::from_bits)).iter().all(|c| c.is_finite()));
             prop_assert_eq!(quantised_vector(q).map(f32::to_bits), q.map(f32::to_bits));
         }
     }

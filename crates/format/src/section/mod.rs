@@ -12,10 +12,20 @@ pub mod senders;
 pub mod textures;
 pub mod weights;
 
-use crate::asset::Asset;
+use crate::asset::{Asset, Coding};
 use crate::codec::bytes::Cursor;
 use crate::error::Result;
 use crate::layout::Kind;
+
+/// Version of the layout in which an asset's section is written: the lowest that holds it.
+pub fn version(kind: Kind, asset: &Asset) -> u16 {
+    let Coding { grey, short_links } = asset.coding;
+    match kind {
+        Kind::Points if grey => 2,
+        Kind::LinksTransfer if short_links => 2,
+        _ => 1,
+    }
+}
 
 /// The raw bytes of one section of an asset, or `None` when the asset does not need it.
 ///
@@ -46,13 +56,13 @@ pub fn encode(kind: Kind, asset: &Asset) -> Result<Option<Vec<u8>>> {
             !asset.stage.json.is_empty()
         }
         Kind::Points => {
-            points::encode(&asset.points, &mut out);
+            points::encode(&asset.points, asset.coding.grey, &mut out);
             !asset.points.is_empty()
         }
         Kind::LinksTransfer => asset
             .transfer
             .as_ref()
-            .map(|links| links::encode(links, &mut out))
+            .map(|links| links::encode(links, asset.coding.short_links, &mut out))
             .is_some(),
         Kind::LinksBounce => asset
             .bounce
@@ -90,11 +100,11 @@ pub fn encode(kind: Kind, asset: &Asset) -> Result<Option<Vec<u8>>> {
     Ok(needed.then_some(out))
 }
 
-/// Decodes a section's raw bytes into the asset. `memory` is what decoded arrays may still take.
+/// Decodes the raw bytes of a section, in a known version of its layout, into the asset. `memory` is what decoded arrays may still take.
 ///
 /// # Errors
 /// `Invalid` when the bytes are not what SPEC 6 says, `LimitExceeded` when `memory` does not suffice.
-pub fn decode(kind: Kind, raw: &[u8], memory: &mut u64, asset: &mut Asset) -> Result<()> {
+pub fn decode(kind: Kind, version: u16, raw: &[u8], memory: &mut u64, asset: &mut Asset) -> Result<()> {
     let mut cursor = Cursor::new(kind.name(), raw, memory);
     match kind {
         Kind::Provenance => asset.provenance = records::decode(&mut cursor)?,
@@ -102,8 +112,14 @@ pub fn decode(kind: Kind, raw: &[u8], memory: &mut u64, asset: &mut Asset) -> Re
         Kind::Materials => asset.materials = records::decode(&mut cursor)?,
         Kind::Textures => asset.textures = textures::decode(&mut cursor)?,
         Kind::Stage => asset.stage.json = textures::text(&mut cursor, raw.len())?,
-        Kind::Points => asset.points = points::decode(&mut cursor)?,
-        Kind::LinksTransfer => asset.transfer = Some(links::decode(&mut cursor)?),
+        Kind::Points => {
+            asset.coding.grey = version == 2;
+            asset.points = points::decode(&mut cursor, asset.coding.grey)?;
+        }
+        Kind::LinksTransfer => {
+            asset.coding.short_links = version == 2;
+            asset.transfer = Some(links::decode(&mut cursor, asset.coding.short_links)?);
+        }
         Kind::LinksBounce => asset.bounce = Some(weights::decode_bounce(&mut cursor)?),
         Kind::LinksSolution => asset.solution = Some(weights::decode_solution(&mut cursor)?),
         Kind::Estimates => asset.estimates = Some(records::decode(&mut cursor)?),

@@ -19,7 +19,8 @@ const MIN_LEVEL_BYTES: usize = 13;
 /// Fewest raw bytes of a position and a normal: 3 each.
 const MIN_PLACE_BYTES: usize = 6;
 
-pub fn encode(levels: &[Level], out: &mut Vec<u8>) {
+/// `grey`: one channel of albedo stands for all three (layout version 2).
+pub fn encode(levels: &[Level], grey: bool, out: &mut Vec<u8>) {
     out.extend_from_slice(&(levels.len() as u32).to_le_bytes());
     for level in levels {
         out.extend_from_slice(&level.disk_radius.to_le_bytes());
@@ -27,11 +28,12 @@ pub fn encode(levels: &[Level], out: &mut Vec<u8>) {
         out.extend_from_slice(&(level.positions.len() as u32).to_le_bytes());
         encode_positions(level.disk_radius, &level.positions, out);
         encode_normals(&level.normals, out);
-        encode_albedo(&level.albedo, out);
+        encode_albedo(&level.albedo, channels(grey), out);
     }
 }
 
-pub fn decode(cursor: &mut Cursor<'_>) -> Result<Vec<Level>> {
+/// Inverse of [`encode`].
+pub fn decode(cursor: &mut Cursor<'_>, grey: bool) -> Result<Vec<Level>> {
     let count = cursor.u32()? as usize;
     let mut levels = cursor.vec(count, MIN_LEVEL_BYTES)?;
     for _ in 0..count {
@@ -40,7 +42,7 @@ pub fn decode(cursor: &mut Cursor<'_>) -> Result<Vec<Level>> {
         let points = cursor.u32()? as usize;
         let positions = decode_positions(cursor, points)?;
         let normals = decode_normals(cursor, points)?;
-        let albedo = decode_albedo(cursor, points)?;
+        let albedo = decode_albedo(cursor, channels(grey), points)?;
         levels.push(Level {
             disk_radius,
             support_radius,
@@ -173,8 +175,13 @@ pub(super) fn decode_normals(cursor: &mut Cursor<'_>, points: usize) -> Result<V
     Ok(normals)
 }
 
-fn encode_albedo(albedos: &[[f32; 3]], out: &mut Vec<u8>) {
-    for channel in 0..3 {
+/// Stored channels of albedo.
+fn channels(grey: bool) -> usize {
+    if grey { 1 } else { 3 }
+}
+
+fn encode_albedo(albedos: &[[f32; 3]], channels: usize, out: &mut Vec<u8>) {
+    for channel in 0..channels {
         let codes: Vec<u32> = albedos.iter().map(|rgb| albedo::encode(rgb[channel])).collect();
         out.extend(codes.iter().map(|code| (code >> 4) as u8));
         let nibble = |code: Option<&u32>| code.map_or(0, |code| (code & 15) as u8);
@@ -186,15 +193,18 @@ fn encode_albedo(albedos: &[[f32; 3]], out: &mut Vec<u8>) {
     }
 }
 
-fn decode_albedo(cursor: &mut Cursor<'_>, points: usize) -> Result<Vec<[f32; 3]>> {
-    let mut albedos = cursor.vec(points, 4)?;
+fn decode_albedo(cursor: &mut Cursor<'_>, channels: usize, points: usize) -> Result<Vec<[f32; 3]>> {
+    // At least twelve bits each.
+    let mut albedos = cursor.vec(points, 1)?;
     albedos.resize(points, [0.0; 3]);
-    for channel in 0..3 {
+    for channel in 0..channels {
         let high = cursor.take(points)?;
         let low = cursor.take(points.div_ceil(2))?;
         for (i, rgb) in albedos.iter_mut().enumerate() {
             let nibble = low[i / 2] >> (4 * (i % 2)) & 15;
-            rgb[channel] = albedo::decode(u32::from(high[i]) << 4 | u32::from(nibble));
+            let value = albedo::decode(u32::from(high[i]) << 4 | u32::from(nibble));
+            // The first stands for all until another comes.
+            rgb[channel..].fill(value);
         }
     }
     Ok(albedos)

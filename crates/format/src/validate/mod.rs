@@ -121,6 +121,18 @@ impl Asset {
         for (i, level) in self.points.iter().enumerate() {
             level.validate(i)?;
         }
+        if self.coding.grey {
+            let grey = |level: &Level| level.albedo.iter().all(|[r, g, b]| r == g && g == b);
+            let coloured = self.points.iter().position(|level| !grey(level));
+            let expected = "equal red, green and blue of every albedo of a grey asset, unlike on the level";
+            check(
+                coloured.is_none(),
+                Kind::Points,
+                coloured.unwrap_or(0),
+                expected,
+                "another",
+            )?;
+        }
         let points: usize = self.points.iter().map(|level| level.positions.len()).sum();
         let expected = format_args!("at most {} points", u32::MAX);
         check(points <= u32::MAX as usize, Kind::Points, 0, expected, points)?;

@@ -137,6 +137,7 @@ pub fn small_asset() -> Asset {
             heights: vec![8, 0, 0, 1, 2, 4, 4, 5, 6],
             values: vec![0.0, 1.0, 0.0, 0.5, 0.25, 0.9, 0.1, 0.7, 1.0],
         })),
+        coding: Coding::default(),
     }
 }
 

@@ -26,6 +26,11 @@ pub fn stage_to_json(cameras: &[CameraTrack], sequence: &Sequence) -> String {
     pretty(&json!({ "cameras": cameras, "sequence": sequence_value(sequence) }))
 }
 
+/// One camera as [`stage_to_json`] writes it, without its name: equal texts are equal cameras.
+pub fn camera_to_json(camera: &CameraTrack) -> String {
+    pretty(&Value::Object(camera_fields(camera)))
+}
+
 fn pretty(value: &Value) -> String {
     // `{:#}` of a Value is its indented text; it cannot fail, keys are texts.
     format!("{value:#}\n")

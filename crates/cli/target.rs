@@ -1,0 +1,266 @@
+//! `relight bake --target-error E`: chooses the knobs of a bake by what they do to images.
+//!
+//! E is the root of relMSE of the indirect layer, less its reference's own noise: what `report` lists as the error of indirect
+//! light. It is estimated in small windows of images that the cameras would make from other places nearby, so that
+//! no pixel that anyone plays decides. The settings of [`LADDER`] are baked from the coarsest on until one will do;
+//! that bake is the asset.
+
+mod probes;
+
+use crate::bake::{Job, bake_job};
+use crate::console::Console;
+use crate::failure::Failure;
+use crate::signals;
+use crate::words;
+use probes::{Estimate, Probes};
+use relight_bake::Baked;
+use relight_bake::params::{BakeParams, Preset};
+use relight_format::Estimates;
+use relight_scene::scene::Scene;
+use relight_scene::sequence::{Sequence, parse_sequence};
+use std::path::Path;
+use std::sync::Arc;
+
+/// A setting to try.
+#[derive(Clone, Copy)]
+struct Step {
+    /// Whose rays it takes, and its name on the command line.
+    preset: (Preset, &'static str),
+    levels: usize,
+    sender_levels: usize,
+    epsilon: f32,
+    /// The coarse radius; `None`: what was given, or that of the scene.
+    coarse_radius: Option<f32>,
+}
+
+const fn step(preset: (Preset, &'static str), levels: usize, sender_levels: usize, epsilon: f32) -> Step {
+    Step {
+        preset,
+        levels,
+        sender_levels,
+        epsilon,
+        coarse_radius: None,
+    }
+}
+
+const DRAFT: (Preset, &str) = (Preset::Draft, "draft");
+
+/// Each costs two to three times the one before and errs by a third less, as long as points and links are what errs
+/// (docs/report.md).
+const LADDER: [Step; 6] = [
+    step(DRAFT, 3, 2, 0.1),
+    step(DRAFT, 4, 2, 0.1),
+    step(DRAFT, 4, 3, 0.05),
+    step(DRAFT, 5, 3, 0.05),
+    step((Preset::Standard, "standard"), 6, 4, 0.025),
+    step((Preset::Fine, "fine"), 6, 5, 0.01),
+];
+
+/// A setting will do if it is expected to err by up to so much more than asked for: estimates are no better, and the next
+/// step may err by much less.
+const CLOSE_ENOUGH: f64 = 1.15;
+/// What errs by less than this share of what was asked for, after a step that erred by too much, has a step tried between
+/// the two.
+const TOO_FINE: f64 = 0.75;
+/// Between two steps is the coarser one with points so much nearer to each other, twice as many.
+const BETWEEN: f32 = std::f32::consts::SQRT_2;
+/// A step that takes less off the error than this says that finer ones won't help.
+const WORTH: f64 = 0.95;
+
+/// What is baked, and for what.
+pub struct Order<'a> {
+    /// The bake; its parameters hold for what the steps do not choose.
+    pub job: &'a Job<'a>,
+    /// E.
+    pub target: f64,
+}
+
+/// E from text: a share such as 0.05, or 5%.
+///
+/// # Errors
+/// It is no share above 0.
+pub fn parse(text: &str) -> Result<f64, String> {
+    let (number, scale) = match text.strip_suffix('%') {
+        Some(percent) => (percent.trim(), 0.01),
+        None => (text, 1.0),
+    };
+    match number.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value * scale),
+        _ => Err("expected a relative error above 0, such as 0.05 or 5%".into()),
+    }
+}
+
+/// The lights for which errors are estimated: those given, else the scene's own, else a lamp.
+fn lit(order: &Order, scene: &Scene, probes: &probes::Places) -> Result<Sequence, Failure> {
+    if let Some(sequence) = order.job.lights {
+        return Ok(sequence.clone());
+    }
+    if !scene.sequence.lights.is_empty() {
+        return Ok(scene.sequence.clone());
+    }
+    let [x, y, z] = probes.lamp().to_array();
+    let lamp = format!(
+        r#"{{"relight_sequence": 1, "lights": [{{"name": "lamp", "type": "point", "position": [{x}, {y}, {z}],
+        "intensity": [1, 1, 1]}}]}}"#
+    );
+    Ok(parse_sequence(
+        &lamp,
+        Path::new("."),
+        "the lamp of --target-error",
+    )?)
+}
+
+/// Bakes step after step until one will do.
+///
+/// # Errors
+/// A bake fails, a signal asks to stop, or nothing can be seen.
+pub fn search(order: &Order, scene: &Arc<Scene>, console: &Console) -> Result<Baked, Failure> {
+    let Job {
+        params: given,
+        shading,
+        lights,
+        ..
+    } = *order.job;
+    let places = probes::Places::new(scene, shading, lights, given)?;
+    let sequence = lit(order, scene, &places)?;
+    console.begin("Path tracing probes", None);
+    let probes = Probes::trace(places, &sequence, given, order.target, console)?;
+    let mut best: Option<(Baked, Estimate)> = None;
+    let mut idle = 0;
+    let mut last = LADDER[0];
+    for step in LADDER {
+        if relight_bake::settings::validate(&with_step(given, step)).is_err() {
+            continue;
+        }
+        let (baked, estimate) = tried(order, scene, &probes, step, console)?;
+        let before = best.as_ref().map(|b| b.1.error);
+        let better = before.is_none_or(|b| estimate.error < b * WORTH);
+        idle = if better { 0 } else { idle + 1 };
+        let done = estimate.error <= CLOSE_ENOUGH * order.target;
+        if done && before.is_some() && estimate.error < TOO_FINE * order.target {
+            let radius = baked.asset.points.first().map(|level| level.disk_radius);
+            let between = Step {
+                coarse_radius: radius.map(|radius| radius / BETWEEN),
+                ..last
+            };
+            let coarser = tried(order, scene, &probes, between, console)?;
+            // It must not err more than asked for, nor less than the finer one.
+            let fits = (estimate.error..=CLOSE_ENOUGH * order.target).contains(&coarser.1.error);
+            best = Some(if fits { coarser } else { (baked, estimate) });
+            break;
+        }
+        if better || done {
+            best = Some((baked, estimate));
+        }
+        last = step;
+        // Two steps in vain: what errs is none of the knobs'.
+        if done || idle == 2 {
+            break;
+        }
+    }
+    console.close();
+    let Some((mut baked, estimate)) = best else {
+        return Err(anyhow::anyhow!("no setting could be baked for --target-error").into());
+    };
+    said(order.target, estimate, &probes, console);
+    store(&mut baked, order.target, estimate);
+    Ok(baked)
+}
+
+/// Bakes a step and judges it.
+fn tried(
+    order: &Order,
+    scene: &Arc<Scene>,
+    probes: &Probes,
+    step: Step,
+    console: &Console,
+) -> Result<(Baked, Estimate), Failure> {
+    let params = with_step(order.job.params, step);
+    let baked = bake_job(order.job, &params, scene.clone(), console)?;
+    signals::go_on()?;
+    console.begin("Comparing with the probes", None);
+    let estimate = probes.estimate(&baked.asset)?;
+    console.note(format!(
+        "{}: indirect light is expected to err by {} (asked for: {}).",
+        words_of(step),
+        percent(estimate.error),
+        percent(order.target)
+    ));
+    Ok((baked, estimate))
+}
+
+fn with_step(given: &BakeParams, step: Step) -> BakeParams {
+    BakeParams {
+        levels: step.levels,
+        sender_levels: step.sender_levels,
+        epsilon: step.epsilon,
+        rays: BakeParams::preset(step.preset.0).rays,
+        coarse_radius: step.coarse_radius.or(given.coarse_radius),
+        ..given.clone()
+    }
+}
+
+fn words_of(step: Step) -> String {
+    let radius = (step.coarse_radius).map_or_else(String::new, |r| format!(" --coarse-radius {r}"));
+    format!(
+        "--preset {} --levels {} --sender-levels {} --epsilon {}{radius}",
+        step.preset.1, step.levels, step.sender_levels, step.epsilon
+    )
+}
+
+fn percent(error: f64) -> String {
+    format!("{:.1} %", 100.0 * error)
+}
+
+fn said(target: f64, estimate: Estimate, probes: &Probes, console: &Console) {
+    let Estimate { error, noise } = estimate;
+    if error > CLOSE_ENOUGH * target {
+        console.note(format!(
+            "warning: an error of {} is out of reach: the setting that was taken is expected to err by {}, and finer ones \
+             by hardly less. The rest is none of these knobs': points' distance at contacts, or surfaces that are not matt.",
+            percent(target),
+            percent(error)
+        ));
+    } else if error < target / 1.5 {
+        console.note(format!(
+            "The coarsest setting is expected to err by {} already, less than asked for.",
+            percent(error)
+        ));
+    }
+    console.note(format!(
+        "Estimated in {} of other viewpoints, whose reference's own noise is {}.",
+        words::plural(probes.pixels(), "pixel"),
+        percent(noise)
+    ));
+}
+
+/// Names of the estimates in the file (SPEC 6.10).
+pub const TARGET: &str = "target_error";
+/// The error that is expected.
+pub const ERROR: &str = "error_indirect";
+/// The noise of the reference of the estimate.
+pub const NOISE: &str = "error_noise";
+
+fn store(baked: &mut Baked, target: f64, estimate: Estimate) {
+    let values = [(TARGET, target), (ERROR, estimate.error), (NOISE, estimate.noise)];
+    let known = baked.asset.estimates.get_or_insert_with(Estimates::default);
+    known.values.extend(
+        (values.into_iter())
+            .filter(|value| value.1.is_finite())
+            .map(|(name, value)| (name.to_owned(), value)),
+    );
+}
+
+/// One line on the error that a bake expects of its asset, if it was asked for one.
+pub fn line(estimates: Option<&Estimates>) -> Option<String> {
+    let of = |name: &str| {
+        let mut values = estimates.iter().flat_map(|e| &e.values);
+        values.find(|e| e.0 == name).map(|e| e.1)
+    };
+    let (error, target) = (of(ERROR)?, of(TARGET)?);
+    Some(format!(
+        "indirect light is expected to err by {} (--target-error {})",
+        percent(error),
+        percent(target)
+    ))
+}
