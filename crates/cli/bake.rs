@@ -1,5 +1,12 @@
 //! `relight bake`: scene in, asset out.
 
+mod args;
+mod estimate;
+mod farm;
+mod kept;
+mod lock;
+mod slurm;
+
 use crate::console::{BakeProgress, Console};
 use crate::failure::{Failure, Outcome};
 use crate::inspect;
@@ -7,11 +14,10 @@ use crate::output::{self, SCHEMA};
 use crate::signals;
 use crate::words;
 use anyhow::Context;
-use clap::{Args, ValueEnum};
-use glam::Vec3;
 use relight_bake::error::BakeError;
-use relight_bake::params::{BakeParams, CutMode, CutParams, CutSites, Preset};
-use relight_bake::{BakeStats, bake};
+use relight_bake::params::BakeParams;
+use relight_bake::units::Ledger;
+use relight_bake::{BakeStats, Request, bake_in_units};
 use relight_format as format;
 use relight_scene::gltf::{ImportOptions, LightUnits, import};
 use relight_scene::image::write_atomically;
@@ -23,220 +29,77 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Turn a glTF scene into an asset that can be relit.
-///
-/// Spreads a hierarchy of points over the surfaces that light can carry to the viewer, finds how strongly they
-/// light each other, and writes geometry, materials, points and links into one file. Times and memory go into
-/// ASSET.relight.log.json beside it.
-#[derive(Args)]
-#[command(after_help = "\
-The JSON of --json: points (per level, coarsest first), links, potential_links, rays, seconds (per stage, total,
-ray_tracing: thread-seconds in rays / threads), bytes (per section raw and stored, total), peak_memory_bytes,
-left_out (what, why, saved_bytes).")]
-pub struct BakeArgs {
-    /// Scene to bake: .glb or .gltf.
-    #[arg(value_name = "SCENE")]
-    pub scene: PathBuf,
-    /// Asset to write; an existing one is replaced when the new one is complete.
-    #[arg(short, long, value_name = "ASSET.relight")]
-    pub output: PathBuf,
-    /// Quality: draft (seconds, to try lights and cameras), standard, or fine (half the standard error, several
-    /// times the bake). The options below win over it.
-    #[arg(long, value_enum, default_value_t = PresetName::Standard)]
-    pub preset: PresetName,
-    /// Keep only what this lighting sequence can use. Without it the asset keeps what any light could use.
-    #[arg(long, value_name = "SEQ.json")]
-    pub lights: Option<PathBuf>,
-    /// Receiver levels, 1 to 12: each halves the distance of the points of the one before [standard: 6].
-    #[arg(long, value_name = "N")]
-    pub levels: Option<usize>,
-    /// Sender levels: so many of the coarsest levels send light [standard: 4].
-    #[arg(long, value_name = "N")]
-    pub sender_levels: Option<usize>,
-    /// Distance of the points of the coarsest level, metres [default: from the scene].
-    #[arg(long, value_name = "R")]
-    pub coarse_radius: Option<f32>,
-    /// Links of the finest level below this strength, for a reflectance of 0.8, are left out [standard: 0.025].
-    #[arg(long, value_name = "E")]
-    pub epsilon: Option<f32>,
-    /// Bounces of indirect light [default: to convergence].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub bounces: Option<u32>,
-    /// Solve the bounces now instead of at play time: frames get faster, and reflectances can no longer be
-    /// edited.
-    #[arg(long)]
-    pub solution: bool,
-    /// Visibility cuts: none; environment, for shadows and glossy reflections of environment maps and skies; or
-    /// indirect, for glossy reflections of lit surfaces, by one bounce of any light.
-    #[arg(long, value_enum, default_value_t = CutsName::None)]
-    pub cuts: CutsName,
-    /// Where the cuts stand: at the finest points, whose number follows the lighting, or at the vertices of the meshes,
-    /// between which triangles interpolate [default: points].
-    #[arg(long, value_enum)]
-    pub cut_sites: Option<CutSitesName>,
-    /// Even directions, or even samples of the surfaces, that the cuts cluster: a power of two, 256 to 1048576 [default: 32768].
-    #[arg(long, value_name = "N")]
-    pub cut_lights: Option<u32>,
-    /// Threshold of a cut's nodes, for 32768 lights: 1.5 to 3 is usual; larger makes cuts shorter and shadows
-    /// coarser [default: 2].
-    #[arg(long, value_name = "S")]
-    pub sigma: Option<f32>,
-    /// What the tree of those lights minds: 1 geometry alone, 0 visibility alone [default: 0.45].
-    #[arg(long, value_name = "B")]
-    pub beta: Option<f32>,
-    /// A place from which the scene is looked at: surfaces that light cannot carry to it get no points. May be
-    /// given several times [default: the scene's cameras, or a place in open space].
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
-    pub viewpoint: Vec<Vec3>,
-    /// Treat every material as Lambert with its base colour, for comparison with other renderers: metallic,
-    /// roughness and normal maps are ignored, emission and alpha are kept.
-    #[arg(long)]
-    pub lambert: bool,
-    /// How the exporter wrote light intensities: spec (candela and lux, as KHR_lights_punctual has them),
-    /// unitless (W/sr), or raw (watts).
-    #[arg(long, value_enum, default_value_t = Units::Spec)]
-    pub light_units: Units,
-    /// Print one JSON object on stdout.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// Names of presets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum PresetName {
-    /// Seconds instead of tens of seconds.
-    Draft,
-    /// The default.
-    Standard,
-    /// Half the standard error or less.
-    Fine,
-}
-
-/// What visibility cuts are made for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum CutsName {
-    /// No cuts.
-    None,
-    /// Environment maps and skies.
-    Environment,
-    /// The first bounce of any light.
-    Indirect,
-}
-
-/// Where visibility cuts stand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum CutSitesName {
-    /// At the finest points.
-    Points,
-    /// At the vertices of the meshes.
-    Vertices,
-}
-
-/// Names of [`LightUnits`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Units {
-    /// Candela and lux.
-    Spec,
-    /// W/sr and W/m².
-    Unitless,
-    /// Watts and W/m².
-    Raw,
-}
-
-fn parse_point(text: &str) -> Result<Vec3, String> {
-    let numbers: Option<Vec<f32>> = text
-        .split(',')
-        .map(|part| part.trim().parse().ok().filter(|x: &f32| x.is_finite()))
-        .collect();
-    match numbers.as_deref() {
-        Some(&[x, y, z]) => Ok(Vec3::new(x, y, z)),
-        _ => Err("expected three numbers with commas between them, such as 1.5,2,-3".into()),
-    }
-}
-
-/// The parameters that the options make.
-pub fn params(args: &BakeArgs, seed: u64) -> Result<BakeParams, Failure> {
-    let mut params = BakeParams::preset(match args.preset {
-        PresetName::Draft => Preset::Draft,
-        PresetName::Standard => Preset::Standard,
-        PresetName::Fine => Preset::Fine,
-    });
-    params.levels = args.levels.unwrap_or(params.levels);
-    params.sender_levels = args
-        .sender_levels
-        .unwrap_or(params.sender_levels.min(params.levels));
-    params.coarse_radius = args.coarse_radius;
-    params.epsilon = args.epsilon.unwrap_or(params.epsilon);
-    params.bounces = args.bounces;
-    params.solution = args.solution;
-    params.cuts = cut_params(args)?;
-    params.viewpoints = args.viewpoint.clone();
-    params.seed = seed;
-    relight_bake::settings::validate(&params).map_err(|error| Failure::Usage(error.to_string()))?;
-    Ok(params)
-}
-
-fn cut_params(args: &BakeArgs) -> Result<Option<CutParams>, Failure> {
-    let given = [
-        ("--cut-sites", args.cut_sites.is_some()),
-        ("--cut-lights", args.cut_lights.is_some()),
-        ("--sigma", args.sigma.is_some()),
-        ("--beta", args.beta.is_some()),
-    ];
-    let mode = match args.cuts {
-        CutsName::Environment => CutMode::Environment,
-        CutsName::Indirect => CutMode::Indirect,
-        CutsName::None => {
-            return match given.iter().find(|option| option.1) {
-                None => Ok(None),
-                Some((option, _)) => Err(Failure::Usage(format!(
-                    "{option} belongs to visibility cuts, which --cuts environment and --cuts indirect bake"
-                ))),
-            };
-        }
-    };
-    let defaults = CutParams::default();
-    Ok(Some(CutParams {
-        mode,
-        sites: match args.cut_sites {
-            Some(CutSitesName::Vertices) => CutSites::Vertices,
-            Some(CutSitesName::Points) | None => CutSites::Points,
-        },
-        lights: args.cut_lights.unwrap_or(defaults.lights),
-        sigma: args.sigma.unwrap_or(defaults.sigma),
-        beta: args.beta.unwrap_or(defaults.beta),
-        ..defaults
-    }))
-}
+pub use args::{BakeArgs, Units, params};
+pub use kept::Kept;
 
 /// Runs the command.
 pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Failure> {
+    if let Some([piece, folder]) = args.long.unit.as_deref() {
+        return farm::unit(piece, folder, args.json, console);
+    }
+    if let Some(folder) = &args.long.merge {
+        return farm::merge(folder, args.json, console);
+    }
+    if let Some(folder) = &args.long.plan {
+        return farm::plan(args, seed, folder, console);
+    }
     let params = params(args, seed)?;
-    output::prepare_output(&args.output)?;
+    let output = args.output()?;
+    output::prepare_output(output)?;
+    let lock = lock::lock(output, console)?;
     let start = Instant::now();
-    console.begin("Reading the scene", None);
-    let lights = args.lights.as_deref().map(read_sequence).transpose()?;
-    let (scene, source_hash) = read_scene(&args.scene, args.light_units)?;
-    signals::go_on()?;
-    let import_seconds = start.elapsed().as_secs_f64();
-    let shading = if args.lambert {
-        Shading::Lambert
-    } else {
-        Shading::Full
+    let read = read(args, console)?;
+    let mut batches = 1;
+    if args.long.dry_run || args.long.memory_limit.is_some() {
+        let estimate = estimate::estimate(&read, &params, args.shading(), console)?;
+        if args.long.dry_run {
+            return estimate.tell(args.json, console);
+        }
+        batches = estimate.batches(args.long.memory_limit)?;
+    }
+    let kept = match args.long.resume || batches > 1 {
+        true => Some(Kept::beside(output, args.long.keep_units)?),
+        false => None,
     };
     let job = Job {
         params: &params,
-        shading,
-        lights: lights.as_ref(),
-        source_hash,
+        shading: args.shading(),
+        lights: read.lights.as_ref(),
+        source_hash: read.source_hash,
+        kept,
+        batches,
     };
-    let result = run_job(&job, scene, &args.output, import_seconds, console)?;
+    let result = run_job(&job, read.scene, output, start.elapsed().as_secs_f64(), console)?;
+    drop(lock);
+    tell(&result, args.json, console)
+}
+
+fn tell(result: &JobResult, json: bool, console: &Console) -> Result<Outcome, Failure> {
     console.close();
     console.note(format!("{}\n\n{}", result.text, result.saved));
-    if args.json {
+    if json {
         output::print_json(&result.json)?;
     }
     Ok(Outcome::Done)
+}
+
+/// What a bake's files hold.
+struct Read {
+    scene: Arc<Scene>,
+    source_hash: u64,
+    lights: Option<Sequence>,
+}
+
+fn read(args: &BakeArgs, console: &Console) -> Result<Read, Failure> {
+    console.begin("Reading the scene", None);
+    let lights = args.lights.as_deref().map(read_sequence).transpose()?;
+    let (scene, source_hash) = read_scene(args.scene()?, args.light_units)?;
+    signals::go_on()?;
+    Ok(Read {
+        scene,
+        source_hash,
+        lights,
+    })
 }
 
 /// Reads a scene and the hash of its file.
@@ -266,6 +129,10 @@ pub struct Job<'a> {
     pub lights: Option<&'a Sequence>,
     /// Identifies the scene.
     pub source_hash: u64,
+    /// Where units of work are kept, if they are.
+    pub kept: Option<Kept>,
+    /// In how many parts links are made one after the other; more than 1 takes `kept`.
+    pub batches: usize,
 }
 
 /// What a bake tells.
@@ -287,18 +154,21 @@ pub fn run_job(
     console: &Console,
 ) -> Result<JobResult, Failure> {
     let start = Instant::now();
-    let baked = bake(
+    let request = Request {
         scene,
-        job.shading,
-        job.params,
-        job.lights,
-        job.source_hash,
-        &BakeProgress(console),
-    )
-    .map_err(|error| match error {
-        BakeError::Stopped => signals::failure(),
-        other => other.into(),
-    })?;
+        shading: job.shading,
+        params: job.params,
+        lights: job.lights,
+        source_hash: job.source_hash,
+        batches: job.batches,
+    };
+    let note = |text| console.note(text);
+    let folder = job.kept.as_ref().map(|kept| kept.open(&note)).transpose()?;
+    let ledger = folder
+        .as_ref()
+        .map(|folder| Ledger::new(folder, kept::this_program()));
+    let baked =
+        bake_in_units(&request, ledger.as_ref(), &BakeProgress::new(console)).map_err(baking_failed)?;
     signals::go_on()?;
     console.begin("Writing the asset", None);
     let encode = Instant::now();
@@ -318,8 +188,22 @@ pub fn run_job(
     console.close();
     let text = inspect::describe(&json);
     let size = json["bytes"]["total"].as_u64().unwrap_or(0);
-    let saved = format!("Wrote {} ({}).", target.display(), words::bytes(size));
+    let mut saved = format!("Wrote {} ({}).", target.display(), words::bytes(size));
+    if let (Some(kept), Some(folder), Some(ledger)) = (&job.kept, &folder, &ledger) {
+        let (taken, made) = ledger.counts();
+        json["units"] = json!({ "all": taken + made, "reused": taken });
+        saved += &format!(" {taken} of {} units reused.", taken + made);
+        kept.done(folder, &ledger.used());
+    }
     Ok(JobResult { text, saved, json })
+}
+
+/// A bake's failure as the command's.
+fn baking_failed(error: BakeError) -> Failure {
+    match error {
+        BakeError::Stopped => signals::failure(),
+        other => other.into(),
+    }
 }
 
 /// Name of the log beside an asset.
@@ -341,6 +225,7 @@ fn log_json(stats: &BakeStats, total: f64) -> Value {
         "schema": SCHEMA,
         "seconds": seconds,
         "peak_memory_bytes": output::peak_memory_bytes(),
+        "row_bytes": stats.row_bytes,
         "threads": stats.threads,
     })
 }

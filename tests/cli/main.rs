@@ -16,4 +16,6 @@ mod materials;
 mod play;
 mod report;
 mod signals;
+mod slurm;
 mod stage;
+mod units;

@@ -3,15 +3,17 @@
 use crate::candidates::Candidate;
 use crate::convert;
 use crate::coverage::{Coverage, coverage};
-use crate::cut_sections::{World, cut_sections};
+use crate::cut_sections::{World, cut_part, cut_sections};
 use crate::error::BakeError;
 use crate::left_out::{Pruned, prune};
 use crate::params::BakeParams;
 use crate::points::{self, PointLevels};
+use crate::refine::{Wanted, most_rays, rows};
 use crate::settings;
 use crate::solution::{Solution, solution};
 use crate::timed::TimedSurfaces;
-use crate::transport::{Transport, levels_of, transport};
+use crate::transport::{Transport, levels_of, transport, with_refinement};
+use crate::units::{Ledger, Units, key};
 use crate::viewpoint;
 use glam::Vec3;
 use relight_format as format;
@@ -29,7 +31,7 @@ use std::time::Instant;
 pub trait Progress: Sync {
     /// A stage begins; `total` is the number of its steps, where it is known.
     fn stage(&self, name: &'static str, total: Option<u64>);
-    /// So many steps of the stage are done.
+    /// So many more steps of the stage are done.
     fn advance(&self, done: u64);
     /// Whether the bake shall stop.
     fn stopped(&self) -> bool;
@@ -53,10 +55,28 @@ pub struct BakeStats {
     pub ray_tracing_seconds: f64,
     /// Worker threads.
     pub threads: usize,
+    /// Memory that reconstructed rows took, bytes: what batches save.
+    pub row_bytes: u64,
 }
 
-/// Bakes a scene. `lights`: the only sequence that the asset will play, if known; then what it cannot use is
-/// left out. `source_hash` identifies the scene's file.
+/// What is baked.
+#[derive(Clone)]
+pub struct Request<'a> {
+    /// The scene.
+    pub scene: Arc<Scene>,
+    /// How materials are evaluated.
+    pub shading: Shading,
+    /// How.
+    pub params: &'a BakeParams,
+    /// The only sequence that the asset will play, if known; then what it cannot use is left out.
+    pub lights: Option<&'a Sequence>,
+    /// Identifies the scene's file.
+    pub source_hash: u64,
+    /// In how many parts links are made one after the other, to take less memory; more than 1 takes a ledger.
+    pub batches: usize,
+}
+
+/// Bakes a scene in one go. The parameters are the fields of [`Request`].
 ///
 /// # Errors
 /// [`BakeError`]: the scene cannot be prepared, a parameter is out of range, nothing is reachable, or
@@ -69,33 +89,48 @@ pub fn bake(
     source_hash: u64,
     progress: &dyn Progress,
 ) -> Result<Baked, BakeError> {
-    settings::validate(params)?;
-    let mut clock = Clock {
-        start: Instant::now(),
-        seconds: Vec::new(),
+    let request = Request {
+        scene,
+        shading,
+        params,
+        lights,
+        source_hash,
+        batches: 1,
     };
-    let go_on = || {
-        if progress.stopped() {
-            Err(BakeError::Stopped)
-        } else {
-            Ok(())
-        }
-    };
-    go_on()?;
+    bake_in_units(&request, None, progress)
+}
 
-    progress.stage("load", None);
-    let traced = TracedScene::new(scene.clone(), shading)?;
+/// Bakes a scene in units of work that `ledger` keeps and takes again. The asset is that of [`bake()`], bit by bit.
+///
+/// # Errors
+/// As [`bake()`], or a unit cannot be kept.
+pub fn bake_in_units(
+    request: &Request,
+    ledger: Option<&Ledger>,
+    progress: &dyn Progress,
+) -> Result<Baked, BakeError> {
+    let &Request {
+        ref scene,
+        shading,
+        params,
+        lights,
+        source_hash,
+        batches,
+    } = request;
+    let mut clock = Clock::new();
+    let watch = Watch(progress);
+    let traced = load(request, progress)?;
     let timed = TimedSurfaces::new(&traced);
-    go_on()?;
+    let units = units_of(ledger, scene);
     clock.lap("load");
 
-    progress.stage("points", None);
+    let places = place_points(&timed, request, units, progress)?;
     let Places {
         points,
         viewpoints,
         rays: search_rays,
         automatic,
-    } = place_points(&timed, &scene, lights, params, progress)?;
+    } = places;
     clock.lap("points");
 
     let (levels, points) = quantised(points);
@@ -109,29 +144,29 @@ pub fn bake(
         .take(params.sender_levels)
         .map(|l| l.points.len() as u64)
         .sum();
-    progress.stage("refine", Some(receivers));
+    let counts_of_levels = points.levels.iter().map(|l| l.points.len());
+    progress.stage("refine", Some(most_rays(counts_of_levels, params.rays)));
+    let step = |rays| watch.step(rays as u64);
     let transport = transport(
         &timed,
         points,
         &viewpoints,
         params,
-        |v| Vec3::from(format::quantised_vector(v.to_array())),
-        |done| {
-            // One call in 64: the watcher may take a lock.
-            if done.is_multiple_of(64) {
-                progress.advance(done as u64);
-                go_on()?;
-            }
-            Ok(())
-        },
+        stored_vector,
+        (units, batches),
+        step,
     )?;
-    go_on()?;
+    watch.go_on()?;
     clock.lap("refine");
-    let solved = params.solution.then(|| solved(&transport, params));
-    if solved.is_some() {
-        clock.lap("solve");
-    }
-    go_on()?;
+    let solved = match params.solution {
+        true => {
+            let solved = solved(&transport, params, units, &watch)?;
+            clock.lap("solve");
+            Some(solved)
+        }
+        false => None,
+    };
+    watch.go_on()?;
 
     let cuts = match &params.cuts {
         Some(cuts) => {
@@ -140,7 +175,7 @@ pub fn bake(
                 surfaces: &timed,
                 points: &transport.points,
             };
-            let made = cut_sections(&world, cuts, params.seed, progress)?;
+            let made = cut_sections(&world, cuts, params.seed, units, progress)?;
             clock.lap("cuts");
             Some(made)
         }
@@ -153,7 +188,7 @@ pub fn bake(
         mut left_out,
         keeps_lights,
         keeps_emission,
-    } = prune(&scene, shading, lights);
+    } = prune(scene, shading, lights);
     unreached(
         &mut left_out,
         covered,
@@ -219,8 +254,117 @@ pub fn bake(
         seconds: clock.seconds,
         ray_tracing_seconds: (timed.thread_seconds(rays) + timed.packet_thread_seconds()) / threads as f64,
         threads,
+        row_bytes: transport.row_bytes,
     };
     Ok(Baked { asset, stats })
+}
+
+/// Part of a bake, for others to finish.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// What all pieces need.
+    Shared,
+    /// One of so many pieces, from 0.
+    Piece {
+        /// Which.
+        index: usize,
+        /// Of how many.
+        of: usize,
+    },
+}
+
+/// Rays of a piece, about: some seconds of work, well more than it takes to begin.
+const RAYS_PER_PIECE: u64 = 1 << 23;
+/// Most pieces: each of them reads the scene and the points.
+const MOST_PIECES: u64 = 1000;
+/// A site of cuts casts a ray at one in so many lights, about (docs/cuts.md).
+const LIGHTS_PER_RAY: u64 = 6;
+
+/// Computes part of a bake into the ledger's store. What it needs of other parts is taken from there or computed, too, so
+/// that parts can run in any order and at once. Returns into how many pieces the work is best cut.
+///
+/// # Errors
+/// As [`bake_in_units`].
+pub fn bake_part(
+    request: &Request,
+    ledger: &Ledger,
+    part: Part,
+    progress: &dyn Progress,
+) -> Result<usize, BakeError> {
+    let params = request.params;
+    let watch = Watch(progress);
+    let traced = load(request, progress)?;
+    let units = units_of(Some(ledger), &request.scene);
+    let Places {
+        points, viewpoints, ..
+    } = place_points(&traced, request, units, progress)?;
+    let (_, points) = quantised(points);
+    let counts: Vec<usize> = points.levels.iter().map(|l| l.points.len()).collect();
+    let mut rays = most_rays(counts.iter().copied(), params.rays);
+    if let (Some(cuts), Some(&sites)) = (&params.cuts, counts.last()) {
+        rays += sites as u64 * u64::from(cuts.lights) / LIGHTS_PER_RAY;
+    }
+    progress.stage("share", None);
+    with_refinement(&traced, &points, &viewpoints, params, units, |r, _| {
+        let wanted = match part {
+            // An eighth: some two levels less than the finest, a quarter of the rays.
+            Part::Shared => Wanted::coarsest(r, units, r.ranges.total() / 8),
+            Part::Piece { index, of } => Wanted::part(r, units, index, of),
+        };
+        progress.stage("refine", None);
+        rows(r, wanted, stored_vector, units, |rays| watch.step(rays as u64))
+    })?;
+    if let Some(cuts) = &params.cuts {
+        let world = World {
+            scene: &traced,
+            surfaces: &traced,
+            points: &points,
+        };
+        let piece = match part {
+            Part::Shared => None,
+            Part::Piece { index, of } => Some((index, of)),
+        };
+        cut_part(&world, cuts, params.seed, units, piece, progress)?;
+    }
+    watch.go_on()?;
+    Ok(rays.div_ceil(RAYS_PER_PIECE).clamp(1, MOST_PIECES) as usize)
+}
+
+/// A watcher as stages see it.
+struct Watch<'a>(&'a dyn Progress);
+
+impl Watch<'_> {
+    fn step(&self, done: u64) -> Result<(), BakeError> {
+        self.0.advance(done);
+        self.go_on()
+    }
+
+    fn go_on(&self) -> Result<(), BakeError> {
+        if self.0.stopped() {
+            Err(BakeError::Stopped)
+        } else {
+            Ok(())
+        }
+    }
+}
+
+/// What a reader of the file will see of a link.
+fn stored_vector(v: Vec3) -> Vec3 {
+    Vec3::from(format::quantised_vector(v.to_array()))
+}
+
+fn load(request: &Request, progress: &dyn Progress) -> Result<TracedScene, BakeError> {
+    settings::validate(request.params)?;
+    let watch = Watch(progress);
+    watch.go_on()?;
+    progress.stage("load", None);
+    let traced = TracedScene::new(request.scene.clone(), request.shading)?;
+    watch.go_on()?;
+    Ok(traced)
+}
+
+fn units_of<'a>(ledger: Option<&'a Ledger<'a>>, scene: &Scene) -> Units<'a> {
+    Units::new(ledger, ledger.map_or(0, |_| key::surfaces(scene)))
 }
 
 struct Clock {
@@ -229,6 +373,13 @@ struct Clock {
 }
 
 impl Clock {
+    fn new() -> Clock {
+        Clock {
+            start: Instant::now(),
+            seconds: Vec::new(),
+        }
+    }
+
     fn lap(&mut self, name: &'static str) {
         self.seconds.push((name, self.start.elapsed().as_secs_f64()));
         self.start = Instant::now();
@@ -239,6 +390,16 @@ impl Clock {
 /// make a bake coarser, not to spread the same points over them.
 const RADIUS_LEVELS: usize = 6;
 
+/// R of the coarsest level: what is asked for, or what suits the scene.
+///
+/// # Errors
+/// As [`bake()`].
+pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<f32, BakeError> {
+    let traced = load(request, progress)?;
+    let (viewpoints, _, _) = viewpoints(&traced, request)?;
+    Ok(radius(&traced, request, &viewpoints, Units::none())?.0)
+}
+
 struct Places {
     points: PointLevels,
     viewpoints: Vec<Vec3>,
@@ -246,55 +407,69 @@ struct Places {
     automatic: bool,
 }
 
-fn place_points(
-    surfaces: &dyn Surfaces,
-    scene: &Scene,
-    lights: Option<&Sequence>,
-    params: &BakeParams,
-    progress: &dyn Progress,
-) -> Result<Places, BakeError> {
-    let mut viewpoints = params.viewpoints.clone();
+/// Viewpoints, rays cast to find them, and whether the scene had none of its own.
+fn viewpoints(surfaces: &dyn Surfaces, request: &Request) -> Result<(Vec<Vec3>, u64, bool), BakeError> {
+    let mut viewpoints = request.params.viewpoints.clone();
     if viewpoints.is_empty() {
-        viewpoints = viewpoint::of_cameras(scene, lights);
+        viewpoints = viewpoint::of_cameras(&request.scene, request.lights);
     }
     let automatic = viewpoints.is_empty();
     let mut rays = 0;
     if automatic {
-        let (place, cast) = viewpoint::in_open_space(surfaces, params.seed);
+        let (place, cast) = viewpoint::in_open_space(surfaces, request.params.seed);
         rays += cast;
         viewpoints.extend(place);
     }
     if viewpoints.is_empty() {
         return Err(BakeError::NothingReachable { viewpoints });
     }
-    if progress.stopped() {
-        return Err(BakeError::Stopped);
-    }
-    let radius = match params.coarse_radius {
-        Some(radius) => radius,
-        None => {
-            let (radius, cast) =
-                points::coarse_radius_for(surfaces, &viewpoints, RADIUS_LEVELS, params.seed)?;
-            rays += cast;
-            radius
-        }
+    Ok((viewpoints, rays, automatic))
+}
+
+/// R of the coarsest level, and rays cast to find it.
+fn radius(
+    surfaces: &dyn Surfaces,
+    request: &Request,
+    viewpoints: &[Vec3],
+    units: Units,
+) -> Result<(f32, u64), BakeError> {
+    let (radius, rays) = match request.params.coarse_radius {
+        Some(radius) => (radius, 0),
+        None => points::coarse_radius_for(surfaces, viewpoints, RADIUS_LEVELS, request.params.seed, units)?,
     };
-    if !(radius.is_finite() && radius > 0.0) {
-        return Err(BakeError::NothingReachable { viewpoints });
+    if radius.is_finite() && radius > 0.0 {
+        Ok((radius, rays))
+    } else {
+        Err(BakeError::NothingReachable {
+            viewpoints: viewpoints.to_vec(),
+        })
     }
-    let points = points::distribute(
+}
+
+fn place_points(
+    surfaces: &dyn Surfaces,
+    request: &Request,
+    units: Units,
+    progress: &dyn Progress,
+) -> Result<Places, BakeError> {
+    progress.stage("points", None);
+    let (params, watch) = (request.params, Watch(progress));
+    let (viewpoints, mut rays, automatic) = viewpoints(surfaces, request)?;
+    watch.go_on()?;
+    let (radius, cast) = radius(surfaces, request, &viewpoints, units)?;
+    rays += cast;
+    let mut told = 0;
+    let points = points::distribute_in_units(
         surfaces,
         &viewpoints,
         params.levels,
         radius,
         params.seed,
-        |finest| {
-            progress.advance(finest as u64);
-            if progress.stopped() {
-                Err(BakeError::Stopped)
-            } else {
-                Ok(())
-            }
+        units,
+        |spread| {
+            let new = spread.finest() - told;
+            told = spread.finest();
+            watch.step(new as u64)
         },
     )?;
     Ok(Places {
@@ -412,9 +587,15 @@ fn links(links: &Links) -> format::Links {
     }
 }
 
-fn solved(transport: &Transport, params: &BakeParams) -> Solution {
+fn solved(
+    transport: &Transport,
+    params: &BakeParams,
+    units: Units,
+    watch: &Watch,
+) -> Result<Solution, BakeError> {
     let finest = transport.points.levels.last();
     let albedo: Vec<Vec3> = finest.map_or_else(Vec::new, |l| l.points.iter().map(|p| p.albedo).collect());
+    watch.0.stage("solve", None);
     solution(
         &transport.bounce,
         transport.bounce_level,
@@ -423,6 +604,8 @@ fn solved(transport: &Transport, params: &BakeParams) -> Solution {
         // T carries the last bounce.
         params.bounces.map(|n| n.saturating_sub(2)),
         params.epsilon,
+        units,
+        &|rows| watch.step(rows as u64),
     )
 }
 

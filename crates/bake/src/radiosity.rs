@@ -468,6 +468,7 @@ mod tests {
             &middle,
             &BakeParams::default(),
             |v| v,
+            (crate::units::Units::none(), 1),
             |_| Ok(()),
         )
         .unwrap();

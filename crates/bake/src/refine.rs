@@ -10,6 +10,8 @@ use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::{RowScratch, SenderField, gather, scalar_row};
 use crate::select::{Row, SelectScratch, TypicalLight, select};
+use crate::units::Units;
+use crate::units::key::Key;
 use glam::{Mat3, Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;
@@ -19,7 +21,7 @@ use relight_transport::random::Stream;
 use relight_transport::sampling::DirectionSet;
 use relight_transport::senders::SenderTree;
 use relight_transport::sparse::Rows;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::ops::Range;
 
 /// What refinement works on.
 pub struct Refinement<'a> {
@@ -63,6 +65,8 @@ pub struct Refined {
     pub rays: u64,
     /// Rays that met a surface without points.
     pub lost: u64,
+    /// Memory that reconstructed rows took, bytes.
+    pub row_bytes: u64,
 }
 
 /// Most rays a receiver gets: the coarsest rows are few, and all others rest on them.
@@ -76,14 +80,32 @@ const NEGLIGIBLE: f32 = 0.04;
 /// Stage number of the direction sets' stream.
 const STAGE: u32 = 3;
 
+/// Rays per unit of work: half a second or so.
+const RAYS_PER_UNIT: usize = 1 << 21;
+
 /// One receiver's outcome.
-struct Receiver {
-    links: Vec<(u32, Vec3)>,
-    /// Reconstructed row for finer levels; empty on the two finest.
-    reconstructed: Vec<(u32, Vec3)>,
-    bounce: Vec<(u32, f32)>,
-    gathered: bool,
+#[derive(Clone, Debug, Default)]
+pub struct Receiver {
+    /// Links as stored, by ascending sender.
+    pub links: Vec<(u32, Vec3)>,
+    /// Responses of the bounce sender level, on the bounce receiver level.
+    pub bounce: Vec<(u32, f32)>,
+    /// Whether it cast rays.
+    pub gathered: bool,
+    /// Rays that met a surface without points.
+    pub lost: u32,
+    /// Reconstructed row for finer levels; empty on the two finest. It follows from the others.
+    pub reconstructed: Vec<(u32, Vec3)>,
 }
+
+impl Receiver {
+    fn row_bytes(&self) -> u64 {
+        (self.reconstructed.capacity() * size_of::<(u32, Vec3)>()) as u64
+    }
+}
+
+/// Receivers of a range.
+pub struct Receivers(pub Vec<Receiver>);
 
 /// Room to work in, for one thread.
 struct Room {
@@ -92,86 +114,240 @@ struct Room {
     select: SelectScratch,
 }
 
-/// What the coarser levels came to.
-struct Coarser {
-    links: Links,
-    /// Reconstructed rows of all but the two finest levels.
-    rows: Vec<Vec<(u32, Vec3)>>,
-    /// Whether a row kept any link.
-    keeps: Vec<bool>,
-}
-
 /// One receiver level's sweep.
 struct Sweep<'a> {
     refinement: &'a Refinement<'a>,
     level: usize,
-    coarser: &'a Coarser,
     directions: DirectionSet,
     threshold: f32,
     /// Whether finer levels need the reconstructed rows.
     remembered: bool,
 }
 
-/// Runs the refinement. `step(receivers done)` reports progress and may stop the bake.
+/// Which ranges of which levels are looked at.
+#[derive(Clone, Debug)]
+pub struct Wanted(Vec<Vec<(Range<usize>, bool)>>);
+
+impl Wanted {
+    /// All ranges, none of them wanted.
+    pub fn none(r: &Refinement, units: Units) -> Wanted {
+        let of_level = |level| {
+            let per_unit = (RAYS_PER_UNIT / rays_of(r, level)).max(1);
+            let ranges = units.ranges(r.ranges.range(level), per_unit);
+            ranges.map(|range| (range, false)).collect()
+        };
+        Wanted((0..r.ranges.levels()).map(of_level).collect())
+    }
+
+    /// All ranges of all levels.
+    pub fn all(r: &Refinement, units: Units) -> Wanted {
+        let mut wanted = Wanted::none(r, units);
+        wanted.0.iter_mut().flatten().for_each(|range| range.1 = true);
+        wanted
+    }
+
+    /// Part `index` of `of` of each level's ranges.
+    pub fn part(r: &Refinement, units: Units, index: usize, of: usize) -> Wanted {
+        let mut wanted = Wanted::none(r, units);
+        for level in &mut wanted.0 {
+            let part = index * level.len() / of..(index + 1) * level.len() / of;
+            level[part].iter_mut().for_each(|range| range.1 = true);
+        }
+        wanted
+    }
+
+    /// The ranges of the coarsest levels, up to so many receivers in all.
+    pub fn coarsest(r: &Refinement, units: Units, most: usize) -> Wanted {
+        let mut wanted = Wanted::none(r, units);
+        for (level, ranges) in wanted.0.iter_mut().enumerate() {
+            if r.ranges.range(level).end <= most {
+                ranges.iter_mut().for_each(|range| range.1 = true);
+            }
+        }
+        wanted
+    }
+
+    /// Also what the wanted rows need: the ranges of their parents, and of those, and so on.
+    fn with_ancestors(mut self, r: &Refinement) -> Wanted {
+        let mut needed = vec![false; r.ranges.total()];
+        for level in (0..self.0.len()).rev() {
+            for (range, wanted) in &mut self.0[level] {
+                *wanted |= needed[range.clone()].contains(&true);
+                for i in range.clone().filter(|_| *wanted) {
+                    let parents = r.fine_from_coarse.row(i);
+                    parents.iter().for_each(|parent| needed[parent.0 as usize] = true);
+                }
+            }
+        }
+        self
+    }
+
+    /// Receivers in the wanted ranges.
+    pub fn receivers(&self) -> usize {
+        (self.0.iter().flatten())
+            .filter(|range| range.1)
+            .map(|range| range.0.len())
+            .sum()
+    }
+}
+
+/// Runs the refinement. `step` is told of rays as they are cast, or left out, and may stop the bake.
 pub fn refine(
     r: &Refinement,
     quantised: impl Fn(Vec3) -> Vec3 + Sync,
+    units: Units,
     step: impl Fn(usize) -> Result<(), BakeError> + Sync,
 ) -> Result<Refined, BakeError> {
-    let levels = r.ranges.levels();
-    let mut refined = Refined::default();
-    let senders = r.field.tree.ranges.total();
-    let mut coarser = Coarser {
+    let mut receivers = rows(r, Wanted::all(r, units), quantised, units, step)?;
+    let row_bytes = receivers.iter().map(Receiver::row_bytes).sum();
+    receivers
+        .iter_mut()
+        .for_each(|receiver| receiver.reconstructed = Vec::new());
+    let mut refined = Refined {
+        row_bytes,
         links: Links {
             receivers: r.ranges.total() as u32,
-            senders: senders as u32,
+            senders: r.field.tree.ranges.total() as u32,
             row_offsets: vec![0],
             ..Links::default()
         },
-        rows: Vec::new(),
-        keeps: Vec::with_capacity(r.ranges.total()),
+        ..Refined::default()
     };
-    let lost = AtomicU64::new(0);
-    let done = AtomicU64::new(0);
-    for level in 0..levels {
-        let sweep = Sweep::new(r, level, &coarser);
-        let receivers: Result<Vec<Receiver>, BakeError> = r
-            .ranges
-            .range(level)
-            .into_par_iter()
-            .with_min_len(16)
-            .map_init(
-                || Room::new(r.field.tree),
-                |room, i| {
-                    let receiver = sweep.receiver(i, &quantised, room, &lost);
-                    step(done.fetch_add(1, Ordering::Relaxed) as usize)?;
-                    Ok(receiver)
-                },
-            )
-            .collect();
-        let (rays, remembered) = (sweep.directions.directions.len() as u64, sweep.remembered);
+    let mut receivers = receivers.into_iter();
+    for level in 0..r.ranges.levels() {
         let mut gathered = 0;
-        for receiver in receivers? {
-            coarser.keeps.push(!receiver.links.is_empty());
+        for receiver in receivers.by_ref().take(r.ranges.range(level).len()) {
             for (j, vector) in receiver.links {
-                coarser.links.columns.push(j);
-                coarser.links.vectors.push(vector);
+                refined.links.columns.push(j);
+                refined.links.vectors.push(vector);
             }
-            coarser.links.row_offsets.push(coarser.links.columns.len() as u32);
-            if remembered {
-                coarser.rows.push(receiver.reconstructed);
-            }
+            refined.links.row_offsets.push(refined.links.columns.len() as u32);
             gathered += usize::from(receiver.gathered);
+            refined.lost += u64::from(receiver.lost);
             if level == r.bounce_receivers {
                 refined.bounce_rows.push(receiver.bounce);
             }
         }
         refined.gathered.push(gathered);
-        refined.rays += gathered as u64 * rays;
+        refined.rays += gathered as u64 * rays_of(r, level) as u64;
     }
-    refined.links = coarser.links;
-    refined.lost = lost.into_inner();
     Ok(refined)
+}
+
+/// The rows of the wanted ranges and of all that those need which have to be made; those of others are empty. `step` as
+/// for [`refine`].
+pub fn rows(
+    r: &Refinement,
+    wanted: Wanted,
+    quantised: impl Fn(Vec3) -> Vec3 + Sync,
+    units: Units,
+    step: impl Fn(usize) -> Result<(), BakeError> + Sync,
+) -> Result<Vec<Receiver>, BakeError> {
+    let inputs = units.inputs(|key| inputs(r, key));
+    let mut known = vec![Receiver::default(); r.ranges.total()];
+    let take = |known: &mut [Receiver], level: usize, range: &Range<usize>| {
+        let kept: Option<Receivers> = units.taken("refine", inputs, range);
+        let kept = kept.filter(|kept| fits(r, kept));
+        let is_kept = kept.is_some();
+        if let Some(kept) = kept {
+            step(range.len() * rays_of(r, level))?;
+            known[range.clone()]
+                .iter_mut()
+                .zip(kept.0)
+                .for_each(|(slot, row)| *slot = row);
+        }
+        Ok::<bool, BakeError>(is_kept)
+    };
+    let mut missing = wanted.clone();
+    for (level, ranges) in missing.0.iter_mut().enumerate() {
+        for (range, is_missing) in ranges.iter_mut().filter(|range| range.1) {
+            *is_missing = !take(&mut known, level, range)?;
+        }
+    }
+    // Only what is to be made needs the rows of parents.
+    let needed = missing.clone().with_ancestors(r);
+    for level in 0..r.ranges.levels() {
+        let sweep = Sweep::new(r, level);
+        let ranges = needed.0[level]
+            .iter()
+            .zip(&missing.0[level])
+            .zip(&wanted.0[level]);
+        for (((range, needed), (_, missing)), (_, wanted)) in ranges {
+            if !needed {
+                continue;
+            }
+            let is_kept = if *wanted {
+                !missing
+            } else {
+                take(&mut known, level, range)?
+            };
+            if is_kept {
+                sweep.recall(range.clone(), &mut known);
+            } else {
+                let made = sweep.rows(range.clone(), &known, &quantised, &|| step(rays_of(r, level)))?;
+                units.keep("refine", inputs, range, &made)?;
+                known[range.clone()]
+                    .iter_mut()
+                    .zip(made.0)
+                    .for_each(|(slot, row)| *slot = row);
+            }
+        }
+    }
+    Ok(known)
+}
+
+/// Whether kept receivers can be these: their senders exist.
+fn fits(r: &Refinement, kept: &Receivers) -> bool {
+    let senders = r.field.tree.ranges.total() as u32;
+    let clusters = r.field.tree.ranges.range(r.bounce_level).len() as u32;
+    kept.0.iter().all(|receiver| {
+        receiver.links.iter().all(|link| link.0 < senders) && receiver.bounce.iter().all(|e| e.0 < clusters)
+    })
+}
+
+/// What rows depend on.
+fn inputs(r: &Refinement, key: &mut Key) {
+    let tree = r.field.tree;
+    key.places(r.places).level(r.field.points.level);
+    for level in 0..r.ranges.levels() {
+        key.u64s(&[r.ranges.range(level).len() as u64]);
+    }
+    for level in 0..tree.levels() {
+        key.u64s(&[tree.ranges.range(level).len() as u64]);
+    }
+    tree.parents.iter().for_each(|parents| {
+        key.u32s(parents);
+    });
+    key.u32s(&tree.leaf_of_point)
+        .bytes(&tree.importance)
+        .f32s(&r.typical.means)
+        .vectors(r.coarse_positions.iter())
+        .f32s(&[r.epsilon])
+        .u64s(&[
+            r.rays as u64,
+            r.bounce_level as u64,
+            r.bounce_receivers as u64,
+            r.seed,
+        ]);
+    // Parents follow from the points, and rows of parents from all of this.
+}
+
+/// Rays of all receivers of all levels, if all cast some.
+pub fn most_rays(levels: impl ExactSizeIterator<Item = usize>, rays: usize) -> u64 {
+    let count = levels.len();
+    levels
+        .enumerate()
+        .map(|(level, receivers)| (receivers * rays_at(rays, count - 1 - level)) as u64)
+        .sum()
+}
+
+/// Rays of each receiver of a level.
+fn rays_of(r: &Refinement, level: usize) -> usize {
+    rays_at(r.rays, r.ranges.levels() - 1 - level)
+}
+
+fn rays_at(finest: usize, above_finest: usize) -> usize {
+    (finest << above_finest.min(20)).min(MOST_RAYS.max(finest))
 }
 
 impl Room {
@@ -186,35 +362,78 @@ impl Room {
 }
 
 impl<'a> Sweep<'a> {
-    fn new(r: &'a Refinement, level: usize, coarser: &'a Coarser) -> Sweep<'a> {
+    fn new(r: &'a Refinement, level: usize) -> Sweep<'a> {
         let above_finest = r.ranges.levels() - 1 - level;
-        let count = (r.rays << above_finest.min(20)).min(MOST_RAYS.max(r.rays));
+        let count = rays_of(r, level);
         Sweep {
             refinement: r,
             level,
-            coarser,
             directions: DirectionSet::uniform(count, &mut Stream::new(r.seed, STAGE, level as u64)),
             threshold: threshold(r.epsilon, above_finest),
             remembered: above_finest >= 2,
         }
     }
 
+    /// Rows of a range, from those of the coarser levels.
+    fn rows(
+        &self,
+        range: Range<usize>,
+        known: &[Receiver],
+        quantised: &(impl Fn(Vec3) -> Vec3 + Sync),
+        step: &(impl Fn() -> Result<(), BakeError> + Sync),
+    ) -> Result<Receivers, BakeError> {
+        let rows: Result<Vec<Receiver>, BakeError> = range
+            .into_par_iter()
+            .with_min_len(16)
+            .map_init(
+                || Room::new(self.refinement.field.tree),
+                |room, i| {
+                    let receiver = self.receiver(i, known, quantised, room);
+                    step()?;
+                    Ok(receiver)
+                },
+            )
+            .collect();
+        rows.map(Receivers)
+    }
+
+    /// Reconstructed rows of receivers whose links were kept.
+    fn recall(&self, range: Range<usize>, known: &mut [Receiver]) {
+        if !self.remembered {
+            return;
+        }
+        // Parents are on coarser levels, which come first.
+        let (coarser, own) = known.split_at_mut(range.start);
+        own[..range.len()]
+            .par_iter_mut()
+            .zip(range)
+            .with_min_len(16)
+            .for_each_init(
+                || RowScratch::new(self.refinement.field.tree.ranges.total()),
+                |predicted, (receiver, i)| {
+                    predicted.clear();
+                    predict(self.refinement, i, coarser, predicted);
+                    receiver.reconstructed = self.reconstructed(predicted, &receiver.links);
+                },
+            );
+    }
+
     /// A row is looked at when one of its parents kept a link (figure 5).
-    fn is_active(&self, i: usize) -> bool {
+    fn is_active(&self, i: usize, known: &[Receiver]) -> bool {
         let parents = self.refinement.fine_from_coarse.row(i);
-        parents.is_empty() || parents.iter().any(|&(k, _)| self.coarser.keeps[k as usize])
+        parents.is_empty() || parents.iter().any(|&(k, _)| !known[k as usize].links.is_empty())
     }
 
     /// The outcome of receiver `i`.
     fn receiver(
         &self,
         i: usize,
+        known: &[Receiver],
         quantised: &impl Fn(Vec3) -> Vec3,
         room: &mut Room,
-        lost: &AtomicU64,
     ) -> Receiver {
         let r = self.refinement;
-        let active = self.is_active(i);
+        let active = self.is_active(i, known);
         let bounces = self.level == r.bounce_receivers;
         let Room {
             gathered,
@@ -224,17 +443,14 @@ impl<'a> Sweep<'a> {
         gathered.clear();
         predicted.clear();
         if active || self.remembered {
-            predict(r, i, self.coarser, predicted);
+            predict(r, i, known, predicted);
         }
         let mut receiver = Receiver {
-            links: Vec::new(),
-            reconstructed: Vec::new(),
-            bounce: Vec::new(),
             gathered: active || bounces,
+            ..Receiver::default()
         };
         if receiver.gathered {
-            let missed = gather(r.surfaces, &r.field, &r.places[i], &self.directions, gathered);
-            lost.fetch_add(u64::from(missed), Ordering::Relaxed);
+            receiver.lost = gather(r.surfaces, &r.field, &r.places[i], &self.directions, gathered);
         }
         if bounces {
             let normal = r.places[i].geometric_normal;
@@ -278,18 +494,18 @@ impl<'a> Sweep<'a> {
 ///
 /// Reconstructed rows are long, and three quarters of those that are needed are on the level above the finest.
 /// They are not stored: such a parent stands for its own links and its parents' rows.
-fn predict(r: &Refinement, i: usize, coarser: &Coarser, predicted: &mut RowScratch) {
-    let Coarser { links, rows, .. } = coarser;
+fn predict(r: &Refinement, i: usize, known: &[Receiver], predicted: &mut RowScratch) {
+    let remembered = r.ranges.range(r.ranges.levels().saturating_sub(2)).start;
     let normal = |k: u32| r.places[k as usize].normal;
     let carried = |k: u32, i: u32, share: f32| carry(normal(k), normal(i)) * share;
     let mut terms: Vec<(u32, Mat3)> = Vec::new();
     for &(k, share) in r.fine_from_coarse.row(i) {
         let m = carried(k, i as u32, share);
-        if (k as usize) < rows.len() {
+        if (k as usize) < remembered {
             terms.push((k, m));
             continue;
         }
-        for (j, vector) in links.row(k as usize) {
+        for &(j, vector) in &known[k as usize].links {
             predicted.add(j, Vec3A::from(m * vector));
         }
         let grandparents = r.fine_from_coarse.row(k as usize);
@@ -302,7 +518,7 @@ fn predict(r: &Refinement, i: usize, coarser: &Coarser, predicted: &mut RowScrat
     terms.sort_by_key(|term| term.0);
     for same in terms.chunk_by(|a, b| a.0 == b.0) {
         let m: Mat3 = same.iter().map(|term| term.1).sum();
-        for &(j, vector) in &rows[same[0].0 as usize] {
+        for &(j, vector) in &known[same[0].0 as usize].reconstructed {
             predicted.add(j, Vec3A::from(m * vector));
         }
     }

@@ -7,8 +7,9 @@ use crate::gather::SenderField;
 use crate::importance::importance;
 use crate::params::BakeParams;
 use crate::points::PointLevels;
-use crate::refine::{Refined, Refinement, refine};
+use crate::refine::{Refinement, Wanted, refine, rows};
 use crate::select::TypicalLight;
+use crate::units::Units;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
@@ -40,6 +41,8 @@ pub struct Transport {
     pub rays: u64,
     /// Rays of the refinement that met a surface without points.
     pub lost: u64,
+    /// Memory that reconstructed rows took, bytes.
+    pub row_bytes: u64,
 }
 
 /// The basis of the points.
@@ -67,30 +70,91 @@ const NEAR: f32 = 1.0;
 /// smaller by a tenth and errors larger by 3 % (docs/transfer.md).
 const AMBIENT: f32 = 0.1;
 
-/// Computes the operators over given points.
+/// Computes the operators over given points. `step` is told of rays as they are cast and may stop the bake. More than one
+/// of `batches` makes links range by range, so that only the rows that a part needs are in memory at once; that takes
+/// units that are kept.
+///
+/// # Errors
+/// What `step` returns, or a unit cannot be kept.
 pub fn transport(
     surfaces: &dyn Surfaces,
     points: PointLevels,
     viewpoints: &[Vec3],
     params: &BakeParams,
     quantised: impl Fn(Vec3) -> Vec3 + Sync,
+    (units, batches): (Units, usize),
     step: impl Fn(usize) -> Result<(), BakeError> + Sync,
 ) -> Result<Transport, BakeError> {
-    let levels = levels_of(&points);
+    let made = with_refinement(surfaces, &points, viewpoints, params, units, |r, levels| {
+        let batches = if units.are_kept() { batches } else { 1 };
+        for batch in (0..batches).filter(|_| batches > 1) {
+            rows(
+                r,
+                Wanted::part(r, units, batch, batches),
+                &quantised,
+                units,
+                &step,
+            )?;
+        }
+        // What is kept is not counted twice.
+        let step = |rays| step(if batches > 1 { 0 } else { rays });
+        let refined = refine(r, quantised, units, step)?;
+        let bounce = bounce(r, &levels[r.bounce_receivers], &refined.bounce_rows);
+        Ok((refined, bounce, r.bounce_level))
+    })?;
+    let Refining {
+        outcome: (refined, bounce, bounce_level),
+        tree,
+        rays,
+    } = made;
+    Ok(Transport {
+        rays: refined.rays + points.rays + rays,
+        points,
+        tree,
+        links: refined.links,
+        bounce,
+        bounce_level,
+        gathered: refined.gathered,
+        lost: refined.lost,
+        row_bytes: refined.row_bytes,
+    })
+}
+
+/// What came of a refinement that was prepared.
+pub struct Refining<T> {
+    /// What was wanted of it.
+    pub outcome: T,
+    /// The senders.
+    pub tree: SenderTree,
+    /// Rays cast to prepare it.
+    pub rays: u64,
+}
+
+/// Prepares all that rows depend on, and does `work` with it.
+///
+/// # Errors
+/// Those of `work`, or a unit cannot be kept.
+pub fn with_refinement<T>(
+    surfaces: &dyn Surfaces,
+    points: &PointLevels,
+    viewpoints: &[Vec3],
+    params: &BakeParams,
+    units: Units,
+    work: impl FnOnce(&Refinement, &[Level]) -> Result<T, BakeError>,
+) -> Result<Refining<T>, BakeError> {
+    let levels = levels_of(points);
     let ranges = LevelRanges::new(levels.iter().map(Level::len));
     let parents = fine_from_coarse(&levels);
-    let finest = &levels[levels.len() - 1];
-    let nearest_point = NearestPoint::new(finest);
+    let nearest_point = NearestPoint::new(&levels[levels.len() - 1]);
     let near = NEAR * levels[0].disk_radius;
-    let (importance, importance_rays) = importance(surfaces, &nearest_point, near, viewpoints, params.seed);
-    let (tree, typical) = sender_tree(surfaces, &points, importance, params);
+    let (importance, rays) = importance(surfaces, &nearest_point, near, viewpoints, params.seed, units)?;
+    let (tree, typical) = sender_tree(surfaces, points, importance, params, units)?;
     let places: Vec<Candidate> = points
         .levels
         .iter()
         .flat_map(|l| l.points.iter().copied())
         .collect();
     let bounce_level = 1.min(tree.levels() - 1);
-    let bounce_receivers = (bounce_level + 3).min(levels.len() - 1);
     let refinement = Refinement {
         surfaces,
         places: &places,
@@ -105,22 +169,20 @@ pub fn transport(
         rays: params.rays,
         epsilon: params.epsilon,
         bounce_level,
-        bounce_receivers,
+        bounce_receivers: (bounce_level + 3).min(levels.len() - 1),
         seed: params.seed,
     };
-    let Refined {
-        links,
-        bounce_rows,
-        gathered,
-        rays,
-        lost,
-    } = refine(&refinement, quantised, step)?;
-    let receivers = &levels[bounce_receivers];
-    let cluster_of_point = tree.cluster_of_point(bounce_level);
+    let outcome = work(&refinement, &levels)?;
+    Ok(Refining { outcome, tree, rays })
+}
+
+/// K from the responses at the points of the bounce receiver level.
+fn bounce(r: &Refinement, receivers: &Level, rows: &[Vec<(u32, f32)>]) -> Rows {
+    let tree = r.field.tree;
+    let cluster_of_point = tree.cluster_of_point(r.bounce_level);
     let nearest: Vec<usize> = (0..receivers.len())
         .map(|i| {
-            refinement
-                .field
+            r.field
                 .points
                 .at(receivers.positions[i], receivers.normals[i])
                 .unwrap_or(0) as usize
@@ -128,19 +190,8 @@ pub fn transport(
         .collect();
     let cluster_of_receiver: Vec<u32> = nearest.iter().map(|&p| cluster_of_point[p]).collect();
     let weights: Vec<f32> = nearest.iter().map(|&p| weight(tree.importance[p])).collect();
-    let clusters = tree.ranges.range(bounce_level).len();
-    let bounce = bounce_operator(&bounce_rows, &cluster_of_receiver, &weights, clusters);
-    let rays = rays + points.rays + importance_rays;
-    Ok(Transport {
-        points,
-        tree,
-        links,
-        bounce,
-        bounce_level,
-        gathered,
-        rays,
-        lost,
-    })
+    let clusters = tree.ranges.range(r.bounce_level).len();
+    bounce_operator(rows, &cluster_of_receiver, &weights, clusters)
 }
 
 /// Stage number of the pilots' random stream.
@@ -169,8 +220,38 @@ fn pilots(surfaces: &dyn Surfaces, points: &PointLevels, seed: u64) -> Vec<Vec3>
         .collect()
 }
 
-fn signed(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) -> Vec<Signed> {
-    places
+/// Places per unit of work: 128 rays each, a second or so.
+const PLACES_PER_UNIT: usize = 1 << 15;
+
+/// Which pilots places see, a bit each.
+pub struct Signatures(pub Vec<u128>);
+
+fn signed(
+    surfaces: &dyn Surfaces,
+    places: &[Candidate],
+    pilots: &[Vec3],
+    units: Units,
+) -> Result<Vec<Signed>, BakeError> {
+    let inputs = units.inputs(|key| {
+        key.places(places).vectors(pilots.iter());
+    });
+    let mut signed = Vec::with_capacity(places.len());
+    for range in units.ranges(0..places.len(), PLACES_PER_UNIT) {
+        let places = &places[range.clone()];
+        let Signatures(seen) = units.taken_or_made("pilots", inputs, &range, || {
+            Ok(signatures(surfaces, places, pilots))
+        })?;
+        signed.extend(places.iter().zip(seen).map(|(place, signature)| Signed {
+            position: place.position,
+            normal: place.normal,
+            signature,
+        }));
+    }
+    Ok(signed)
+}
+
+fn signatures(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) -> Signatures {
+    let seen = places
         .par_iter()
         .with_min_len(64)
         .map_init(
@@ -190,14 +271,11 @@ fn signed(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) -> Vec
                         signature |= 1 << bit;
                     }
                 }
-                Signed {
-                    position: place.position,
-                    normal: place.normal,
-                    signature,
-                }
+                signature
             },
         )
-        .collect()
+        .collect();
+    Signatures(seen)
 }
 
 /// The senders, and how they are lit by the pilots in the mean.
@@ -206,14 +284,20 @@ fn sender_tree(
     points: &PointLevels,
     importance: Vec<u8>,
     params: &BakeParams,
-) -> (SenderTree, TypicalLight) {
+    units: Units,
+) -> Result<(SenderTree, TypicalLight), BakeError> {
     let pilots = pilots(surfaces, points, params.seed);
     let sending = params.sender_levels.min(points.levels.len());
-    let finest = signed(surfaces, &points.levels[points.levels.len() - 1].points, &pilots);
+    let finest = signed(
+        surfaces,
+        &points.levels[points.levels.len() - 1].points,
+        &pilots,
+        units,
+    )?;
     let seeds: Vec<Vec<Signed>> = points.levels[..sending]
         .iter()
-        .map(|level| signed(surfaces, &level.points, &pilots))
-        .collect();
+        .map(|level| signed(surfaces, &level.points, &pilots, units))
+        .collect::<Result<_, BakeError>>()?;
     let spacing = |level: usize| points.levels[level].disk_radius;
     let leaf_of_point = nearest_seeds(&finest, &seeds[sending - 1], spacing(sending - 1));
     let parents = (1..sending)
@@ -226,5 +310,5 @@ fn sender_tree(
         .map(|place| AMBIENT + place.signature.count_ones() as f32 / PILOTS as f32)
         .collect();
     let typical = TypicalLight::new(&tree, &lit);
-    (tree, typical)
+    Ok((tree, typical))
 }
