@@ -218,6 +218,7 @@ impl relight_bake::Progress for BakeProgress<'_> {
     fn stage(&self, name: &'static str, total: Option<u64>) {
         let words = match name {
             "load" => "Preparing the scene",
+            "reach" => "Looking around",
             "points" => "Spreading points",
             "share" => "Finding what senders see",
             "refine" => "Linking points",

@@ -417,6 +417,72 @@ fn units_at_once_and_killed_at_random_merge_to_the_asset_of_one_go() {
     assert!(std::fs::read(&asset).unwrap() == wanted);
 }
 
+/// What a bake will take is said before it begins; a limit that is too small is refused with one that would do, and that one
+/// does, part by part.
+#[test]
+fn a_memory_limit_is_refused_or_respected_and_changes_no_byte() {
+    let folder = folder();
+    let scene = data("cornell.glb");
+    let options = ["--levels", "5", "--sender-levels", "3", "--coarse-radius", "0.2"];
+    let asset = folder.path().join("a.relight");
+    let mut dry = relight();
+    dry.arg("bake").arg(&scene).arg("-o").arg(&asset).args(options);
+    let said = json(
+        &dry.args(["--dry-run", "--json"])
+            .assert()
+            .success()
+            .get_output()
+            .stdout,
+    );
+    assert!(names(folder.path()).is_empty(), "a dry run writes nothing");
+    let baked = bake_json(&scene, &asset, &options);
+    let wanted = std::fs::read(&asset).unwrap();
+    let all: u64 = baked["points"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(Value::as_u64)
+        .sum();
+    // The small bake of this scene has some hundred points; real ones are within 1.5 (docs/reliability.md).
+    for (key, truth) in [
+        ("points", all),
+        ("rays", baked["rays"].as_u64().unwrap()),
+        ("links", baked["links"].as_u64().unwrap()),
+        ("bytes", baked["bytes"]["total"].as_u64().unwrap()),
+    ] {
+        let ratio = said[key].as_f64().unwrap() / truth as f64;
+        assert!((0.5..2.0).contains(&ratio), "{key}: {ratio}");
+    }
+    assert!(said["seconds"].as_f64().unwrap() > 0.0);
+
+    let limited = |limit: u64| {
+        let mut bake = relight();
+        bake.arg("bake").arg(&scene).arg("-o").arg(&asset).args(options);
+        bake.args(["--memory-limit", &limit.to_string()]);
+        bake
+    };
+    let text = complaint(&mut limited(1000), 1);
+    let smallest: u64 = text
+        .split("smallest limit that would do is ")
+        .nth(1)
+        .and_then(|rest| rest.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok())
+        .unwrap_or_else(|| panic!("{text}"));
+    std::fs::remove_file(&asset).unwrap();
+    // Predictions breathe with the allocator by some per cent.
+    let output = limited(smallest + smallest / 20)
+        .arg("--json")
+        .assert()
+        .success()
+        .get_output()
+        .clone();
+    assert!(std::fs::read(&asset).unwrap() == wanted);
+    assert!(
+        json(&output.stdout)["units"]["all"].as_u64().unwrap() > 1,
+        "it was made part by part"
+    );
+    assert_eq!(names(folder.path()), ["a.relight", "a.relight.log.json"]);
+}
+
 /// A file system of its own size in a name space of its own; `None`, loudly, where the system allows none. Runs `script`
 /// with the folder, the program, the scene, and the options of the bake.
 #[cfg(target_os = "linux")]

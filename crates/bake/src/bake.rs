@@ -59,6 +59,10 @@ pub struct BakeStats {
     pub row_bytes: u64,
 }
 
+/// Candidates until all levels are full, for each point that is expected: 15 to 30 on the scenes of docs/reliability.md.
+/// For progress only.
+const CANDIDATES_PER_POINT: u64 = 20;
+
 /// What is baked.
 #[derive(Clone)]
 pub struct Request<'a> {
@@ -390,14 +394,15 @@ impl Clock {
 /// make a bake coarser, not to spread the same points over them.
 const RADIUS_LEVELS: usize = 6;
 
-/// R of the coarsest level: what is asked for, or what suits the scene.
+/// The scene prepared, and R of the coarsest level: what is asked for, or what suits the scene.
 ///
 /// # Errors
 /// As [`bake()`].
-pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<f32, BakeError> {
+pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<(TracedScene, f32), BakeError> {
     let traced = load(request, progress)?;
     let (viewpoints, _, _) = viewpoints(&traced, request)?;
-    Ok(radius(&traced, request, &viewpoints, Units::none())?.0)
+    let radius = radius(&traced, request, &viewpoints, Units::none())?.0;
+    Ok((traced, radius))
 }
 
 struct Places {
@@ -452,12 +457,19 @@ fn place_points(
     units: Units,
     progress: &dyn Progress,
 ) -> Result<Places, BakeError> {
-    progress.stage("points", None);
+    progress.stage("reach", None);
     let (params, watch) = (request.params, Watch(progress));
     let (viewpoints, mut rays, automatic) = viewpoints(surfaces, request)?;
     watch.go_on()?;
     let (radius, cast) = radius(surfaces, request, &viewpoints, units)?;
     rays += cast;
+    // Radii of our own make give about as many points as were wanted.
+    let finest = points::expected(RADIUS_LEVELS, params.levels) as u64;
+    let wanted = params
+        .coarse_radius
+        .is_none()
+        .then_some(finest * CANDIDATES_PER_POINT);
+    progress.stage("points", wanted);
     let mut told = 0;
     let points = points::distribute_in_units(
         surfaces,
@@ -467,9 +479,9 @@ fn place_points(
         params.seed,
         units,
         |spread| {
-            let new = spread.finest() - told;
-            told = spread.finest();
-            watch.step(new as u64)
+            let new = spread.candidates() - told;
+            told = spread.candidates();
+            watch.step(new)
         },
     )?;
     Ok(Places {

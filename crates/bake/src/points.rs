@@ -166,11 +166,6 @@ impl Spread {
         self.candidates
     }
 
-    /// Points of the finest level so far.
-    pub fn finest(&self) -> usize {
-        self.kept.last().map_or(0, Vec::len)
-    }
-
     fn is_done(&self) -> bool {
         self.disks.iter().all(Disks::is_full)
             || self.candidates >= MOST_CANDIDATES
@@ -308,6 +303,11 @@ fn is_open(surfaces: &dyn Surfaces, place: &SurfaceHit, radius: f32, directions:
 /// Points that the finest level of preset `standard` is given: with five coarser levels, that makes about
 /// the paper's 190,000 on the plain Sponza (table 1).
 const FINEST_POINTS: f32 = 195_000.0;
+
+/// Points of the finest of `levels`, about, if the coarsest radius was chosen for `of` levels.
+pub fn expected(of: usize, levels: usize) -> f32 {
+    FINEST_POINTS * 4.0f32.powi(levels as i32 - of as i32)
+}
 
 /// A radius for the coarsest level such that the finest has about [`FINEST_POINTS`] points.
 ///

@@ -1,7 +1,7 @@
 //! What a bake will take, from a small bake of the same scene: `--dry-run`, `--memory-limit`.
 //!
-//! The small bake has all levels and four times the distances, so a sixteenth of the points. What grows with them is
-//! scaled up by powers that were fitted on the scenes of docs/reliability.md.
+//! The small bake has all levels and four times the distances, so a tenth to a sixteenth of the points. What grows with
+//! them is scaled up by powers that were fitted on the scenes of docs/reliability.md.
 
 use super::{Read, baking_failed};
 use crate::console::{BakeProgress, Console};
@@ -16,9 +16,8 @@ use relight_scene::traced::Shading;
 use serde_json::json;
 use std::time::Instant;
 
-/// Ratio of distances of the small bake to those of the real one, and so of the numbers of points.
+/// Ratio of distances of the small bake to those of the real one: two levels.
 const COARSER: f32 = 4.0;
-const POINTS: f64 = (COARSER * COARSER) as f64;
 
 /// What a bake will take.
 #[derive(Clone, Debug)]
@@ -126,10 +125,12 @@ pub fn estimate(
     let quiet = console.silent();
     let progress = BakeProgress::new(&quiet);
     console.begin("Baking small, to see what it takes", None);
-    let radius = coarse_radius(&request, &progress).map_err(baking_failed)?;
-    let before = output::resident_bytes();
+    let (traced, radius) = coarse_radius(&request, &progress).map_err(baking_failed)?;
+    // With the ray caster and decoded textures, which the bake will have, too.
+    let before = output::resident_bytes().unwrap_or(0);
+    drop(traced);
     let small = BakeParams {
-        coarse_radius: Some(radius * COARSER),
+        coarse_radius: Some((radius * COARSER).min(f32::MAX)),
         ..params.clone()
     };
     let request = Request {
@@ -137,14 +138,13 @@ pub fn estimate(
         ..request
     };
     let baked = bake_in_units(&request, None, &progress).map_err(baking_failed)?;
-    let peak = output::peak_memory_bytes().unwrap_or(0);
     let writing = Instant::now();
     let bytes = format::write_asset(&baked.asset)?;
     let written = writing.elapsed().as_secs_f64();
     console.close();
-    let estimate = scaled(&baked, &bytes, written, before.unwrap_or(0), peak)?;
+    let estimate = scaled(&baked, &bytes, written, before)?;
     console.detail(format!(
-        "small bake: {:?} points, {} bytes, seconds {:?}, memory {before:?} to {peak}, of it rows {}",
+        "small bake: {:?} points, {} bytes, seconds {:?}, memory {before} with the scene, {} for rows",
         baked
             .asset
             .points
@@ -158,18 +158,47 @@ pub fn estimate(
     Ok(estimate)
 }
 
-/// Links per point fall as points get denser: coarse rows say more of finer ones.
-const LINKS_POWER: f64 = 0.95;
-/// Matrices between clusters hold more entries per row where clusters are smaller.
-const BOUNCE_POWER: f64 = 1.3;
+/// Growth of what depends on points with their number; fitted on the scenes of docs/reliability.md.
+///
+/// Links per point fall as points get denser, because coarse rows say more of finer ones.
+const LINKS_POWER: f64 = 0.775;
+/// Matrices between clusters hold more entries per row where clusters are smaller, and their bytes follow.
+const BOUNCE_POWER: f64 = 1.5;
+const BOUNCE_BYTES_POWER: f64 = 1.45;
 /// Reconstructed rows get longer where senders are smaller.
-const ROWS_POWER: f64 = 1.3;
-/// So does the time that a row takes.
-const SECONDS_POWER: f64 = 1.1;
+const ROWS_POWER: f64 = 1.08;
+/// Rays and bytes of points grow a little less than points.
+const RAYS: f64 = 0.89;
+const POINT_BYTES: f64 = 0.8;
+/// Memory per point (with its functions, grids, receivers and share of the file), per link and per element of a cut
+/// (each in the row that made it, in the asset, and in the file), and per light of the cuts' tree (what 1024 pilots see,
+/// twice).
+const MEMORY_PER_POINT: f64 = 800.0;
+const MEMORY_PER_LINK: f64 = 32.0;
+const MEMORY_PER_ELEMENT: f64 = 16.0;
+const MEMORY_PER_LIGHT: f64 = 2048.0;
 
-fn scaled(baked: &Baked, bytes: &[u8], written: f64, before: u64, peak: u64) -> Result<Estimate, Failure> {
+/// Ratio of the finest level's points to the small bake's. It has two levels more: were points everywhere, each had four
+/// times as many as the one before; where distances are near the size of things, the growth from level to level goes
+/// on as it was.
+fn growth_per_level(counts: &[usize]) -> f64 {
+    match counts {
+        [.., before, last] => (*last as f64 / (*before).max(1) as f64).powf(0.75) * 4.0f64.powf(0.25),
+        _ => 4.0,
+    }
+}
+
+fn scaled(baked: &Baked, bytes: &[u8], written: f64, before: u64) -> Result<Estimate, Failure> {
     let asset = &baked.asset;
-    let links = asset.transfer.as_ref().map_or(0, |t| t.columns.len()) as f64;
+    let counts: Vec<usize> = asset.points.iter().map(|l| l.positions.len()).collect();
+    let growth = growth_per_level(&counts);
+    let finest = counts.last().copied().unwrap_or(0) as f64;
+    let points = counts.iter().skip(2).sum::<usize>() as f64
+        + if counts.len() > 1 { finest * growth } else { 0.0 }
+        + finest * growth * growth;
+    let growth = growth * growth;
+    let link_growth = growth.powf(LINKS_POWER);
+    let links = asset.transfer.as_ref().map_or(0, |t| t.columns.len()) as f64 * link_growth;
     let bounce = asset.bounce.as_ref().map_or(0, |b| b.matrix.columns.len())
         + asset
             .solution
@@ -177,6 +206,13 @@ fn scaled(baked: &Baked, bytes: &[u8], written: f64, before: u64, peak: u64) -> 
             .flat_map(|s| &s.channels)
             .map(|c| c.columns.len())
             .sum::<usize>();
+    let bounce = bounce as f64 * growth.powf(BOUNCE_POWER);
+    let elements = asset.cuts.as_ref().map_or(0, |c| c.heights.len()) as f64 * growth;
+    let lights = match asset.light_tree.as_ref().map(|t| &t.lights) {
+        Some(format::LightSamples::Environment { order }) => order.len(),
+        Some(format::LightSamples::Surface { positions, .. }) => positions.len(),
+        None => 0,
+    };
     let count = |name: &str| {
         let counts = asset.provenance.counts.iter();
         counts.filter(|c| c.0 == name).map(|c| c.1).sum::<u64>() as f64
@@ -185,31 +221,35 @@ fn scaled(baked: &Baked, bytes: &[u8], written: f64, before: u64, peak: u64) -> 
         let seconds = baked.stats.seconds.iter();
         seconds.filter(|s| s.0 == stage).map(|s| s.1).sum::<f64>()
     };
-    let link_growth = POINTS.powf(LINKS_POWER);
     let mut size = 0.0;
     for section in &format::summarise(bytes)?.sections {
         size += section.stored_bytes as f64
             * match section.name.as_str() {
-                "points" | "senders" | "cuts" => POINTS,
+                "points" => POINT_BYTES * growth,
+                "senders" | "cuts" => growth,
                 "links_transfer" => link_growth,
-                "links_bounce" | "links_solution" => POINTS.powf(BOUNCE_POWER),
+                "links_bounce" | "links_solution" => growth.powf(BOUNCE_BYTES_POWER),
                 _ => 1.0,
             };
     }
-    let rows = baked.stats.row_bytes as f64 * POINTS.powf(ROWS_POWER);
-    let rest = (peak.saturating_sub(before) as f64 - baked.stats.row_bytes as f64).max(0.0);
+    let rows = baked.stats.row_bytes as f64 * growth.powf(ROWS_POWER);
+    let memory = before as f64
+        + MEMORY_PER_POINT * points
+        + MEMORY_PER_LINK * (links + bounce)
+        + MEMORY_PER_ELEMENT * elements
+        + MEMORY_PER_LIGHT * lights as f64
+        + rows;
     let seconds = seconds_of("load")
-        + POINTS * (seconds_of("points") + seconds_of("cuts") + written)
-        + POINTS.powf(SECONDS_POWER) * seconds_of("refine")
-        + POINTS.powf(2.0 * BOUNCE_POWER) * seconds_of("solve");
-    let points: usize = asset.points.iter().map(|l| l.positions.len()).sum();
+        + growth * (seconds_of("points") + seconds_of("refine") + seconds_of("cuts") + written)
+        // Rows of the solution are as many as clusters, and each as long as the matrix.
+        + growth.powf(1.0 + BOUNCE_POWER) * seconds_of("solve");
     Ok(Estimate {
-        points: (points as f64 * POINTS) as u64,
-        rays: (count("rays") * POINTS) as u64,
-        links: (links * link_growth + bounce as f64 * POINTS.powf(BOUNCE_POWER)) as u64,
+        points: points as u64,
+        rays: (count("rays") * RAYS * growth) as u64,
+        links: (links + bounce) as u64,
         seconds,
         bytes: size as u64,
-        memory: (before as f64 + rest * POINTS + rows) as u64,
+        memory: memory as u64,
         rows: rows as u64,
     })
 }
