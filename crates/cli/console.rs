@@ -141,6 +141,16 @@ impl Console {
         });
     }
 
+    /// The stage turns out to have about so many steps.
+    pub fn expect(&self, total: u64) {
+        self.with_stage(|stage| {
+            if let Some(stage) = stage {
+                stage.total = Some(total);
+                stage.bar.set_length(total);
+            }
+        });
+    }
+
     /// Ends the stage and takes its bar away.
     pub fn close(&self) {
         self.with_stage(|stage| {
@@ -244,6 +254,9 @@ impl relight_bake::Progress for BakeProgress<'_> {
         {
             self.console.advance_to(done);
         }
+    }
+    fn expect(&self, total: u64) {
+        self.console.expect(total);
     }
     fn stopped(&self) -> bool {
         signals::stopped()

@@ -8,11 +8,11 @@ use crate::error::BakeError;
 use crate::left_out::{Pruned, prune};
 use crate::params::BakeParams;
 use crate::points::{self, PointLevels};
-use crate::refine::{Wanted, most_rays, rows};
+use crate::refine::{RowWatch, Wanted, most_rays, rows};
 use crate::settings;
 use crate::solution::{Solution, solution};
 use crate::timed::TimedSurfaces;
-use crate::transport::{Transport, levels_of, transport, with_refinement};
+use crate::transport::{Transport, levels_of, transport_in_units, with_refinement};
 use crate::units::{Ledger, Units, key};
 use crate::viewpoint;
 use glam::Vec3;
@@ -33,6 +33,8 @@ pub trait Progress: Sync {
     fn stage(&self, name: &'static str, total: Option<u64>);
     /// So many more steps of the stage are done.
     fn advance(&self, done: u64);
+    /// The stage turns out to have about so many steps.
+    fn expect(&self, _total: u64) {}
     /// Whether the bake shall stop.
     fn stopped(&self) -> bool;
 }
@@ -59,9 +61,9 @@ pub struct BakeStats {
     pub row_bytes: u64,
 }
 
-/// Candidates until all levels are full, for each point that is expected: 15 to 30 on the scenes of docs/reliability.md.
+/// Candidates until all levels are full, for each point that is expected: 15 to 31 on the scenes of docs/reliability.md.
 /// For progress only.
-const CANDIDATES_PER_POINT: u64 = 20;
+const CANDIDATES_PER_POINT: u64 = 22;
 
 /// What is baked.
 #[derive(Clone)]
@@ -150,15 +152,14 @@ pub fn bake_in_units(
         .sum();
     let counts_of_levels = points.levels.iter().map(|l| l.points.len());
     progress.stage("refine", Some(most_rays(counts_of_levels, params.rays)));
-    let step = |rays| watch.step(rays as u64);
-    let transport = transport(
+    let transport = transport_in_units(
         &timed,
         points,
         &viewpoints,
         params,
         stored_vector,
         (units, batches),
-        step,
+        &watch,
     )?;
     watch.go_on()?;
     clock.lap("refine");
@@ -315,8 +316,8 @@ pub fn bake_part(
             Part::Shared => Wanted::coarsest(r, units, r.ranges.total() / 8),
             Part::Piece { index, of } => Wanted::part(r, units, index, of),
         };
-        progress.stage("refine", None);
-        rows(r, wanted, stored_vector, units, |rays| watch.step(rays as u64))
+        progress.stage("refine", Some(0));
+        rows(r, wanted, stored_vector, units, &watch)
     })?;
     if let Some(cuts) = &params.cuts {
         let world = World {
@@ -349,6 +350,15 @@ impl Watch<'_> {
         } else {
             Ok(())
         }
+    }
+}
+
+impl RowWatch for Watch<'_> {
+    fn cast(&self, rays: usize) -> Result<(), BakeError> {
+        self.step(rays as u64)
+    }
+    fn expect(&self, rays: u64) {
+        self.0.expect(rays);
     }
 }
 
@@ -440,7 +450,9 @@ fn radius(
 ) -> Result<(f32, u64), BakeError> {
     let (radius, rays) = match request.params.coarse_radius {
         Some(radius) => (radius, 0),
-        None => points::coarse_radius_for(surfaces, viewpoints, RADIUS_LEVELS, request.params.seed, units)?,
+        None => {
+            points::coarse_radius_in_units(surfaces, viewpoints, RADIUS_LEVELS, request.params.seed, units)?
+        }
     };
     if radius.is_finite() && radius > 0.0 {
         Ok((radius, rays))
@@ -481,6 +493,10 @@ fn place_points(
         |spread| {
             let new = spread.candidates() - told;
             told = spread.candidates();
+            if let Some(wanted) = wanted {
+                // It is not done yet, whatever was expected.
+                progress.expect(wanted.max(told + told / 8));
+            }
             watch.step(new)
         },
     )?;

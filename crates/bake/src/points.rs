@@ -318,6 +318,16 @@ pub fn coarse_radius_for(
     viewpoints: &[Vec3],
     levels: usize,
     seed: u64,
+) -> Result<(f32, u64), BakeError> {
+    coarse_radius_in_units(surfaces, viewpoints, levels, seed, Units::none())
+}
+
+/// As [`coarse_radius_for`], in units.
+pub fn coarse_radius_in_units(
+    surfaces: &dyn Surfaces,
+    viewpoints: &[Vec3],
+    levels: usize,
+    seed: u64,
     units: Units,
 ) -> Result<(f32, u64), BakeError> {
     let Some((min, max)) = surfaces.bounds() else {

@@ -468,7 +468,6 @@ mod tests {
             &middle,
             &BakeParams::default(),
             |v| v,
-            (crate::units::Units::none(), 1),
             |_| Ok(()),
         )
         .unwrap();

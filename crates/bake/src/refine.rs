@@ -191,14 +191,32 @@ impl Wanted {
     }
 }
 
-/// Runs the refinement. `step` is told of rays as they are cast, or left out, and may stop the bake.
+/// Who watches rows being made.
+pub trait RowWatch: Sync {
+    /// So many rays were cast; may stop the bake.
+    ///
+    /// # Errors
+    /// [`BakeError::Stopped`].
+    fn cast(&self, rays: usize) -> Result<(), BakeError>;
+    /// So many rays will be cast in all, as far as is known by now: which rows are looked at follows from coarser ones.
+    fn expect(&self, rays: u64);
+}
+
+impl<F: Fn(usize) -> Result<(), BakeError> + Sync> RowWatch for F {
+    fn cast(&self, rays: usize) -> Result<(), BakeError> {
+        self(rays)
+    }
+    fn expect(&self, _: u64) {}
+}
+
+/// Runs the refinement.
 pub fn refine(
     r: &Refinement,
     quantised: impl Fn(Vec3) -> Vec3 + Sync,
     units: Units,
-    step: impl Fn(usize) -> Result<(), BakeError> + Sync,
+    watch: &impl RowWatch,
 ) -> Result<Refined, BakeError> {
-    let mut receivers = rows(r, Wanted::all(r, units), quantised, units, step)?;
+    let mut receivers = rows(r, Wanted::all(r, units), quantised, units, watch)?;
     let row_bytes = receivers.iter().map(Receiver::row_bytes).sum();
     receivers
         .iter_mut()
@@ -234,57 +252,52 @@ pub fn refine(
     Ok(refined)
 }
 
-/// The rows of the wanted ranges and of all that those need which have to be made; those of others are empty. `step` as
-/// for [`refine`].
+/// The rows of the wanted ranges and of all that those need which have to be made; those of others are empty.
 pub fn rows(
     r: &Refinement,
     wanted: Wanted,
     quantised: impl Fn(Vec3) -> Vec3 + Sync,
     units: Units,
-    step: impl Fn(usize) -> Result<(), BakeError> + Sync,
+    watch: &impl RowWatch,
 ) -> Result<Vec<Receiver>, BakeError> {
     let inputs = units.inputs(|key| inputs(r, key));
     let mut known = vec![Receiver::default(); r.ranges.total()];
-    let take = |known: &mut [Receiver], level: usize, range: &Range<usize>| {
+    let take = |known: &mut [Receiver], range: &Range<usize>| {
         let kept: Option<Receivers> = units.taken("refine", inputs, range);
         let kept = kept.filter(|kept| fits(r, kept));
         let is_kept = kept.is_some();
         if let Some(kept) = kept {
-            step(range.len() * rays_of(r, level))?;
             known[range.clone()]
                 .iter_mut()
                 .zip(kept.0)
                 .for_each(|(slot, row)| *slot = row);
         }
-        Ok::<bool, BakeError>(is_kept)
+        is_kept
     };
     let mut missing = wanted.clone();
-    for (level, ranges) in missing.0.iter_mut().enumerate() {
-        for (range, is_missing) in ranges.iter_mut().filter(|range| range.1) {
-            *is_missing = !take(&mut known, level, range)?;
+    for (range, is_missing) in missing.0.iter_mut().flatten().filter(|range| range.1) {
+        *is_missing = !take(&mut known, range);
+    }
+    // Only what is to be made needs the rows of parents, which may have to be made, too.
+    let needed = missing.clone().with_ancestors(r);
+    for ((range, is_needed), (is_missing, is_wanted)) in needed.0.iter().flatten().zip(
+        (missing.0.iter_mut().flatten().map(|range| &mut range.1))
+            .zip(wanted.0.iter().flatten().map(|range| range.1)),
+    ) {
+        if *is_needed && !is_wanted {
+            *is_missing = !take(&mut known, range);
         }
     }
-    // Only what is to be made needs the rows of parents.
-    let needed = missing.clone().with_ancestors(r);
+    let mut forecast = Forecast::default();
     for level in 0..r.ranges.levels() {
         let sweep = Sweep::new(r, level);
-        let ranges = needed.0[level]
-            .iter()
-            .zip(&missing.0[level])
-            .zip(&wanted.0[level]);
-        for (((range, needed), (_, missing)), (_, wanted)) in ranges {
-            if !needed {
-                continue;
-            }
-            let is_kept = if *wanted {
-                !missing
-            } else {
-                take(&mut known, level, range)?
-            };
-            if is_kept {
+        watch.expect(forecast.rays(&sweep, &missing, &known));
+        let ranges = needed.0[level].iter().zip(&missing.0[level]);
+        for ((range, _), (_, is_missing)) in ranges.filter(|(needed, _)| needed.1) {
+            if !is_missing {
                 sweep.recall(range.clone(), &mut known);
             } else {
-                let made = sweep.rows(range.clone(), &known, &quantised, &|| step(rays_of(r, level)))?;
+                let made = sweep.rows(range.clone(), &known, &quantised, watch)?;
                 units.keep("refine", inputs, range, &made)?;
                 known[range.clone()]
                     .iter_mut()
@@ -294,6 +307,48 @@ pub fn rows(
         }
     }
     Ok(known)
+}
+
+/// Guesses how many rays will be cast: of a level whose parents are known it is certain, and from level to level the
+/// share of rows that are looked at is taken to change as it did last.
+#[derive(Default)]
+struct Forecast {
+    /// Rays up to the level at hand.
+    cast: u64,
+    /// Share of rows that are looked at, on the last level that had any to make.
+    share: Option<f64>,
+}
+
+impl Forecast {
+    fn rays(&mut self, sweep: &Sweep, missing: &Wanted, known: &[Receiver]) -> u64 {
+        let (r, level) = (sweep.refinement, sweep.level);
+        let of = |level: usize| {
+            let ranges = missing.0[level].iter().filter(|range| range.1);
+            ranges.flat_map(|range| range.0.clone())
+        };
+        // All receivers of one level cast rays, for the bounces.
+        let rays = |level: usize, share: f64| {
+            let share = if level == r.bounce_receivers { 1.0 } else { share };
+            share * (of(level).count() * rays_of(r, level)) as f64
+        };
+        let rows = of(level).count();
+        let active = of(level).filter(|&i| sweep.is_active(i, known)).count();
+        let mut share = active as f64 / rows.max(1) as f64;
+        // 0 of 0 changes nothing.
+        let change = self
+            .share
+            .map_or(1.0, |last| share / last.max(share).max(f64::MIN_POSITIVE));
+        if rows > 0 {
+            self.share = Some(share);
+        }
+        self.cast += rays(level, share) as u64;
+        let mut finer_rays = 0.0;
+        for finer in level + 1..r.ranges.levels() {
+            share *= change;
+            finer_rays += rays(finer, share);
+        }
+        self.cast + finer_rays as u64
+    }
 }
 
 /// Whether kept receivers can be these: their senders exist.
@@ -380,7 +435,7 @@ impl<'a> Sweep<'a> {
         range: Range<usize>,
         known: &[Receiver],
         quantised: &(impl Fn(Vec3) -> Vec3 + Sync),
-        step: &(impl Fn() -> Result<(), BakeError> + Sync),
+        watch: &impl RowWatch,
     ) -> Result<Receivers, BakeError> {
         let rows: Result<Vec<Receiver>, BakeError> = range
             .into_par_iter()
@@ -389,7 +444,11 @@ impl<'a> Sweep<'a> {
                 || Room::new(self.refinement.field.tree),
                 |room, i| {
                     let receiver = self.receiver(i, known, quantised, room);
-                    step()?;
+                    watch.cast(if receiver.gathered {
+                        self.directions.directions.len()
+                    } else {
+                        0
+                    })?;
                     Ok(receiver)
                 },
             )

@@ -7,7 +7,7 @@ use crate::gather::SenderField;
 use crate::importance::importance;
 use crate::params::BakeParams;
 use crate::points::PointLevels;
-use crate::refine::{Refinement, Wanted, refine, rows};
+use crate::refine::{Refinement, RowWatch, Wanted, refine, rows};
 use crate::select::TypicalLight;
 use crate::units::Units;
 use glam::{Vec2, Vec3};
@@ -70,35 +70,50 @@ const NEAR: f32 = 1.0;
 /// smaller by a tenth and errors larger by 3 % (docs/transfer.md).
 const AMBIENT: f32 = 0.1;
 
-/// Computes the operators over given points. `step` is told of rays as they are cast and may stop the bake. More than one
-/// of `batches` makes links range by range, so that only the rows that a part needs are in memory at once; that takes
-/// units that are kept.
+/// Computes the operators over given points. `step` is told of rays as they are cast and may stop the bake.
 ///
 /// # Errors
-/// What `step` returns, or a unit cannot be kept.
+/// What `step` returns.
 pub fn transport(
     surfaces: &dyn Surfaces,
     points: PointLevels,
     viewpoints: &[Vec3],
     params: &BakeParams,
     quantised: impl Fn(Vec3) -> Vec3 + Sync,
-    (units, batches): (Units, usize),
     step: impl Fn(usize) -> Result<(), BakeError> + Sync,
+) -> Result<Transport, BakeError> {
+    let units = (Units::none(), 1);
+    transport_in_units(surfaces, points, viewpoints, params, quantised, units, &step)
+}
+
+/// As [`transport`], in units. More than one of `batches` makes links range by range, so that only the rows that a part
+/// needs are in memory at once; that takes units that are kept.
+///
+/// # Errors
+/// `watch` stops the bake, or a unit cannot be kept.
+pub fn transport_in_units(
+    surfaces: &dyn Surfaces,
+    points: PointLevels,
+    viewpoints: &[Vec3],
+    params: &BakeParams,
+    quantised: impl Fn(Vec3) -> Vec3 + Sync,
+    (units, batches): (Units, usize),
+    watch: &impl RowWatch,
 ) -> Result<Transport, BakeError> {
     let made = with_refinement(surfaces, &points, viewpoints, params, units, |r, levels| {
         let batches = if units.are_kept() { batches } else { 1 };
         for batch in (0..batches).filter(|_| batches > 1) {
+            // What all batches cast together is not known to any of them.
+            let cast = |rays| watch.cast(rays);
             rows(
                 r,
                 Wanted::part(r, units, batch, batches),
                 &quantised,
                 units,
-                &step,
+                &cast,
             )?;
         }
-        // What is kept is not counted twice.
-        let step = |rays| step(if batches > 1 { 0 } else { rays });
-        let refined = refine(r, quantised, units, step)?;
+        let refined = refine(r, quantised, units, watch)?;
         let bounce = bounce(r, &levels[r.bounce_receivers], &refined.bounce_rows);
         Ok((refined, bounce, r.bounce_level))
     })?;

@@ -15,8 +15,9 @@ use std::path::{Path, PathBuf};
 #[derive(Args)]
 #[command(after_help = "\
 The JSON of --json: points (per level, coarsest first), links, potential_links, rays, seconds (per stage, total,
-ray_tracing: thread-seconds in rays / threads), bytes (per section raw and stored, total), peak_memory_bytes,
-left_out (what, why, saved_bytes).")]
+ray_tracing: thread-seconds in rays / threads), bytes (per section raw and stored, total), peak_memory_bytes, row_bytes
+(memory of reconstructed rows), left_out (what, why, saved_bytes), and with --resume units (all, reused).
+Of --dry-run: points, rays, links, seconds, bytes, memory_bytes, smallest_memory_limit. Of --plan: units.")]
 pub struct BakeArgs {
     /// Scene to bake: .glb or .gltf.
     #[arg(value_name = "SCENE", required_unless_present_any = ["unit", "merge"])]

@@ -7,8 +7,11 @@
 //!
 //! What a hash holds is what rays meet ([`key::surfaces`]: triangles, smooth normals, and where alpha lets rays pass),
 //! what the stage is given (points, senders, viewpoints), its settings and the seed; never a light, nor what a
-//! surface reflects. Importance particles bounce through the whole scene and the points lie where they land, so an object
-//! that is moved changes points everywhere, and all units with them (docs/reliability.md).
+//! surface reflects.
+//!
+//! Limit: surfaces are hashed as a whole. An object that is moved is met by some particles of every unit; it changes few
+//! points, but by them the numbering of all, and by importance the weights of the senders, on which every row depends. So
+//! all units that cast rays are made anew (docs/reliability.md has figures).
 
 mod columns;
 pub mod folder;
