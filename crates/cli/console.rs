@@ -6,16 +6,32 @@ use crate::words;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// Seconds between two plain progress lines of one stage.
 const LINE_EVERY: Duration = Duration::from_secs(5);
+/// Seconds between two lines of JSON of one stage.
+const JSON_EVERY: Duration = Duration::from_secs(1);
+
+/// How progress is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum ProgressStyleName {
+    /// Bars on a terminal, lines elsewhere.
+    #[default]
+    Auto,
+    /// Lines.
+    Plain,
+    /// One JSON object per line, every second: stage, done, total (null where it is not known), seconds, seconds_left.
+    Json,
+}
 
 /// Where notes and progress go.
 pub struct Console {
     quiet: bool,
     verbose: bool,
     terminal: bool,
+    json: bool,
     stage: Mutex<Option<Stage>>,
 }
 
@@ -29,18 +45,19 @@ struct Stage {
 
 impl Console {
     /// A console on stderr.
-    pub fn new(quiet: bool, verbose: bool) -> Console {
+    pub fn new(quiet: bool, verbose: bool, style: ProgressStyleName) -> Console {
         Console {
             quiet,
             verbose,
-            terminal: std::io::stderr().is_terminal(),
+            terminal: style == ProgressStyleName::Auto && std::io::stderr().is_terminal(),
+            json: style == ProgressStyleName::Json,
             stage: Mutex::new(None),
         }
     }
 
     /// One that says nothing, for commands that another command runs.
     pub fn silent(&self) -> Console {
-        Console::new(true, false)
+        Console::new(true, false, ProgressStyleName::Plain)
     }
 
     /// Whether people asked for more.
@@ -88,19 +105,23 @@ impl Console {
             bar.enable_steady_tick(Duration::from_millis(120));
             bar
         } else {
-            eprintln!("{name} ...");
+            if !self.json {
+                eprintln!("{name} ...");
+            }
             ProgressBar::hidden()
         };
         let now = Instant::now();
-        self.with_stage(|stage| {
-            *stage = Some(Stage {
-                name: name.to_owned(),
-                total,
-                bar,
-                start: now,
-                said: now,
-            });
-        });
+        let begun = Stage {
+            name: name.to_owned(),
+            total,
+            bar,
+            start: now,
+            said: now,
+        };
+        if self.json {
+            eprintln!("{}", json_line(&begun, 0));
+        }
+        self.with_stage(|stage| *stage = Some(begun));
     }
 
     /// So many steps of the stage are done.
@@ -111,9 +132,21 @@ impl Console {
             if done > stage.bar.position() {
                 stage.bar.set_position(done);
             }
-            if !self.terminal && stage.said.elapsed() >= LINE_EVERY {
+            let every = if self.json { JSON_EVERY } else { LINE_EVERY };
+            if !self.terminal && stage.said.elapsed() >= every {
                 stage.said = Instant::now();
-                eprintln!("{}", plain_line(stage, done));
+                let line = if self.json { json_line } else { plain_line };
+                eprintln!("{}", line(stage, done));
+            }
+        });
+    }
+
+    /// The stage turns out to have about so many steps.
+    pub fn expect(&self, total: u64) {
+        self.with_stage(|stage| {
+            if let Some(stage) = stage {
+                stage.total = Some(total);
+                stage.bar.set_length(total);
             }
         });
     }
@@ -136,6 +169,20 @@ impl Console {
     }
 }
 
+fn json_line(stage: &Stage, done: u64) -> String {
+    let seconds = stage.start.elapsed().as_secs_f64();
+    let left = (stage.total.filter(|_| done > 0))
+        .map(|total| total.saturating_sub(done) as f64 * seconds / done as f64);
+    serde_json::json!({
+        "stage": stage.name,
+        "done": done,
+        "total": stage.total,
+        "seconds": seconds,
+        "seconds_left": left,
+    })
+    .to_string()
+}
+
 fn plain_line(stage: &Stage, done: u64) -> String {
     let seconds = stage.start.elapsed().as_secs_f64();
     let rate = done as f64 / seconds.max(1e-9);
@@ -154,21 +201,62 @@ fn plain_line(stage: &Stage, done: u64) -> String {
 }
 
 /// The console as the bake sees it.
-pub struct BakeProgress<'a>(pub &'a Console);
+pub struct BakeProgress<'a> {
+    console: &'a Console,
+    done: AtomicU64,
+    start: Instant,
+    /// Milliseconds since `start` when the console was told last.
+    told: AtomicU64,
+}
+
+/// Milliseconds between two looks at the console: it has a lock, and workers report every receiver.
+const TOLD_EVERY: u64 = 50;
+
+impl<'a> BakeProgress<'a> {
+    /// Reports to `console`.
+    pub fn new(console: &'a Console) -> BakeProgress<'a> {
+        BakeProgress {
+            console,
+            done: AtomicU64::new(0),
+            start: Instant::now(),
+            told: AtomicU64::new(0),
+        }
+    }
+}
 
 impl relight_bake::Progress for BakeProgress<'_> {
     fn stage(&self, name: &'static str, total: Option<u64>) {
         let words = match name {
             "load" => "Preparing the scene",
+            "reach" => "Looking around",
             "points" => "Spreading points",
+            "share" => "Finding what senders see",
             "refine" => "Linking points",
+            "solve" => "Solving bounces",
+            "light_tree" => "Sorting lights",
+            "cuts" => "Cutting visibility",
             "prune" => "Leaving out what is not needed",
             other => other,
         };
-        self.0.begin(words, total);
+        self.done.store(0, Ordering::Relaxed);
+        self.console.begin(words, total);
     }
-    fn advance(&self, done: u64) {
-        self.0.advance_to(done);
+    fn advance(&self, more: u64) {
+        let done = self.done.fetch_add(more, Ordering::Relaxed) + more;
+        let now = self.start.elapsed().as_millis() as u64;
+        let told = self.told.load(Ordering::Relaxed);
+        let due = now >= told + TOLD_EVERY;
+        if due
+            && self
+                .told
+                .compare_exchange(told, now, Ordering::Relaxed, Ordering::Relaxed)
+                .is_ok()
+        {
+            self.console.advance_to(done);
+        }
+    }
+    fn expect(&self, total: u64) {
+        self.console.expect(total);
     }
     fn stopped(&self) -> bool {
         signals::stopped()

@@ -26,7 +26,7 @@ mod target;
 mod words;
 
 use clap::{Args, Parser, Subcommand};
-use console::Console;
+use console::{Console, ProgressStyleName};
 use failure::{Failure, Outcome};
 use std::process::ExitCode;
 
@@ -61,6 +61,9 @@ struct Global {
     /// Seed of all random numbers: same inputs and seed, same bytes.
     #[arg(long, global = true, value_name = "S", default_value_t = 0)]
     seed: u64,
+    /// How progress is shown on stderr: bars on a terminal and lines elsewhere, lines, or JSON lines for farms.
+    #[arg(long, global = true, value_enum, default_value_t = ProgressStyleName::Auto)]
+    progress: ProgressStyleName,
 }
 
 #[derive(Subcommand)]
@@ -78,7 +81,7 @@ enum Command {
 fn main() -> ExitCode {
     // clap leaves with code 2 for wrong usage, 0 for help and version.
     let cli = Cli::parse();
-    let console = Console::new(cli.global.quiet, cli.global.verbose);
+    let console = Console::new(cli.global.quiet, cli.global.verbose, cli.global.progress);
     let result = run(&cli, &console);
     console.close();
     match result {

@@ -63,8 +63,17 @@ pub fn prepare_output(path: &Path) -> Result<()> {
 
 /// Most memory that this process has used so far, bytes; `None` where the system does not say.
 pub fn peak_memory_bytes() -> Option<u64> {
+    memory("VmHWM:")
+}
+
+/// Memory that this process uses now, bytes; `None` where the system does not say.
+pub fn resident_bytes() -> Option<u64> {
+    memory("VmRSS:")
+}
+
+fn memory(field: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let line = status.lines().find_map(|line| line.strip_prefix(field))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib * 1024)
 }

@@ -176,7 +176,7 @@ fn tried(
     console: &Console,
 ) -> Result<(Baked, Estimate), Failure> {
     let params = with_step(order.job.params, step);
-    let baked = bake_job(order.job, &params, scene.clone(), console)?;
+    let baked = bake_job(order.job, &params, scene.clone(), None, console)?;
     signals::go_on()?;
     console.begin("Comparing with the probes", None);
     let estimate = probes.estimate(&baked.asset)?;

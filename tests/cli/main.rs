@@ -17,4 +17,6 @@ mod materials;
 mod play;
 mod report;
 mod signals;
+mod slurm;
 mod stage;
+mod units;

@@ -52,7 +52,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Another seed than the points', or places would be points.
     let (landings, _) = candidates::trace(&traced, &eyes, 1, 0, PARTICLES);
     let places: Vec<Candidate> = landings
-        .into_iter()
+        .iter()
+        .map(|hit| Candidate::at(&traced, hit))
         .filter(|p| p.position.x.abs() > JAMB || p.normal.x.abs() > 0.5)
         .collect();
     let finest = &points.levels[LEVELS - 1].points;

@@ -3,20 +3,23 @@
 use crate::candidates::Candidate;
 use crate::convert;
 use crate::coverage::{Coverage, coverage, everywhere};
-use crate::cut_sections::{World, cut_sections};
+use crate::cut_sections::{World, cut_part, cut_sections};
 use crate::error::BakeError;
 use crate::left_out::{Pruned, prune};
 use crate::omissions::Omissions;
 use crate::params::{BakeParams, CutParams, Part};
 use crate::points::{self, PointLevels};
+use crate::refine::{RowWatch, Wanted, most_rays, rows};
 use crate::seen;
 use crate::settings;
 use crate::solution::{Solution, solution};
 use crate::timed::TimedSurfaces;
-use crate::transport::{Transport, levels_of, transport};
+use crate::transport::{Transport, levels_of, transport_in_units, with_refinement};
+use crate::units::{Ledger, Units, key};
 use crate::viewpoint;
 use glam::Vec3;
 use relight_format as format;
+use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::light::{LightKind, LightTrack};
 use relight_scene::scene::Scene;
 use relight_scene::sequence::Sequence;
@@ -32,8 +35,10 @@ use std::time::Instant;
 pub trait Progress: Sync {
     /// A stage begins; `total` is the number of its steps, where it is known.
     fn stage(&self, name: &'static str, total: Option<u64>);
-    /// So many steps of the stage are done.
+    /// So many more steps of the stage are done.
     fn advance(&self, done: u64);
+    /// The stage turns out to have about so many steps.
+    fn expect(&self, _total: u64) {}
     /// Whether the bake shall stop.
     fn stopped(&self) -> bool;
 }
@@ -56,10 +61,32 @@ pub struct BakeStats {
     pub ray_tracing_seconds: f64,
     /// Worker threads.
     pub threads: usize,
+    /// Memory that reconstructed rows took, bytes: what batches save.
+    pub row_bytes: u64,
 }
 
-/// Bakes a scene. `lights`: the only sequence that the asset will play, if known; then what it cannot use is
-/// left out. `source_hash` identifies the scene's file.
+/// Candidates until all levels are full, for each point that is expected: 15 to 31 on the scenes of docs/reliability.md.
+/// For progress only.
+const CANDIDATES_PER_POINT: u64 = 22;
+
+/// What is baked.
+#[derive(Clone)]
+pub struct Request<'a> {
+    /// The scene.
+    pub scene: Arc<Scene>,
+    /// How materials are evaluated.
+    pub shading: Shading,
+    /// How.
+    pub params: &'a BakeParams,
+    /// The only sequence that the asset will play, if known; then what it cannot use is left out.
+    pub lights: Option<&'a Sequence>,
+    /// Identifies the scene's file.
+    pub source_hash: u64,
+    /// In how many parts links are made one after the other, to take less memory; more than 1 takes a ledger.
+    pub batches: usize,
+}
+
+/// Bakes a scene in one go. The parameters are the fields of [`Request`].
 ///
 /// # Errors
 /// [`BakeError`]: the scene cannot be prepared, a parameter is out of range, nothing is reachable, or
@@ -72,53 +99,52 @@ pub fn bake(
     source_hash: u64,
     progress: &dyn Progress,
 ) -> Result<Baked, BakeError> {
-    settings::validate(params)?;
-    let mut clock = Clock {
-        start: Instant::now(),
-        seconds: Vec::new(),
+    let request = Request {
+        scene,
+        shading,
+        params,
+        lights,
+        source_hash,
+        batches: 1,
     };
-    let go_on = || {
-        if progress.stopped() {
-            Err(BakeError::Stopped)
-        } else {
-            Ok(())
-        }
-    };
-    go_on()?;
+    bake_in_units(&request, None, progress)
+}
 
-    progress.stage("load", None);
-    let traced = TracedScene::new(scene.clone(), shading)?;
+/// Bakes a scene in units of work that `ledger` keeps and takes again. The asset is that of [`bake()`], bit by bit.
+///
+/// # Errors
+/// As [`bake()`], or a unit cannot be kept.
+pub fn bake_in_units(
+    request: &Request,
+    ledger: Option<&Ledger>,
+    progress: &dyn Progress,
+) -> Result<Baked, BakeError> {
+    let &Request {
+        ref scene,
+        shading,
+        params,
+        lights,
+        source_hash,
+        batches,
+    } = request;
+    let mut clock = Clock::new();
+    let watch = Watch(progress);
+    let traced = load(request, progress)?;
     let timed = TimedSurfaces::new(&traced);
-    go_on()?;
+    let units = units_of(ledger, scene);
     clock.lap("load");
 
-    progress.stage("points", None);
+    let places = place_points(&timed, request, units, progress)?;
     let Places {
         points,
         viewpoints,
         rays: search_rays,
         automatic,
-    } = place_points(&timed, &scene, lights, params, progress)?;
+    } = places;
     clock.lap("points");
+    let points = kept_points(&traced, points, params);
+    let (tracks, cameras) = looking(request)?;
 
-    let points = if params.keeps(Part::Points) {
-        everywhere(&traced, points, params.seed)
-    } else {
-        points
-    };
-    let tracks = match params.cameras_only {
-        true => seen::tracks(&scene, lights),
-        false => Vec::new(),
-    };
-    if params.cameras_only && tracks.is_empty() {
-        return Err(BakeError::Parameter {
-            name: "--cameras-only",
-            found: "a scene without a camera".into(),
-            expected: "a camera in the scene or in the sequence of --lights",
-        });
-    }
-    let frames = lights.map_or(1, |s| s.frames).max(scene.sequence.frames);
-    let cameras = seen::poses(&tracks, frames);
     let (levels, points) = quantised(points);
     let covered = levels_of(&points).last().map_or(Coverage::default(), |finest| {
         coverage(&traced, finest, params.seed)
@@ -130,49 +156,37 @@ pub fn bake(
         .take(params.sender_levels)
         .map(|l| l.points.len() as u64)
         .sum();
-    progress.stage("refine", Some(receivers));
-    let transport = transport(
+    let counts_of_levels = points.levels.iter().map(|l| l.points.len());
+    progress.stage("refine", Some(most_rays(counts_of_levels, params.rays)));
+    let transport = transport_in_units(
         &timed,
         points,
-        &viewpoints,
-        &cameras,
+        (&viewpoints, &cameras),
         params,
-        |v| {
-            let stored = match params.short_links() {
-                true => format::shortened_vector,
-                false => format::quantised_vector,
-            };
-            Vec3::from(stored(v.to_array()))
-        },
-        |done| {
-            // One call in 64: the watcher may take a lock.
-            if done.is_multiple_of(64) {
-                progress.advance(done as u64);
-                go_on()?;
-            }
-            Ok(())
-        },
+        stored_vector(params),
+        (units, batches),
+        &watch,
     )?;
-    go_on()?;
+    watch.go_on()?;
     clock.lap("refine");
-    let solved = (params.solution && params.needs_bounces()).then(|| solved(&transport, params));
-    if solved.is_some() {
-        clock.lap("solve");
-    }
-    go_on()?;
+    let solved = match params.solution && params.needs_bounces() {
+        true => {
+            let solved = solved(&transport, params, units, &watch)?;
+            clock.lap("solve");
+            Some(solved)
+        }
+        false => None,
+    };
+    watch.go_on()?;
 
-    let wanted_cuts = params
-        .cuts
-        .as_ref()
-        .filter(|cuts| cuts_are_used(cuts, params, lights));
-    let cuts = match wanted_cuts {
+    let cuts = match wanted_cuts(request) {
         Some(cuts) => {
             let world = World {
                 scene: &traced,
                 surfaces: &timed,
                 points: &transport.points,
             };
-            let made = cut_sections(&world, cuts, params.seed, progress)?;
+            let made = cut_sections(&world, cuts, params.seed, units, progress)?;
             clock.lap("cuts");
             Some(made)
         }
@@ -185,7 +199,7 @@ pub fn bake(
         left_out,
         keeps_lights,
         keeps_emission,
-    } = prune(&scene, shading, lights, params);
+    } = prune(scene, shading, lights, params);
     let coding = coding(&levels, &transport, params);
     let mut omitted = Omissions {
         list: left_out,
@@ -270,19 +284,51 @@ pub fn bake(
         seconds: clock.seconds,
         ray_tracing_seconds: (timed.thread_seconds(rays) + timed.packet_thread_seconds()) / threads as f64,
         threads,
+        row_bytes: transport.row_bytes,
     };
     Ok(Baked { asset, stats })
 }
 
-/// Whether cuts are worth making: `--cuts auto` makes none without an environment to see.
-fn cuts_are_used(cuts: &CutParams, params: &BakeParams, lights: Option<&Sequence>) -> bool {
+/// The points, and those that are kept though no light path leads there.
+fn kept_points(traced: &TracedScene, points: PointLevels, params: &BakeParams) -> PointLevels {
+    if params.keeps(Part::Points) {
+        everywhere(traced, points, params.seed)
+    } else {
+        points
+    }
+}
+
+/// The cameras that alone will look, and where they stand over all frames; none: anybody may look from anywhere.
+fn looking<'a>(request: &'a Request) -> Result<(Vec<&'a CameraTrack>, Vec<Camera>), BakeError> {
+    let (scene, lights) = (&request.scene, request.lights);
+    if !request.params.cameras_only {
+        return Ok((Vec::new(), Vec::new()));
+    }
+    let tracks = seen::tracks(scene, lights);
+    if tracks.is_empty() {
+        return Err(BakeError::Parameter {
+            name: "--cameras-only",
+            found: "a scene without a camera".into(),
+            expected: "a camera in the scene or in the sequence of --lights",
+        });
+    }
+    let frames = lights.map_or(1, |s| s.frames).max(scene.sequence.frames);
+    let cameras = seen::poses(&tracks, frames);
+    Ok((tracks, cameras))
+}
+
+/// The cuts to make: `--cuts auto` makes none without an environment to see.
+fn wanted_cuts<'a>(request: &Request<'a>) -> Option<&'a CutParams> {
     let distant = |light: &LightTrack| {
         matches!(
             light.kind,
             LightKind::Environment { .. } | LightKind::SunSky { .. }
         )
     };
-    !cuts.if_used || params.keeps(Part::Cuts) || lights.is_none_or(|s| s.lights.iter().any(distant))
+    let may_shine = request.lights.is_none_or(|s| s.lights.iter().any(distant));
+    let params = request.params;
+    let used = |cuts: &&CutParams| !cuts.if_used || params.keeps(Part::Cuts) || may_shine;
+    params.cuts.as_ref().filter(used)
 }
 
 /// What takes fewer bits in the file.
@@ -294,12 +340,144 @@ fn coding(levels: &[format::Level], made: &Transport, params: &BakeParams) -> fo
     }
 }
 
+/// Part of a bake, for others to finish.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Portion {
+    /// What all pieces need.
+    Shared,
+    /// One of so many pieces, from 0.
+    Piece {
+        /// Which.
+        index: usize,
+        /// Of how many.
+        of: usize,
+    },
+}
+
+/// Rays of a piece, about: some seconds of work, well more than it takes to begin.
+const RAYS_PER_PIECE: u64 = 1 << 23;
+/// Most pieces: each of them reads the scene and the points.
+const MOST_PIECES: u64 = 1000;
+/// A site of cuts casts a ray at one in so many lights, about (docs/cuts.md).
+const LIGHTS_PER_RAY: u64 = 6;
+
+/// Computes part of a bake into the ledger's store. What it needs of other parts is taken from there or computed, too, so
+/// that parts can run in any order and at once. Returns into how many pieces the work is best cut.
+///
+/// # Errors
+/// As [`bake_in_units`].
+pub fn bake_part(
+    request: &Request,
+    ledger: &Ledger,
+    part: Portion,
+    progress: &dyn Progress,
+) -> Result<usize, BakeError> {
+    let params = request.params;
+    let watch = Watch(progress);
+    let traced = load(request, progress)?;
+    let units = units_of(Some(ledger), &request.scene);
+    let Places {
+        points, viewpoints, ..
+    } = place_points(&traced, request, units, progress)?;
+    let points = kept_points(&traced, points, params);
+    let (_, cameras) = looking(request)?;
+    let (_, points) = quantised(points);
+    let counts: Vec<usize> = points.levels.iter().map(|l| l.points.len()).collect();
+    let mut rays = most_rays(counts.iter().copied(), params.rays);
+    let cuts = wanted_cuts(request);
+    if let (Some(cuts), Some(&sites)) = (cuts, counts.last()) {
+        rays += sites as u64 * u64::from(cuts.lights) / LIGHTS_PER_RAY;
+    }
+    progress.stage("share", None);
+    let viewers = (&viewpoints[..], &cameras[..]);
+    with_refinement(&traced, &points, viewers, params, units, |r, _| {
+        let wanted = match part {
+            // An eighth: some two levels less than the finest, a quarter of the rays.
+            Portion::Shared => Wanted::coarsest(r, units, r.ranges.total() / 8),
+            Portion::Piece { index, of } => Wanted::part(r, units, index, of),
+        };
+        progress.stage("refine", Some(0));
+        rows(r, wanted, stored_vector(params), units, &watch)
+    })?;
+    if let Some(cuts) = cuts {
+        let world = World {
+            scene: &traced,
+            surfaces: &traced,
+            points: &points,
+        };
+        let piece = match part {
+            Portion::Shared => None,
+            Portion::Piece { index, of } => Some((index, of)),
+        };
+        cut_part(&world, cuts, params.seed, units, piece, progress)?;
+    }
+    watch.go_on()?;
+    Ok(rays.div_ceil(RAYS_PER_PIECE).clamp(1, MOST_PIECES) as usize)
+}
+
+/// A watcher as stages see it.
+struct Watch<'a>(&'a dyn Progress);
+
+impl Watch<'_> {
+    fn step(&self, done: u64) -> Result<(), BakeError> {
+        self.0.advance(done);
+        self.go_on()
+    }
+
+    fn go_on(&self) -> Result<(), BakeError> {
+        if self.0.stopped() {
+            Err(BakeError::Stopped)
+        } else {
+            Ok(())
+        }
+    }
+}
+
+impl RowWatch for Watch<'_> {
+    fn cast(&self, rays: usize) -> Result<(), BakeError> {
+        self.step(rays as u64)
+    }
+    fn expect(&self, rays: u64) {
+        self.0.expect(rays);
+    }
+}
+
+/// What a reader of the file will see of a link.
+fn stored_vector(params: &BakeParams) -> impl Fn(Vec3) -> Vec3 + Copy + Sync {
+    let stored = match params.short_links() {
+        true => format::shortened_vector,
+        false => format::quantised_vector,
+    };
+    move |v| Vec3::from(stored(v.to_array()))
+}
+
+fn load(request: &Request, progress: &dyn Progress) -> Result<TracedScene, BakeError> {
+    settings::validate(request.params)?;
+    let watch = Watch(progress);
+    watch.go_on()?;
+    progress.stage("load", None);
+    let traced = TracedScene::new(request.scene.clone(), request.shading)?;
+    watch.go_on()?;
+    Ok(traced)
+}
+
+fn units_of<'a>(ledger: Option<&'a Ledger<'a>>, scene: &Scene) -> Units<'a> {
+    Units::new(ledger, ledger.map_or(0, |_| key::surfaces(scene)))
+}
+
 struct Clock {
     start: Instant,
     seconds: Vec<(&'static str, f64)>,
 }
 
 impl Clock {
+    fn new() -> Clock {
+        Clock {
+            start: Instant::now(),
+            seconds: Vec::new(),
+        }
+    }
+
     fn lap(&mut self, name: &'static str) {
         self.seconds.push((name, self.start.elapsed().as_secs_f64()));
         self.start = Instant::now();
@@ -310,6 +488,17 @@ impl Clock {
 /// make a bake coarser, not to spread the same points over them.
 const RADIUS_LEVELS: usize = 6;
 
+/// The scene prepared, and R of the coarsest level: what is asked for, or what suits the scene.
+///
+/// # Errors
+/// As [`bake()`].
+pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<(TracedScene, f32), BakeError> {
+    let traced = load(request, progress)?;
+    let (viewpoints, _, _) = viewpoints(&traced, request)?;
+    let radius = radius(&traced, request, &viewpoints, Units::none())?.0;
+    Ok((traced, radius))
+}
+
 struct Places {
     points: PointLevels,
     viewpoints: Vec<Vec3>,
@@ -317,55 +506,82 @@ struct Places {
     automatic: bool,
 }
 
-fn place_points(
-    surfaces: &dyn Surfaces,
-    scene: &Scene,
-    lights: Option<&Sequence>,
-    params: &BakeParams,
-    progress: &dyn Progress,
-) -> Result<Places, BakeError> {
-    let mut viewpoints = params.viewpoints.clone();
+/// Viewpoints, rays cast to find them, and whether the scene had none of its own.
+fn viewpoints(surfaces: &dyn Surfaces, request: &Request) -> Result<(Vec<Vec3>, u64, bool), BakeError> {
+    let mut viewpoints = request.params.viewpoints.clone();
     if viewpoints.is_empty() {
-        viewpoints = viewpoint::of_cameras(scene, lights);
+        viewpoints = viewpoint::of_cameras(&request.scene, request.lights);
     }
     let automatic = viewpoints.is_empty();
     let mut rays = 0;
     if automatic {
-        let (place, cast) = viewpoint::in_open_space(surfaces, params.seed);
+        let (place, cast) = viewpoint::in_open_space(surfaces, request.params.seed);
         rays += cast;
         viewpoints.extend(place);
     }
     if viewpoints.is_empty() {
         return Err(BakeError::NothingReachable { viewpoints });
     }
-    if progress.stopped() {
-        return Err(BakeError::Stopped);
-    }
-    let radius = match params.coarse_radius {
-        Some(radius) => radius,
+    Ok((viewpoints, rays, automatic))
+}
+
+/// R of the coarsest level, and rays cast to find it.
+fn radius(
+    surfaces: &dyn Surfaces,
+    request: &Request,
+    viewpoints: &[Vec3],
+    units: Units,
+) -> Result<(f32, u64), BakeError> {
+    let (radius, rays) = match request.params.coarse_radius {
+        Some(radius) => (radius, 0),
         None => {
-            let (radius, cast) =
-                points::coarse_radius_for(surfaces, &viewpoints, RADIUS_LEVELS, params.seed)?;
-            rays += cast;
-            radius
+            points::coarse_radius_in_units(surfaces, viewpoints, RADIUS_LEVELS, request.params.seed, units)?
         }
     };
-    if !(radius.is_finite() && radius > 0.0) {
-        return Err(BakeError::NothingReachable { viewpoints });
+    if radius.is_finite() && radius > 0.0 {
+        Ok((radius, rays))
+    } else {
+        Err(BakeError::NothingReachable {
+            viewpoints: viewpoints.to_vec(),
+        })
     }
-    let points = points::distribute(
+}
+
+fn place_points(
+    surfaces: &dyn Surfaces,
+    request: &Request,
+    units: Units,
+    progress: &dyn Progress,
+) -> Result<Places, BakeError> {
+    progress.stage("reach", None);
+    let (params, watch) = (request.params, Watch(progress));
+    let (viewpoints, mut rays, automatic) = viewpoints(surfaces, request)?;
+    watch.go_on()?;
+    let (radius, cast) = radius(surfaces, request, &viewpoints, units)?;
+    rays += cast;
+    // Radii of our own make give about as many points as were wanted.
+    let finest = points::expected(RADIUS_LEVELS, params.levels) as u64;
+    let wanted = params
+        .coarse_radius
+        .is_none()
+        .then_some(finest * CANDIDATES_PER_POINT);
+    progress.stage("points", wanted);
+    let mut told = 0;
+    let points = points::distribute_in_units(
         surfaces,
         &viewpoints,
         params.levels,
         radius,
         params.seed,
-        |finest| {
-            progress.advance(finest as u64);
-            if progress.stopped() {
-                Err(BakeError::Stopped)
-            } else {
-                Ok(())
+        units,
+        |spread| {
+            let new = spread.candidates() - told;
+            told = spread.candidates();
+            if let Some(wanted) = wanted {
+                // It is not done yet, whatever was expected.
+                progress.expect(wanted.max(told + told / 8));
             }
+            watch.step(new)
         },
     )?;
     Ok(Places {
@@ -464,9 +680,15 @@ fn links(links: &Links) -> format::Links {
     }
 }
 
-fn solved(transport: &Transport, params: &BakeParams) -> Solution {
+fn solved(
+    transport: &Transport,
+    params: &BakeParams,
+    units: Units,
+    watch: &Watch,
+) -> Result<Solution, BakeError> {
     let finest = transport.points.levels.last();
     let albedo: Vec<Vec3> = finest.map_or_else(Vec::new, |l| l.points.iter().map(|p| p.albedo).collect());
+    watch.0.stage("solve", None);
     solution(
         &transport.bounce,
         transport.bounce_level,
@@ -475,6 +697,8 @@ fn solved(transport: &Transport, params: &BakeParams) -> Solution {
         // T carries the last bounce.
         params.bounces.map(|n| n.saturating_sub(2)),
         params.epsilon,
+        units,
+        &|rows| watch.step(rows as u64),
     )
 }
 

@@ -50,16 +50,16 @@ impl Candidate {
 }
 
 /// Traces particles number `first..first + count` and returns their landings, particle by particle, and the
-/// number of rays cast.
+/// number of rays cast. What the surfaces reflect is not asked: few landings become points.
 pub fn trace(
     surfaces: &dyn Surfaces,
     viewpoints: &[Vec3],
     seed: u64,
     first: u64,
     count: usize,
-) -> (Vec<Candidate>, u64) {
+) -> (Vec<SurfaceHit>, u64) {
     const CHUNK: usize = 256;
-    let chunks: Vec<(Vec<Candidate>, u64)> = (0..count.div_ceil(CHUNK))
+    let chunks: Vec<(Vec<SurfaceHit>, u64)> = (0..count.div_ceil(CHUNK))
         .into_par_iter()
         .map(|chunk| {
             let mut landings = Vec::new();
@@ -81,13 +81,13 @@ pub fn trace(
     (chunks.into_iter().flat_map(|c| c.0).collect(), rays)
 }
 
-fn trace_one(surfaces: &dyn Surfaces, start: Vec3, s: &mut Stream, landings: &mut Vec<Candidate>) -> u64 {
+fn trace_one(surfaces: &dyn Surfaces, start: Vec3, s: &mut Stream, landings: &mut Vec<SurfaceHit>) -> u64 {
     let deposited = landings.len();
     walk(surfaces, start, s, BOUNCES, |bounce, hit| {
         if bounce == SKIPPED {
             landings.truncate(deposited);
         }
-        landings.push(Candidate::at(surfaces, hit));
+        landings.push(*hit);
     })
 }
 

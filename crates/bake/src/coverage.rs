@@ -92,22 +92,23 @@ pub fn everywhere(scene: &TracedScene, mut points: PointLevels, seed: u64) -> Po
         if disks.iter().all(Disks::is_full) {
             break;
         }
-        let batch: Vec<Candidate> = (0..ROUND)
+        let batch: Vec<SurfaceHit> = (0..ROUND)
             .filter_map(|i| {
                 let mut stream = Stream::new(seed, STAGE_EVERYWHERE, round * ROUND + i);
                 let at = f64::from(stream.uniform());
-                let hit = samples.at(at, &mut stream, i % 2 == 0)?;
-                Some(Candidate::at(scene, &hit))
+                samples.at(at, &mut stream, i % 2 == 0)
             })
             .collect();
-        let (positions, normals) = places(&batch);
+        let (positions, normals): (Vec<Vec3>, Vec<Vec3>) =
+            batch.iter().map(|hit| (hit.position, hit.normal)).unzip();
         for (l, disks) in disks.iter_mut().enumerate() {
             let radius = disks.radius();
             let old = disks.candidates.len();
             disks.throw(&positions, &normals, 0, |i| {
                 l == finest || points::is_open(scene, &batch[i], radius, &directions)
             });
-            more[l].extend(disks.candidates[old..].iter().map(|&c| batch[c as usize]));
+            let taken = disks.candidates[old..].iter();
+            more[l].extend(taken.map(|&c| Candidate::at(scene, &batch[c as usize])));
         }
     }
     for (level, more) in points.levels.iter_mut().zip(more) {

@@ -1,18 +1,22 @@
 //! From finest points to the light tree and the cuts of an asset.
 
 use crate::bake::Progress;
+use crate::candidates::Candidate;
 use crate::convert;
 use crate::error::BakeError;
-use crate::light_samples::{Lights, in_tree};
+use crate::light_samples::{LightLeaves, Lights, Ordered, order};
 use crate::params::{CutMode, CutParams, CutSites};
 use crate::points::PointLevels;
 use crate::surface_lights::surface_lights;
 use crate::transport::levels_of;
-use crate::vertex_sites::vertex_sites;
-use crate::visibility::site_cuts;
+use crate::units::Units;
+use crate::units::key::Key;
+use crate::vertex_sites::{VertexSite, vertex_sites};
+use crate::visibility::{cut_ranges, cut_unit, site_cuts_in_units};
 use relight_format as format;
 use relight_scene::surface::Surfaces;
 use relight_scene::traced::TracedScene;
+use std::ops::Range;
 
 /// What cuts are made in.
 pub struct World<'a> {
@@ -43,42 +47,139 @@ impl World<'_> {
     }
 }
 
-/// Places lights, builds their tree and selects the cuts of the sites.
-///
-/// # Errors
-/// `progress` said stop, or there are more elements than a file can count.
-pub fn cut_sections(
-    world: &World,
+/// Where cuts stand and what they cluster.
+struct Layout<'a> {
+    points: &'a [Candidate],
+    vertices: Option<Vec<VertexSite>>,
+    leaves: LightLeaves,
+    /// Hash of sites, lights and settings.
+    inputs: u128,
+}
+
+impl Layout<'_> {
+    fn sites(&self) -> usize {
+        self.vertices.as_ref().map_or(self.points.len(), Vec::len)
+    }
+}
+
+fn layout<'a>(
+    world: &World<'a>,
     params: &CutParams,
     seed: u64,
-    progress: &dyn Progress,
-) -> Result<CutSections, BakeError> {
-    let sites = (world.points.levels.last()).map_or(&[][..], |level| &level.points);
+    units: Units,
+) -> Result<Layout<'a>, BakeError> {
+    let points = (world.points.levels.last()).map_or(&[][..], |level| &level.points);
     let finest = levels_of(world.points).pop();
     let vertices = match (params.sites, &finest) {
         (CutSites::Vertices, Some(finest)) => Some(vertex_sites(world.scene, &world.geometry(), finest)),
         _ => None,
     };
-    let count = vertices.as_ref().map_or(sites.len(), Vec::len);
-    progress.stage("cuts", Some(count as u64));
     let lights = match (params.mode, &finest) {
         (CutMode::Indirect, Some(finest)) => {
             Lights::Surface(surface_lights(world.scene, finest, params.lights as usize, seed))
         }
         _ => Lights::directions(params.lights),
     };
-    let leaves = in_tree(world.surfaces, sites, &lights, params.beta);
-    let step = |done| {
-        progress.advance(done as u64);
-        if progress.stopped() {
-            Err(BakeError::Stopped)
-        } else {
-            Ok(())
-        }
+    // Lights and sites follow from surfaces, points and these.
+    let add_common = |key: &mut Key| {
+        key.places(points);
+        finest.iter().for_each(|level| {
+            key.level(level);
+        });
+        key.u64s(&[params.mode as u64, u64::from(params.lights), seed])
+            .f32s(&[params.beta]);
     };
+    let ordered: Ordered =
+        units.taken_or_made("light_tree", units.inputs(add_common), &(0..lights.len()), || {
+            Ok(order(world.surfaces, points, &lights, params.beta))
+        })?;
+    let inputs = units.inputs(|key| {
+        add_common(key);
+        key.u64s(&[
+            params.sites as u64,
+            params.most as u64,
+            u64::from(params.every_light),
+        ])
+        .f32s(&[params.sigma]);
+    });
+    Ok(Layout {
+        points,
+        vertices,
+        leaves: LightLeaves::new(&lights, &ordered),
+        inputs,
+    })
+}
+
+/// Makes the tree, and the units of cuts that are part `part.0` of `part.1`.
+///
+/// # Errors
+/// As [`cut_sections`].
+pub fn cut_part(
+    world: &World,
+    params: &CutParams,
+    seed: u64,
+    units: Units,
+    part: Option<(usize, usize)>,
+    progress: &dyn Progress,
+) -> Result<(), BakeError> {
+    let layout = layout(world, params, seed, units)?;
+    let Some((index, of)) = part else { return Ok(()) };
+    let ranges: Vec<Range<usize>> = cut_ranges(units, layout.sites()).collect();
+    let own = &ranges[index * ranges.len() / of..(index + 1) * ranges.len() / of];
+    progress.stage("cuts", Some(own.iter().map(|r| r.len() as u64).sum()));
+    let step = |done| watched(progress, done);
+    let at = (units, layout.inputs);
+    for range in own {
+        match &layout.vertices {
+            Some(sites) => cut_unit(world.surfaces, sites, &layout.leaves, params, at, range, &step)?,
+            None => cut_unit(
+                world.surfaces,
+                layout.points,
+                &layout.leaves,
+                params,
+                at,
+                range,
+                &step,
+            )?,
+        };
+    }
+    Ok(())
+}
+
+fn watched(progress: &dyn Progress, done: usize) -> Result<(), BakeError> {
+    progress.advance(done as u64);
+    if progress.stopped() {
+        Err(BakeError::Stopped)
+    } else {
+        Ok(())
+    }
+}
+
+/// Places lights, builds their tree and selects the cuts of the sites.
+///
+/// # Errors
+/// `progress` said stop, a unit cannot be kept, or there are more elements than a file can count.
+pub fn cut_sections(
+    world: &World,
+    params: &CutParams,
+    seed: u64,
+    units: Units,
+    progress: &dyn Progress,
+) -> Result<CutSections, BakeError> {
+    progress.stage("light_tree", None);
+    let Layout {
+        points,
+        vertices,
+        leaves,
+        inputs,
+    } = layout(world, params, seed, units)?;
+    let count = vertices.as_ref().map_or(points.len(), Vec::len);
+    progress.stage("cuts", Some(count as u64));
+    let step = |done| watched(progress, done);
+    let at = (units, inputs);
     let made = match &vertices {
-        Some(vertices) => site_cuts(world.surfaces, vertices, &leaves, params, step)?,
-        None => site_cuts(world.surfaces, sites, &leaves, params, step)?,
+        Some(vertices) => site_cuts_in_units(world.surfaces, vertices, &leaves, params, at, step)?,
+        None => site_cuts_in_units(world.surfaces, points, &leaves, params, at, step)?,
     };
     // The largest means may not fit a narrow σ's steps: quantised, they do.
     let cuts = format::quantised_cuts(&format::Cuts {

@@ -38,6 +38,16 @@ pub enum BakeError {
         /// How many.
         elements: usize,
     },
+    /// A unit of work cannot be kept.
+    #[error("cannot {action} {}: {source}; free some space or mend the permissions and go on with the same command", path.display())]
+    Unit {
+        /// What was being done.
+        action: &'static str,
+        /// The file or folder.
+        path: std::path::PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
     /// A signal asked the bake to stop.
     #[error("the bake was stopped; nothing was written")]
     Stopped,

@@ -9,11 +9,14 @@
 //! corners and crevices from close by don't count.
 
 use crate::candidates::walk;
+use crate::error::BakeError;
+use crate::units::Units;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::NearestPoint;
 use relight_transport::random::Stream;
+use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Particles per finest point. Each lands on two points that count, so that a cluster of 40 knows its points
@@ -33,19 +36,66 @@ const LARGEST: f32 = 8.0;
 /// Stage number of the random stream.
 const STAGE: u32 = 5;
 
+/// Particles per unit of work: a second or so.
+const PARTICLES_PER_UNIT: usize = 1 << 19;
+
+/// How often particles met the finest points.
+pub struct Met {
+    /// Landings that count, per point.
+    pub counts: Vec<u32>,
+    /// Rays cast.
+    pub rays: u64,
+}
+
 /// Importance byte of each finest point (see [`relight_transport::senders::weight`]), and the number
 /// of rays cast. Ways shorter than `near` don't count.
+///
+/// # Errors
+/// A unit cannot be kept.
 pub fn importance(
     surfaces: &dyn Surfaces,
     finest: &NearestPoint,
     near: f32,
     viewpoints: &[Vec3],
     seed: u64,
-) -> (Vec<u8>, u64) {
+    units: Units,
+) -> Result<(Vec<u8>, u64), BakeError> {
     let points = finest.level.len();
-    let particles = points * PARTICLES_PER_POINT;
-    let met: Vec<AtomicU32> = (0..points).map(|_| AtomicU32::new(0)).collect();
-    let rays: u64 = (0..particles)
+    let inputs = units.inputs(|key| {
+        key.level(finest.level)
+            .f32s(&[near])
+            .vectors(viewpoints.iter())
+            .u64s(&[seed]);
+    });
+    let mut met = vec![0u32; points];
+    let mut rays = 0;
+    for range in units.ranges(0..points * PARTICLES_PER_POINT, PARTICLES_PER_UNIT) {
+        let part: Met = units.taken_or_made("importance", inputs, &range, || {
+            Ok(particles(surfaces, finest, near, viewpoints, seed, range.clone()))
+        })?;
+        // A unit's counts are as many as points, or they are none of ours.
+        met.iter_mut().zip(&part.counts).for_each(|(sum, n)| *sum += n);
+        rays += part.rays;
+    }
+    let mean = (met.iter().map(|&m| u64::from(m)).sum::<u64>() as f32 / met.len().max(1) as f32).max(1e-3);
+    let bytes = met.iter().map(|&m| {
+        let relative = (m as f32 / mean + UNSEEN).min(LARGEST);
+        ((relative / LARGEST).sqrt() * 255.0).round() as u8
+    });
+    Ok((bytes.collect(), rays))
+}
+
+/// Sends particles of these numbers.
+fn particles(
+    surfaces: &dyn Surfaces,
+    finest: &NearestPoint,
+    near: f32,
+    viewpoints: &[Vec3],
+    seed: u64,
+    numbers: Range<usize>,
+) -> Met {
+    let met: Vec<AtomicU32> = finest.level.positions.iter().map(|_| AtomicU32::new(0)).collect();
+    let rays: u64 = numbers
         .into_par_iter()
         .with_min_len(256)
         .map(|particle| {
@@ -64,11 +114,8 @@ pub fn importance(
             })
         })
         .sum();
-    let met: Vec<u32> = met.into_iter().map(AtomicU32::into_inner).collect();
-    let mean = (met.iter().map(|&m| u64::from(m)).sum::<u64>() as f32 / met.len().max(1) as f32).max(1e-3);
-    let bytes = met.iter().map(|&m| {
-        let relative = (m as f32 / mean + UNSEEN).min(LARGEST);
-        ((relative / LARGEST).sqrt() * 255.0).round() as u8
-    });
-    (bytes.collect(), rays)
+    Met {
+        counts: met.into_iter().map(AtomicU32::into_inner).collect(),
+        rays,
+    }
 }

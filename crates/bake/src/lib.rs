@@ -27,8 +27,9 @@ pub mod solution;
 pub mod surface_lights;
 pub mod timed;
 pub mod transport;
+pub mod units;
 pub mod vertex_sites;
 pub mod viewpoint;
 pub mod visibility;
 
-pub use bake::{BakeStats, Baked, Progress, bake};
+pub use bake::{BakeStats, Baked, Portion, Progress, Request, bake, bake_in_units, bake_part, coarse_radius};

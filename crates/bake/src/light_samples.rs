@@ -114,8 +114,35 @@ pub struct LightLeaves {
     pub rays: u64,
 }
 
+/// The order of a tree's leaves.
+pub struct Ordered {
+    /// Which light each leaf is.
+    pub order: Vec<u32>,
+    /// As [`LightLeaves::unit`].
+    pub unit: f32,
+    /// Rays cast.
+    pub rays: u64,
+}
+
 /// Builds the tree over lights, a power of two of them. `beta` mixes geometry (1) and what pilots among `sites` see (0).
 pub fn in_tree(surfaces: &dyn Surfaces, sites: &[Candidate], lights: &Lights, beta: f32) -> LightLeaves {
+    let ordered = order(surfaces, sites, lights, beta);
+    LightLeaves::new(lights, &ordered)
+}
+
+impl LightLeaves {
+    /// Lights in a tree's order.
+    pub fn new(lights: &Lights, ordered: &Ordered) -> LightLeaves {
+        LightLeaves {
+            lights: lights.reordered(&ordered.order),
+            unit: ordered.unit,
+            rays: ordered.rays,
+        }
+    }
+}
+
+/// The order of [`in_tree`].
+pub fn order(surfaces: &dyn Surfaces, sites: &[Candidate], lights: &Lights, beta: f32) -> Ordered {
     let has_unit = matches!(lights, Lights::Surface(_));
     // Geometry alone needs no pilots.
     let pilots = if beta < 1.0 || has_unit {
@@ -135,8 +162,8 @@ pub fn in_tree(surfaces: &dyn Surfaces, sites: &[Candidate], lights: &Lights, be
         },
         beta,
     );
-    LightLeaves {
-        lights: lights.reordered(&order),
+    Ordered {
+        order,
         unit: if has_unit { seen.unit() } else { 1.0 },
         rays: seen.rays,
     }

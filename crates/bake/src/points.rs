@@ -4,13 +4,16 @@
 
 use crate::candidates::{self, Candidate};
 use crate::error::BakeError;
+use crate::units::Units;
 use glam::Vec3;
+use rayon::prelude::*;
 use relight_scene::rays::Ray;
-use relight_scene::surface::Surfaces;
+use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_transport::grid::morton_order;
 use relight_transport::poisson::Disks;
 use relight_transport::random::Stream;
 use relight_transport::sampling::{DirectionSet, Frame};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Points of all levels, coarsest first.
 #[derive(Debug, Default)]
@@ -52,91 +55,220 @@ const BATCH: usize = 8192;
 /// surfaces that importance hardly reaches would otherwise be hunted for without end.
 const MOST_CANDIDATES: u64 = 1 << 28;
 
+/// Batches that may meet nothing. Half of them are a quarter of a million particles: if none has met anything by
+/// then, there is nothing.
+const MOST_BARREN: u64 = 64;
+
 /// Rays of the crevice test, over the hemisphere.
 const CREVICE_RAYS: usize = 32;
 
-/// Distributes the points. `coarse_radius` is R of level 0.
+/// Batches per unit of work: about a second.
+const BATCHES_PER_UNIT: usize = 8;
+
+/// Distributes the points. `coarse_radius` is R of level 0. `step` is told of each batch and may stop the bake.
 pub fn distribute(
     surfaces: &dyn Surfaces,
     viewpoints: &[Vec3],
     levels: usize,
     coarse_radius: f32,
     seed: u64,
-    mut step: impl FnMut(usize) -> Result<(), BakeError>,
+    step: impl FnMut(&Spread) -> Result<(), BakeError>,
 ) -> Result<PointLevels, BakeError> {
-    let mut disks: Vec<Disks> = (0..levels)
-        .map(|l| Disks::new(coarse_radius / (1u64 << l) as f32))
-        .collect();
-    let mut kept: Vec<Vec<Candidate>> = vec![Vec::new(); levels];
+    distribute_in_units(
+        surfaces,
+        viewpoints,
+        levels,
+        coarse_radius,
+        seed,
+        Units::none(),
+        step,
+    )
+}
+
+/// As [`distribute`], in units of batches that build on each other.
+pub fn distribute_in_units(
+    surfaces: &dyn Surfaces,
+    viewpoints: &[Vec3],
+    levels: usize,
+    coarse_radius: f32,
+    seed: u64,
+    units: Units,
+    mut step: impl FnMut(&Spread) -> Result<(), BakeError>,
+) -> Result<PointLevels, BakeError> {
+    let mut spread = Spread::new(levels, coarse_radius);
+    let inputs = units.inputs(|key| {
+        key.vectors(viewpoints.iter())
+            .f32s(&[coarse_radius])
+            .u64s(&[levels as u64, seed]);
+    });
     let directions = crevice_directions(seed);
-    let crevice_rays = std::sync::atomic::AtomicU64::new(0);
-    let (mut particles, mut traced, mut rays) = (0u64, 0u64, 0u64);
-    let mut barren = 0;
-    while disks.iter().any(|d| !d.is_full()) && traced < MOST_CANDIDATES {
-        let (batch, cast) = candidates::trace(surfaces, viewpoints, seed, particles, BATCH);
-        particles += BATCH as u64;
-        rays += cast;
-        if batch.is_empty() {
-            barren += 1;
-            // 32 batches are a quarter of a million particles that met nothing.
-            if barren == 32 && traced == 0 {
-                return Err(BakeError::NothingReachable {
-                    viewpoints: viewpoints.to_vec(),
-                });
-            }
-            if barren > 64 {
-                break;
-            }
+    let mut batches = 0;
+    while !spread.is_done() {
+        let range = batches..batches + BATCHES_PER_UNIT;
+        batches = range.end;
+        if let Some(growth) = units.taken("points", inputs, &range) {
+            spread.grow(growth);
+            step(&spread)?;
             continue;
+        }
+        let before: Vec<usize> = spread.kept.iter().map(Vec::len).collect();
+        for _ in range.clone() {
+            if !spread.is_done() {
+                spread.throw_batch(surfaces, viewpoints, seed, &directions)?;
+                step(&spread)?;
+            }
+        }
+        if units.are_kept() {
+            units.keep("points", inputs, &range, &spread.growth_since(&before))?;
+        }
+    }
+    Ok(spread.into_levels(surfaces))
+}
+
+/// Points in the making.
+pub struct Spread {
+    disks: Vec<Disks>,
+    /// Where the points of each level are, in the order in which they were accepted.
+    kept: Vec<Vec<SurfaceHit>>,
+    particles: u64,
+    candidates: u64,
+    rays: u64,
+    /// Batches that met nothing.
+    barren: u64,
+}
+
+/// What some batches added to a [`Spread`].
+pub struct Growth {
+    /// Per level the points that were accepted, and which candidates they were.
+    pub points: Vec<(Vec<SurfaceHit>, Vec<u64>)>,
+    /// Per level the rejections in a row at the end.
+    pub failures: Vec<u32>,
+    /// Particles, candidates, rays and barren batches so far.
+    pub totals: [u64; 4],
+}
+
+impl Spread {
+    fn new(levels: usize, coarse_radius: f32) -> Spread {
+        Spread {
+            disks: (0..levels)
+                .map(|l| Disks::new(coarse_radius / (1u64 << l) as f32))
+                .collect(),
+            kept: vec![Vec::new(); levels],
+            particles: 0,
+            candidates: 0,
+            rays: 0,
+            barren: 0,
+        }
+    }
+
+    /// Candidates so far.
+    pub fn candidates(&self) -> u64 {
+        self.candidates
+    }
+
+    fn is_done(&self) -> bool {
+        self.disks.iter().all(Disks::is_full)
+            || self.candidates >= MOST_CANDIDATES
+            || self.barren > MOST_BARREN
+    }
+
+    fn throw_batch(
+        &mut self,
+        surfaces: &dyn Surfaces,
+        viewpoints: &[Vec3],
+        seed: u64,
+        directions: &DirectionSet,
+    ) -> Result<(), BakeError> {
+        let (batch, cast) = candidates::trace(surfaces, viewpoints, seed, self.particles, BATCH);
+        self.particles += BATCH as u64;
+        self.rays += cast;
+        if batch.is_empty() {
+            self.barren += 1;
+            return if self.barren == MOST_BARREN / 2 && self.candidates == 0 {
+                Err(BakeError::NothingReachable {
+                    viewpoints: viewpoints.to_vec(),
+                })
+            } else {
+                Ok(())
+            };
         }
         let positions: Vec<Vec3> = batch.iter().map(|c| c.position).collect();
         let normals: Vec<Vec3> = batch.iter().map(|c| c.normal).collect();
-        for (level, disks) in disks.iter_mut().enumerate() {
+        let crevice_rays = AtomicU64::new(0);
+        let (first, levels) = (self.candidates, self.disks.len());
+        for (level, (disks, kept)) in self.disks.iter_mut().zip(&mut self.kept).enumerate() {
             let finest = level + 1 == levels;
             let radius = disks.radius();
             let old = disks.candidates.len();
-            disks.throw(&positions, &normals, traced, |i| {
+            disks.throw(&positions, &normals, first, |i| {
                 finest || {
-                    crevice_rays.fetch_add(CREVICE_RAYS as u64, std::sync::atomic::Ordering::Relaxed);
-                    is_open(surfaces, &batch[i], radius, &directions)
+                    crevice_rays.fetch_add(CREVICE_RAYS as u64, Ordering::Relaxed);
+                    is_open(surfaces, &batch[i], radius, directions)
                 }
             });
-            kept[level].extend(
+            kept.extend(
                 disks.candidates[old..]
                     .iter()
-                    .map(|&c| batch[(c - traced) as usize]),
+                    .map(|&c| batch[(c - first) as usize]),
             );
         }
-        traced += batch.len() as u64;
-        step(kept[levels - 1].len())?;
+        self.candidates += batch.len() as u64;
+        self.rays += crevice_rays.into_inner();
+        Ok(())
     }
-    let (coarse, finest) = kept.split_at_mut(levels - 1);
-    for (disks, kept) in disks.iter().zip(coarse).filter(|level| level.1.is_empty()) {
-        *kept = without_openness(&finest[0], disks.radius());
+
+    fn growth_since(&self, before: &[usize]) -> Growth {
+        let points = (self.kept.iter().zip(&self.disks).zip(before))
+            .map(|((kept, disks), &old)| (kept[old..].to_vec(), disks.candidates[old..].to_vec()))
+            .collect();
+        Growth {
+            points,
+            failures: self.disks.iter().map(Disks::failures).collect(),
+            totals: [self.particles, self.candidates, self.rays, self.barren],
+        }
     }
-    let levels = (0..levels)
-        .map(|l| {
-            let positions: Vec<Vec3> = kept[l].iter().map(|c| c.position).collect();
+
+    fn grow(&mut self, growth: Growth) {
+        let levels = self.disks.iter_mut().zip(&mut self.kept);
+        for ((disks, kept), ((hits, candidates), failures)) in
+            levels.zip(growth.points.into_iter().zip(growth.failures))
+        {
+            let points = hits.iter().zip(candidates);
+            disks.restore(points.map(|(hit, c)| (hit.position, hit.normal, c)), failures);
+            kept.extend(hits);
+        }
+        [self.particles, self.candidates, self.rays, self.barren] = growth.totals;
+    }
+
+    fn into_levels(mut self, surfaces: &dyn Surfaces) -> PointLevels {
+        let levels = self.kept.len();
+        let (coarse, finest) = self.kept.split_at_mut(levels - 1);
+        for (disks, kept) in self.disks.iter().zip(coarse).filter(|level| level.1.is_empty()) {
+            *kept = without_openness(&finest[0], disks.radius());
+        }
+        let level = |l: usize| {
+            let (hits, disk_radius) = (&self.kept[l], self.disks[l].radius());
+            let positions: Vec<Vec3> = hits.iter().map(|c| c.position).collect();
             PointLevel {
-                disk_radius: disks[l].radius(),
-                support_radius: disks[l].radius() * support_over_disk(l, levels),
+                disk_radius,
+                support_radius: disk_radius * support_over_disk(l, levels),
                 points: morton_order(&positions)
-                    .into_iter()
-                    .map(|i| kept[l][i as usize])
+                    .into_par_iter()
+                    .map(|i| Candidate::at(surfaces, &hits[i as usize]))
                     .collect(),
             }
-        })
-        .collect();
-    Ok(PointLevels {
-        levels,
-        candidates: traced,
-        rays: rays + crevice_rays.into_inner(),
-    })
+        };
+        PointLevels {
+            levels: (0..levels).map(level).collect(),
+            candidates: self.candidates,
+            rays: self.rays,
+        }
+    }
 }
 
 /// Points of a level on which all places count as crevices, as disks wider than the scene do: a maximal set of the finest
 /// points, because every level must have some.
-fn without_openness(finest: &[Candidate], radius: f32) -> Vec<Candidate> {
+fn without_openness(finest: &[SurfaceHit], radius: f32) -> Vec<SurfaceHit> {
     let positions: Vec<Vec3> = finest.iter().map(|c| c.position).collect();
     let normals: Vec<Vec3> = finest.iter().map(|c| c.normal).collect();
     let mut disks = Disks::new(radius);
@@ -151,8 +283,9 @@ pub fn crevice_directions(seed: u64) -> DirectionSet {
 
 /// Section 2.3, last paragraph: whether the harmonic mean distance to the geometry above a place, along rays
 /// of length 3R, misses counting as 3R, is at least R/6.
-pub fn is_open(surfaces: &dyn Surfaces, place: &Candidate, radius: f32, directions: &DirectionSet) -> bool {
+pub fn is_open(surfaces: &dyn Surfaces, place: &SurfaceHit, radius: f32, directions: &DirectionSet) -> bool {
     let frame = Frame::around(place.geometric_normal);
+    let origin = ray_from(place, place.geometric_normal).origin;
     let longest = 3.0 * radius;
     let sum: f32 = directions
         .directions
@@ -160,7 +293,7 @@ pub fn is_open(surfaces: &dyn Surfaces, place: &Candidate, radius: f32, directio
         .map(|&d| {
             let direction = frame.world_from_local(d);
             let ray = Ray {
-                origin: place.origin,
+                origin,
                 direction,
                 t_min: 0.0,
                 t_max: longest,
@@ -176,6 +309,11 @@ pub fn is_open(surfaces: &dyn Surfaces, place: &Candidate, radius: f32, directio
 /// the paper's 190,000 on the plain Sponza (table 1).
 const FINEST_POINTS: f32 = 195_000.0;
 
+/// Points of the finest of `levels`, about, if the coarsest radius was chosen for `of` levels.
+pub fn expected(of: usize, levels: usize) -> f32 {
+    FINEST_POINTS * 4.0f32.powi(levels as i32 - of as i32)
+}
+
 /// A radius for the coarsest level such that the finest has about [`FINEST_POINTS`] points.
 ///
 /// Dart throwing at a trial radius measures the reachable area: a maximal Poisson-disk set of radius R holds
@@ -186,6 +324,17 @@ pub fn coarse_radius_for(
     levels: usize,
     seed: u64,
 ) -> Result<(f32, u64), BakeError> {
+    coarse_radius_in_units(surfaces, viewpoints, levels, seed, Units::none())
+}
+
+/// As [`coarse_radius_for`], in units.
+pub fn coarse_radius_in_units(
+    surfaces: &dyn Surfaces,
+    viewpoints: &[Vec3],
+    levels: usize,
+    seed: u64,
+    units: Units,
+) -> Result<(f32, u64), BakeError> {
     let Some((min, max)) = surfaces.bounds() else {
         return Err(BakeError::NothingReachable {
             viewpoints: viewpoints.to_vec(),
@@ -193,7 +342,7 @@ pub fn coarse_radius_for(
     };
     // Fine enough to see the scene's objects, coarse enough to take some ten thousand candidates.
     let trial = (max - min).length() / 64.0;
-    let points = distribute(surfaces, viewpoints, 1, trial, seed, |_| Ok(()))?;
+    let points = distribute_in_units(surfaces, viewpoints, 1, trial, seed, units, |_| Ok(()))?;
     let count = points.levels[0].points.len().max(1) as f32;
     let finest = trial * (count / FINEST_POINTS).sqrt();
     Ok((finest * (1u64 << (levels - 1)) as f32, points.rays))

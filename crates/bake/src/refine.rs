@@ -10,6 +10,8 @@ use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::{RowScratch, SenderField, gather, scalar_row};
 use crate::select::{Row, SelectScratch, TypicalLight, select};
+use crate::units::Units;
+use crate::units::key::Key;
 use glam::{Mat3, Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;
@@ -19,7 +21,7 @@ use relight_transport::random::Stream;
 use relight_transport::sampling::DirectionSet;
 use relight_transport::senders::SenderTree;
 use relight_transport::sparse::Rows;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::ops::Range;
 
 /// What refinement works on.
 pub struct Refinement<'a> {
@@ -46,7 +48,9 @@ pub struct Refinement<'a> {
     /// Receiver level whose gathers make the bounce operator; `None`: it is not needed.
     pub bounce_receivers: Option<usize>,
     /// Receivers that are worth a gather; empty: all.
-    pub wanted: &'a [bool],
+    pub worthwhile: &'a [bool],
+    /// Whether links are stored in their short form.
+    pub short_links: bool,
     /// Seed of the direction sets.
     pub seed: u64,
 }
@@ -67,21 +71,41 @@ pub struct Refined {
     pub lost: u64,
     /// Links that gathers found and that were dropped as too weak.
     pub dropped: u64,
-    /// Rays of receivers that were not gathered: their parents keep no link, or they were not wanted.
+    /// Gathers that were not made.
     pub spared: Spared,
+    /// Memory that reconstructed rows took, bytes.
+    pub row_bytes: u64,
 }
 
-/// Gathers that were not made.
+/// Gathers that were not made, and the rays that they would have cast.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Spared {
     /// Receivers whose parents keep no link, so that theirs would be too weak.
     pub weak: u64,
     /// Rays of those.
     pub weak_rays: u64,
-    /// Receivers that were not wanted.
+    /// Receivers that were not worth one.
     pub unwanted: u64,
     /// Rays of those.
     pub unwanted_rays: u64,
+}
+
+impl Spared {
+    fn count(&mut self, is_worthwhile: bool, rays: u64) {
+        let (count, sum) = if is_worthwhile {
+            (&mut self.weak, &mut self.weak_rays)
+        } else {
+            (&mut self.unwanted, &mut self.unwanted_rays)
+        };
+        *count += 1;
+        *sum += rays;
+    }
+}
+
+impl Refinement<'_> {
+    fn is_worthwhile(&self, i: usize) -> bool {
+        self.worthwhile.get(i).copied().unwrap_or(true)
+    }
 }
 
 /// Most rays a receiver gets: the coarsest rows are few, and all others rest on them.
@@ -95,16 +119,34 @@ const NEGLIGIBLE: f32 = 0.04;
 /// Stage number of the direction sets' stream.
 const STAGE: u32 = 3;
 
+/// Rays per unit of work: half a second or so.
+const RAYS_PER_UNIT: usize = 1 << 21;
+
 /// One receiver's outcome.
-struct Receiver {
-    links: Vec<(u32, Vec3)>,
-    /// Reconstructed row for finer levels; empty on the two finest.
-    reconstructed: Vec<(u32, Vec3)>,
-    bounce: Vec<(u32, f32)>,
-    gathered: bool,
-    /// Links that were dropped.
-    dropped: u64,
+#[derive(Clone, Debug, Default)]
+pub struct Receiver {
+    /// Links as stored, by ascending sender.
+    pub links: Vec<(u32, Vec3)>,
+    /// Responses of the bounce sender level, on the bounce receiver level.
+    pub bounce: Vec<(u32, f32)>,
+    /// Whether it cast rays.
+    pub gathered: bool,
+    /// Rays that met a surface without points.
+    pub lost: u32,
+    /// Links that were dropped as too weak.
+    pub dropped: u32,
+    /// Reconstructed row for finer levels; empty on the two finest. It follows from the others.
+    pub reconstructed: Vec<(u32, Vec3)>,
 }
+
+impl Receiver {
+    fn row_bytes(&self) -> u64 {
+        (self.reconstructed.capacity() * size_of::<(u32, Vec3)>()) as u64
+    }
+}
+
+/// Receivers of a range.
+pub struct Receivers(pub Vec<Receiver>);
 
 /// Room to work in, for one thread.
 struct Room {
@@ -113,110 +155,307 @@ struct Room {
     select: SelectScratch,
 }
 
-/// What the coarser levels came to.
-struct Coarser {
-    links: Links,
-    /// Reconstructed rows of all but the two finest levels.
-    rows: Vec<Vec<(u32, Vec3)>>,
-    /// Whether a row kept any link.
-    keeps: Vec<bool>,
-}
-
 /// One receiver level's sweep.
 struct Sweep<'a> {
     refinement: &'a Refinement<'a>,
     level: usize,
-    coarser: &'a Coarser,
     directions: DirectionSet,
     threshold: f32,
     /// Whether finer levels need the reconstructed rows.
     remembered: bool,
 }
 
-/// Runs the refinement. `step(receivers done)` reports progress and may stop the bake.
+/// Which ranges of which levels are looked at.
+#[derive(Clone, Debug)]
+pub struct Wanted(Vec<Vec<(Range<usize>, bool)>>);
+
+impl Wanted {
+    /// All ranges, none of them wanted.
+    pub fn none(r: &Refinement, units: Units) -> Wanted {
+        let of_level = |level| {
+            let per_unit = (RAYS_PER_UNIT / rays_of(r, level)).max(1);
+            let ranges = units.ranges(r.ranges.range(level), per_unit);
+            ranges.map(|range| (range, false)).collect()
+        };
+        Wanted((0..r.ranges.levels()).map(of_level).collect())
+    }
+
+    /// All ranges of all levels.
+    pub fn all(r: &Refinement, units: Units) -> Wanted {
+        let mut wanted = Wanted::none(r, units);
+        wanted.0.iter_mut().flatten().for_each(|range| range.1 = true);
+        wanted
+    }
+
+    /// Part `index` of `of` of each level's ranges.
+    pub fn part(r: &Refinement, units: Units, index: usize, of: usize) -> Wanted {
+        let mut wanted = Wanted::none(r, units);
+        for level in &mut wanted.0 {
+            let part = index * level.len() / of..(index + 1) * level.len() / of;
+            level[part].iter_mut().for_each(|range| range.1 = true);
+        }
+        wanted
+    }
+
+    /// The ranges of the coarsest levels, up to so many receivers in all.
+    pub fn coarsest(r: &Refinement, units: Units, most: usize) -> Wanted {
+        let mut wanted = Wanted::none(r, units);
+        for (level, ranges) in wanted.0.iter_mut().enumerate() {
+            if r.ranges.range(level).end <= most {
+                ranges.iter_mut().for_each(|range| range.1 = true);
+            }
+        }
+        wanted
+    }
+
+    /// Also what the wanted rows need: the ranges of their parents, and of those, and so on.
+    fn with_ancestors(mut self, r: &Refinement) -> Wanted {
+        let mut needed = vec![false; r.ranges.total()];
+        for level in (0..self.0.len()).rev() {
+            for (range, wanted) in &mut self.0[level] {
+                *wanted |= needed[range.clone()].contains(&true);
+                for i in range.clone().filter(|_| *wanted) {
+                    let parents = r.fine_from_coarse.row(i);
+                    parents.iter().for_each(|parent| needed[parent.0 as usize] = true);
+                }
+            }
+        }
+        self
+    }
+
+    /// Receivers in the wanted ranges.
+    pub fn receivers(&self) -> usize {
+        (self.0.iter().flatten())
+            .filter(|range| range.1)
+            .map(|range| range.0.len())
+            .sum()
+    }
+}
+
+/// Who watches rows being made.
+pub trait RowWatch: Sync {
+    /// So many rays were cast; may stop the bake.
+    ///
+    /// # Errors
+    /// [`BakeError::Stopped`].
+    fn cast(&self, rays: usize) -> Result<(), BakeError>;
+    /// So many rays will be cast in all, as far as is known by now: which rows are looked at follows from coarser ones.
+    fn expect(&self, rays: u64);
+}
+
+impl<F: Fn(usize) -> Result<(), BakeError> + Sync> RowWatch for F {
+    fn cast(&self, rays: usize) -> Result<(), BakeError> {
+        self(rays)
+    }
+    fn expect(&self, _: u64) {}
+}
+
+/// Runs the refinement.
 pub fn refine(
     r: &Refinement,
     quantised: impl Fn(Vec3) -> Vec3 + Sync,
-    step: impl Fn(usize) -> Result<(), BakeError> + Sync,
+    units: Units,
+    watch: &impl RowWatch,
 ) -> Result<Refined, BakeError> {
-    let levels = r.ranges.levels();
-    let mut refined = Refined::default();
-    let senders = r.field.tree.ranges.total();
-    let mut coarser = Coarser {
+    let mut receivers = rows(r, Wanted::all(r, units), quantised, units, watch)?;
+    let row_bytes = receivers.iter().map(Receiver::row_bytes).sum();
+    receivers
+        .iter_mut()
+        .for_each(|receiver| receiver.reconstructed = Vec::new());
+    let mut refined = Refined {
+        row_bytes,
         links: Links {
             receivers: r.ranges.total() as u32,
-            senders: senders as u32,
+            senders: r.field.tree.ranges.total() as u32,
             row_offsets: vec![0],
             ..Links::default()
         },
-        rows: Vec::new(),
-        keeps: Vec::with_capacity(r.ranges.total()),
+        ..Refined::default()
     };
-    let lost = AtomicU64::new(0);
-    let done = AtomicU64::new(0);
-    for level in 0..levels {
-        let sweep = Sweep::new(r, level, &coarser);
-        let receivers: Result<Vec<Receiver>, BakeError> = r
-            .ranges
-            .range(level)
-            .into_par_iter()
-            .with_min_len(16)
-            .map_init(
-                || Room::new(r.field.tree),
-                |room, i| {
-                    let receiver = sweep.receiver(i, &quantised, room, &lost);
-                    step(done.fetch_add(1, Ordering::Relaxed) as usize)?;
-                    Ok(receiver)
-                },
-            )
-            .collect();
-        let (rays, remembered) = (sweep.directions.directions.len() as u64, sweep.remembered);
+    let mut receivers = receivers.into_iter();
+    for level in 0..r.ranges.levels() {
         let mut gathered = 0;
-        for receiver in receivers? {
-            coarser.keeps.push(!receiver.links.is_empty());
+        let range = r.ranges.range(level);
+        for (i, receiver) in range.clone().zip(receivers.by_ref().take(range.len())) {
             for (j, vector) in receiver.links {
-                coarser.links.columns.push(j);
-                coarser.links.vectors.push(vector);
+                refined.links.columns.push(j);
+                refined.links.vectors.push(vector);
             }
-            coarser.links.row_offsets.push(coarser.links.columns.len() as u32);
-            if remembered {
-                coarser.rows.push(receiver.reconstructed);
-            }
+            refined.links.row_offsets.push(refined.links.columns.len() as u32);
             gathered += usize::from(receiver.gathered);
-            refined.dropped += receiver.dropped;
+            refined.lost += u64::from(receiver.lost);
+            refined.dropped += u64::from(receiver.dropped);
             if !receiver.gathered {
-                // Receivers come in order, one for each entry of `keeps`.
-                let wanted = r.is_wanted(coarser.keeps.len() - 1);
-                let Spared {
-                    weak,
-                    weak_rays,
-                    unwanted,
-                    unwanted_rays,
-                } = &mut refined.spared;
-                let (count, sum) = if wanted {
-                    (weak, weak_rays)
-                } else {
-                    (unwanted, unwanted_rays)
-                };
-                *count += 1;
-                *sum += rays;
+                refined.spared.count(r.is_worthwhile(i), rays_of(r, level) as u64);
             }
             if Some(level) == r.bounce_receivers {
                 refined.bounce_rows.push(receiver.bounce);
             }
         }
         refined.gathered.push(gathered);
-        refined.rays += gathered as u64 * rays;
+        refined.rays += gathered as u64 * rays_of(r, level) as u64;
     }
-    refined.links = coarser.links;
-    refined.lost = lost.into_inner();
     Ok(refined)
 }
 
-impl Refinement<'_> {
-    fn is_wanted(&self, i: usize) -> bool {
-        self.wanted.get(i).copied().unwrap_or(true)
+/// The rows of the wanted ranges and of all that those need which have to be made; those of others are empty.
+pub fn rows(
+    r: &Refinement,
+    wanted: Wanted,
+    quantised: impl Fn(Vec3) -> Vec3 + Sync,
+    units: Units,
+    watch: &impl RowWatch,
+) -> Result<Vec<Receiver>, BakeError> {
+    let inputs = units.inputs(|key| inputs(r, key));
+    let mut known = vec![Receiver::default(); r.ranges.total()];
+    let take = |known: &mut [Receiver], range: &Range<usize>| {
+        let kept: Option<Receivers> = units.taken("refine", inputs, range);
+        let kept = kept.filter(|kept| fits(r, kept));
+        let is_kept = kept.is_some();
+        if let Some(kept) = kept {
+            known[range.clone()]
+                .iter_mut()
+                .zip(kept.0)
+                .for_each(|(slot, row)| *slot = row);
+        }
+        is_kept
+    };
+    let mut missing = wanted.clone();
+    for (range, is_missing) in missing.0.iter_mut().flatten().filter(|range| range.1) {
+        *is_missing = !take(&mut known, range);
     }
+    // Only what is to be made needs the rows of parents, which may have to be made, too.
+    let needed = missing.clone().with_ancestors(r);
+    for ((range, is_needed), (is_missing, is_wanted)) in needed.0.iter().flatten().zip(
+        (missing.0.iter_mut().flatten().map(|range| &mut range.1))
+            .zip(wanted.0.iter().flatten().map(|range| range.1)),
+    ) {
+        if *is_needed && !is_wanted {
+            *is_missing = !take(&mut known, range);
+        }
+    }
+    let mut forecast = Forecast::default();
+    for level in 0..r.ranges.levels() {
+        let sweep = Sweep::new(r, level);
+        watch.expect(forecast.rays(&sweep, &missing, &known));
+        let ranges = needed.0[level].iter().zip(&missing.0[level]);
+        for ((range, _), (_, is_missing)) in ranges.filter(|(needed, _)| needed.1) {
+            if !is_missing {
+                sweep.recall(range.clone(), &mut known);
+            } else {
+                let made = sweep.rows(range.clone(), &known, &quantised, watch)?;
+                units.keep("refine", inputs, range, &made)?;
+                known[range.clone()]
+                    .iter_mut()
+                    .zip(made.0)
+                    .for_each(|(slot, row)| *slot = row);
+            }
+        }
+    }
+    Ok(known)
+}
+
+/// Guesses how many rays will be cast: of a level whose parents are known it is certain, and from level to level the
+/// share of rows that are looked at is taken to change as it did last.
+#[derive(Default)]
+struct Forecast {
+    /// Rays up to the level at hand.
+    cast: u64,
+    /// Share of rows that are looked at, on the last level that had any to make.
+    share: Option<f64>,
+}
+
+impl Forecast {
+    fn rays(&mut self, sweep: &Sweep, missing: &Wanted, known: &[Receiver]) -> u64 {
+        let (r, level) = (sweep.refinement, sweep.level);
+        let of = |level: usize| {
+            let ranges = missing.0[level].iter().filter(|range| range.1);
+            ranges.flat_map(|range| range.0.clone())
+        };
+        // All receivers of one level cast rays, for the bounces.
+        let rays = |level: usize, share: f64| {
+            let share = if Some(level) == r.bounce_receivers {
+                1.0
+            } else {
+                share
+            };
+            share * (of(level).count() * rays_of(r, level)) as f64
+        };
+        let rows = of(level).count();
+        let active = of(level).filter(|&i| sweep.is_active(i, known)).count();
+        let mut share = active as f64 / rows.max(1) as f64;
+        // 0 of 0 changes nothing.
+        let change = self
+            .share
+            .map_or(1.0, |last| share / last.max(share).max(f64::MIN_POSITIVE));
+        if rows > 0 {
+            self.share = Some(share);
+        }
+        self.cast += rays(level, share) as u64;
+        let mut finer_rays = 0.0;
+        for finer in level + 1..r.ranges.levels() {
+            share *= change;
+            finer_rays += rays(finer, share);
+        }
+        self.cast + finer_rays as u64
+    }
+}
+
+/// Whether kept receivers can be these: their senders exist.
+fn fits(r: &Refinement, kept: &Receivers) -> bool {
+    let senders = r.field.tree.ranges.total() as u32;
+    let clusters = r.field.tree.ranges.range(r.bounce_level).len() as u32;
+    kept.0.iter().all(|receiver| {
+        receiver.links.iter().all(|link| link.0 < senders) && receiver.bounce.iter().all(|e| e.0 < clusters)
+    })
+}
+
+/// What rows depend on.
+fn inputs(r: &Refinement, key: &mut Key) {
+    let tree = r.field.tree;
+    key.places(r.places).level(r.field.points.level);
+    for level in 0..r.ranges.levels() {
+        key.u64s(&[r.ranges.range(level).len() as u64]);
+    }
+    for level in 0..tree.levels() {
+        key.u64s(&[tree.ranges.range(level).len() as u64]);
+    }
+    tree.parents.iter().for_each(|parents| {
+        key.u32s(parents);
+    });
+    key.u32s(&tree.leaf_of_point)
+        .bytes(&tree.importance)
+        .f32s(&r.typical.means)
+        .vectors(r.coarse_positions.iter())
+        .f32s(&[r.epsilon])
+        .u64s(&[
+            r.rays as u64,
+            r.bounce_level as u64,
+            r.bounce_receivers.map_or(u64::MAX, |level| level as u64),
+            r.seed,
+            u64::from(r.short_links),
+        ]);
+    let worthwhile: Vec<u8> = r.worthwhile.iter().map(|&w| u8::from(w)).collect();
+    key.bytes(&worthwhile);
+    // Parents follow from the points, and rows of parents from all of this.
+}
+
+/// Rays of all receivers of all levels, if all cast some.
+pub fn most_rays(levels: impl ExactSizeIterator<Item = usize>, rays: usize) -> u64 {
+    let count = levels.len();
+    levels
+        .enumerate()
+        .map(|(level, receivers)| (receivers * rays_at(rays, count - 1 - level)) as u64)
+        .sum()
+}
+
+/// Rays of each receiver of a level.
+fn rays_of(r: &Refinement, level: usize) -> usize {
+    rays_at(r.rays, r.ranges.levels() - 1 - level)
+}
+
+fn rays_at(finest: usize, above_finest: usize) -> usize {
+    (finest << above_finest.min(20)).min(MOST_RAYS.max(finest))
 }
 
 impl Room {
@@ -231,36 +470,83 @@ impl Room {
 }
 
 impl<'a> Sweep<'a> {
-    fn new(r: &'a Refinement, level: usize, coarser: &'a Coarser) -> Sweep<'a> {
+    fn new(r: &'a Refinement, level: usize) -> Sweep<'a> {
         let above_finest = r.ranges.levels() - 1 - level;
-        let count = (r.rays << above_finest.min(20)).min(MOST_RAYS.max(r.rays));
+        let count = rays_of(r, level);
         Sweep {
             refinement: r,
             level,
-            coarser,
             directions: DirectionSet::uniform(count, &mut Stream::new(r.seed, STAGE, level as u64)),
             threshold: threshold(r.epsilon, above_finest),
             remembered: above_finest >= 2,
         }
     }
 
+    /// Rows of a range, from those of the coarser levels.
+    fn rows(
+        &self,
+        range: Range<usize>,
+        known: &[Receiver],
+        quantised: &(impl Fn(Vec3) -> Vec3 + Sync),
+        watch: &impl RowWatch,
+    ) -> Result<Receivers, BakeError> {
+        let rows: Result<Vec<Receiver>, BakeError> = range
+            .into_par_iter()
+            .with_min_len(16)
+            .map_init(
+                || Room::new(self.refinement.field.tree),
+                |room, i| {
+                    let receiver = self.receiver(i, known, quantised, room);
+                    watch.cast(if receiver.gathered {
+                        self.directions.directions.len()
+                    } else {
+                        0
+                    })?;
+                    Ok(receiver)
+                },
+            )
+            .collect();
+        rows.map(Receivers)
+    }
+
+    /// Reconstructed rows of receivers whose links were kept.
+    fn recall(&self, range: Range<usize>, known: &mut [Receiver]) {
+        if !self.remembered {
+            return;
+        }
+        // Parents are on coarser levels, which come first.
+        let (coarser, own) = known.split_at_mut(range.start);
+        own[..range.len()]
+            .par_iter_mut()
+            .zip(range)
+            .with_min_len(16)
+            .for_each_init(
+                || RowScratch::new(self.refinement.field.tree.ranges.total()),
+                |predicted, (receiver, i)| {
+                    predicted.clear();
+                    predict(self.refinement, i, coarser, predicted);
+                    receiver.reconstructed = self.reconstructed(predicted, &receiver.links);
+                },
+            );
+    }
+
     /// A row is looked at when one of its parents kept a link (figure 5).
-    fn is_active(&self, i: usize) -> bool {
+    fn is_active(&self, i: usize, known: &[Receiver]) -> bool {
         let parents = self.refinement.fine_from_coarse.row(i);
-        self.refinement.is_wanted(i)
-            && (parents.is_empty() || parents.iter().any(|&(k, _)| self.coarser.keeps[k as usize]))
+        self.refinement.is_worthwhile(i)
+            && (parents.is_empty() || parents.iter().any(|&(k, _)| !known[k as usize].links.is_empty()))
     }
 
     /// The outcome of receiver `i`.
     fn receiver(
         &self,
         i: usize,
+        known: &[Receiver],
         quantised: &impl Fn(Vec3) -> Vec3,
         room: &mut Room,
-        lost: &AtomicU64,
     ) -> Receiver {
         let r = self.refinement;
-        let active = self.is_active(i);
+        let active = self.is_active(i, known);
         let bounces = Some(self.level) == r.bounce_receivers;
         let Room {
             gathered,
@@ -270,18 +556,14 @@ impl<'a> Sweep<'a> {
         gathered.clear();
         predicted.clear();
         if active || self.remembered {
-            predict(r, i, self.coarser, predicted);
+            predict(r, i, known, predicted);
         }
         let mut receiver = Receiver {
-            links: Vec::new(),
-            reconstructed: Vec::new(),
-            bounce: Vec::new(),
             gathered: active || bounces,
-            dropped: 0,
+            ..Receiver::default()
         };
         if receiver.gathered {
-            let missed = gather(r.surfaces, &r.field, &r.places[i], &self.directions, gathered);
-            lost.fetch_add(u64::from(missed), Ordering::Relaxed);
+            receiver.lost = gather(r.surfaces, &r.field, &r.places[i], &self.directions, gathered);
         }
         if bounces {
             let normal = r.places[i].geometric_normal;
@@ -298,7 +580,7 @@ impl<'a> Sweep<'a> {
                 threshold: self.threshold,
             };
             receiver.links = select(&row, quantised, scratch);
-            receiver.dropped = (gathered.touched.len() as u64).saturating_sub(receiver.links.len() as u64);
+            receiver.dropped = gathered.touched.len().saturating_sub(receiver.links.len()) as u32;
         }
         if self.remembered {
             receiver.reconstructed = self.reconstructed(predicted, &receiver.links);
@@ -326,18 +608,18 @@ impl<'a> Sweep<'a> {
 ///
 /// Reconstructed rows are long, and three quarters of those that are needed are on the level above the finest.
 /// They are not stored: such a parent stands for its own links and its parents' rows.
-fn predict(r: &Refinement, i: usize, coarser: &Coarser, predicted: &mut RowScratch) {
-    let Coarser { links, rows, .. } = coarser;
+fn predict(r: &Refinement, i: usize, known: &[Receiver], predicted: &mut RowScratch) {
+    let remembered = r.ranges.range(r.ranges.levels().saturating_sub(2)).start;
     let normal = |k: u32| r.places[k as usize].normal;
     let carried = |k: u32, i: u32, share: f32| carry(normal(k), normal(i)) * share;
     let mut terms: Vec<(u32, Mat3)> = Vec::new();
     for &(k, share) in r.fine_from_coarse.row(i) {
         let m = carried(k, i as u32, share);
-        if (k as usize) < rows.len() {
+        if (k as usize) < remembered {
             terms.push((k, m));
             continue;
         }
-        for (j, vector) in links.row(k as usize) {
+        for &(j, vector) in &known[k as usize].links {
             predicted.add(j, Vec3A::from(m * vector));
         }
         let grandparents = r.fine_from_coarse.row(k as usize);
@@ -350,7 +632,7 @@ fn predict(r: &Refinement, i: usize, coarser: &Coarser, predicted: &mut RowScrat
     terms.sort_by_key(|term| term.0);
     for same in terms.chunk_by(|a, b| a.0 == b.0) {
         let m: Mat3 = same.iter().map(|term| term.1).sum();
-        for &(j, vector) in &rows[same[0].0 as usize] {
+        for &(j, vector) in &known[same[0].0 as usize].reconstructed {
             predicted.add(j, Vec3A::from(m * vector));
         }
     }

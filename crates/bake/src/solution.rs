@@ -7,10 +7,13 @@
 //! Deviation: scalars on clusters instead of vectors on receivers, as in [`bounces`](crate::bounces), so that no
 //! number of bounces can make energy.
 
+use crate::error::BakeError;
+use crate::units::Units;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_transport::senders::SenderTree;
 use relight_transport::sparse::Rows;
+use std::ops::Range;
 
 /// Finest sender level that is used: two levels above the finest points' clusters are coarse enough for light
 /// that has bounced twice, and S, which is nearly dense, stays small.
@@ -35,6 +38,9 @@ pub struct Solution {
 /// Solves the bounces. `k`: the operator on sender level `k_level`; `albedo`: of the finest points; `terms`:
 /// products with K, `None` to convergence; entries that make up at most `epsilon` of their row are left out,
 /// the row's sum is kept.
+///
+/// # Errors
+/// A unit cannot be kept, or `step`, told of the rows that are done, stops the bake.
 pub fn solution(
     k: &Rows,
     k_level: usize,
@@ -42,7 +48,9 @@ pub fn solution(
     albedo: &[Vec3],
     terms: Option<u32>,
     epsilon: f32,
-) -> Solution {
+    units: Units,
+    step: &(impl Fn(usize) -> Result<(), BakeError> + Sync),
+) -> Result<Solution, BakeError> {
     let level = FINEST_LEVEL.min(k_level);
     let mut k = k.clone();
     for l in (level + 1..=k_level).rev() {
@@ -53,10 +61,10 @@ pub fn solution(
     let channels = (0..if grey { 1 } else { 3 })
         .map(|channel| {
             let rho: Vec<f64> = albedo.iter().map(|a| f64::from(a[channel])).collect();
-            solved(&k, &rho, terms.unwrap_or(MOST_TERMS), epsilon)
+            solved(&k, &rho, terms.unwrap_or(MOST_TERMS), epsilon, units, step)
         })
-        .collect();
-    Solution { level, channels }
+        .collect::<Result<_, BakeError>>()?;
+    Ok(Solution { level, channels })
 }
 
 /// The operator on the sender level above `level`: rows averaged by area, columns summed.
@@ -83,11 +91,50 @@ fn coarser(k: &Rows, tree: &SenderTree, level: usize) -> Rows {
 }
 
 /// Rows of K + KρK + …: x ← (x∘ρ) K from x = row of K, summed. Rows are independent of each other.
-fn solved(k: &Rows, rho: &[f64], terms: u32, epsilon: f32) -> Rows {
+fn solved(
+    k: &Rows,
+    rho: &[f64],
+    terms: u32,
+    epsilon: f32,
+    units: Units,
+    step: &(impl Fn(usize) -> Result<(), BakeError> + Sync),
+) -> Result<Rows, BakeError> {
+    let clusters = k.rows();
+    let inputs = units.inputs(|key| {
+        key.u32s(&k.offsets).f32s(&[epsilon]).u64s(&[u64::from(terms)]);
+        for (column, weight) in &k.entries {
+            key.u32s(&[*column, weight.to_bits()]);
+        }
+        key.u64s(&rho.iter().map(|r| r.to_bits()).collect::<Vec<u64>>());
+    });
+    let mut rows = Vec::with_capacity(clusters);
+    for range in units.ranges(0..clusters, ROWS_PER_UNIT) {
+        let part: SparseRows = units.taken_or_made("solution", inputs, &range, || {
+            solved_rows(k, rho, terms, epsilon, range.clone(), step)
+        })?;
+        rows.extend(part.0);
+    }
+    Ok(joined(rows, clusters))
+}
+
+/// Rows per unit of work.
+const ROWS_PER_UNIT: usize = 128;
+
+/// Rows of a range: (column, weight).
+pub struct SparseRows(pub Vec<Vec<(u32, f32)>>);
+
+fn solved_rows(
+    k: &Rows,
+    rho: &[f64],
+    terms: u32,
+    epsilon: f32,
+    range: Range<usize>,
+    step: &(impl Fn(usize) -> Result<(), BakeError> + Sync),
+) -> Result<SparseRows, BakeError> {
     let clusters = k.rows();
     let brightest = rho.iter().copied().fold(0.0, f64::max);
     let zeros = || [0; 3].map(|_: i32| vec![0.0f64; clusters]);
-    let rows = (0..clusters)
+    range
         .into_par_iter()
         .map_init(zeros, |[sum, term, next], row| {
             for &(column, weight) in k.row(row) {
@@ -112,10 +159,11 @@ fn solved(k: &Rows, rho: &[f64], terms: u32, epsilon: f32) -> Rows {
                 std::mem::swap(term, next);
             }
             term.fill(0.0);
-            taken(sum, f64::from(epsilon))
+            step(1)?;
+            Ok(taken(sum, f64::from(epsilon)))
         })
-        .collect();
-    joined(rows, clusters)
+        .collect::<Result<_, BakeError>>()
+        .map(SparseRows)
 }
 
 /// The entries of a dense row, less the smallest that make up at most `epsilon` of its sum; the others, at least the
@@ -179,12 +227,16 @@ mod tests {
         (k, SenderTree::new(&[3, n], leaves, vec![parents], vec![9; 4 * n]))
     }
 
+    fn solved(k: &Rows, tree: &SenderTree, albedo: &[Vec3], terms: Option<u32>, epsilon: f32) -> Solution {
+        solution(k, 1, tree, albedo, terms, epsilon, Units::none(), &|_| Ok(())).unwrap()
+    }
+
     #[test]
     fn a_closed_furnace_reaches_its_analytic_value() {
         // S applied to uniform radiosity ρ gives ρ/(1 − ρ); the series stops at 1e-3 of the rest.
         let (k, tree) = closed(30);
         for rho in [0.0f32, 0.5, 0.9, 0.99] {
-            let s = solution(&k, 1, &tree, &[Vec3::splat(rho); 120], None, 0.025);
+            let s = solved(&k, &tree, &[Vec3::splat(rho); 120], None, 0.025);
             assert_eq!(s.channels.len(), 1, "grey reflectances need one matrix");
             let exact = rho / (1.0 - rho);
             for e in s.channels[0].apply(&[Vec3::splat(rho); 30]) {
@@ -198,7 +250,7 @@ mod tests {
     fn no_threshold_loses_light() {
         let (k, tree) = closed(30);
         for epsilon in [0.5, 1.0, 10.0, f32::MAX] {
-            let s = solution(&k, 1, &tree, &[Vec3::splat(0.9); 120], None, epsilon);
+            let s = solved(&k, &tree, &[Vec3::splat(0.9); 120], None, epsilon);
             for e in s.channels[0].apply(&[Vec3::splat(0.9); 30]) {
                 assert!((e.x / 9.0 - 1.0).abs() <= 2e-3, "{epsilon}: {e}");
             }
@@ -215,7 +267,7 @@ mod tests {
         let at_points: Vec<Vec3> = (0..120).map(|p| by_leaf[p / 4]).collect();
         let emitted: Vec<Vec3> = (0..30).map(|_| Vec3::splat(s.uniform())).collect();
         for bounces in [Some(1), Some(3), None] {
-            let s = solution(&k, 1, &tree, &at_points, bounces, 0.0);
+            let s = solved(&k, &tree, &at_points, bounces, 0.0);
             assert_eq!(s.channels.len(), 3);
             let (iterated, _) = bounce::solve(&k, &emitted, &by_leaf, bounces);
             for channel in 0..3 {

@@ -7,9 +7,10 @@ use crate::gather::SenderField;
 use crate::importance::importance;
 use crate::params::{BakeParams, Part};
 use crate::points::PointLevels;
-use crate::refine::{Refined, Refinement, Spared, refine};
+use crate::refine::{Refinement, RowWatch, Spared, Wanted, refine, rows};
 use crate::seen::seen_by;
 use crate::select::TypicalLight;
+use crate::units::Units;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::camera::Camera;
@@ -48,6 +49,8 @@ pub struct Transport {
     pub spared: Spared,
     /// Finest sender levels that were left out, because no link leads to them, and their clusters.
     pub idle_senders: (usize, usize),
+    /// Memory that reconstructed rows took, bytes.
+    pub row_bytes: u64,
 }
 
 /// The basis of the points.
@@ -75,7 +78,10 @@ const NEAR: f32 = 1.0;
 /// smaller by a tenth and errors larger by 3 % (docs/transfer.md).
 const AMBIENT: f32 = 0.1;
 
-/// Computes the operators over given points. `cameras`: those that alone will look; none for all.
+/// Computes the operators over given points. `cameras`: those that alone will look; none for all. `step` is told of rays as they are cast and may stop the bake.
+///
+/// # Errors
+/// What `step` returns.
 pub fn transport(
     surfaces: &dyn Surfaces,
     points: PointLevels,
@@ -85,84 +91,60 @@ pub fn transport(
     quantised: impl Fn(Vec3) -> Vec3 + Sync,
     step: impl Fn(usize) -> Result<(), BakeError> + Sync,
 ) -> Result<Transport, BakeError> {
-    let levels = levels_of(&points);
-    let ranges = LevelRanges::new(levels.iter().map(Level::len));
-    let parents = fine_from_coarse(&levels);
-    let finest = &levels[levels.len() - 1];
-    let nearest_point = NearestPoint::new(finest);
-    let near = NEAR * levels[0].disk_radius;
-    let (importance, importance_rays) = importance(surfaces, &nearest_point, near, viewpoints, params.seed);
-    let (tree, typical) = sender_tree(surfaces, &points, importance, params);
-    let places: Vec<Candidate> = points
-        .levels
-        .iter()
-        .flat_map(|l| l.points.iter().copied())
-        .collect();
-    let bounce_level = 1.min(tree.levels() - 1);
-    let bounce_receivers = (bounce_level + 3).min(levels.len() - 1);
-    let needs_bounces = params.needs_bounces();
-    let (wanted, camera_rays) = match cameras {
-        [] => (Vec::new(), 0),
-        _ => {
-            // With one bounce only pixels ask for receivers; further ones start from what all points reflect.
-            let first = match params.bounces {
-                Some(1) => 1,
-                _ => bounce_receivers + 1,
-            };
-            seen_by(surfaces, cameras, &levels, &parents, first)
+    let units = (Units::none(), 1);
+    let viewers = (viewpoints, cameras);
+    transport_in_units(surfaces, points, viewers, params, quantised, units, &step)
+}
+
+/// As [`transport`], in units. More than one of `batches` makes links range by range, so that only the rows that a part
+/// needs are in memory at once; that takes units that are kept.
+///
+/// # Errors
+/// `watch` stops the bake, or a unit cannot be kept.
+pub fn transport_in_units(
+    surfaces: &dyn Surfaces,
+    points: PointLevels,
+    viewers: Viewers,
+    params: &BakeParams,
+    quantised: impl Fn(Vec3) -> Vec3 + Sync,
+    (units, batches): (Units, usize),
+    watch: &impl RowWatch,
+) -> Result<Transport, BakeError> {
+    let made = with_refinement(surfaces, &points, viewers, params, units, |r, levels| {
+        let batches = if units.are_kept() { batches } else { 1 };
+        for batch in (0..batches).filter(|_| batches > 1) {
+            // What all batches cast together is not known to any of them.
+            let cast = |rays| watch.cast(rays);
+            rows(
+                r,
+                Wanted::part(r, units, batch, batches),
+                &quantised,
+                units,
+                &cast,
+            )?;
         }
-    };
-    let refinement = Refinement {
-        surfaces,
-        places: &places,
-        ranges: &ranges,
-        fine_from_coarse: &parents,
-        field: SenderField {
-            points: nearest_point,
-            tree: &tree,
-        },
-        typical: &typical,
-        coarse_positions: &levels[0].positions,
-        rays: params.rays,
-        epsilon: params.epsilon,
-        bounce_level,
-        bounce_receivers: needs_bounces.then_some(bounce_receivers),
-        wanted: &wanted,
-        seed: params.seed,
-    };
-    let Refined {
-        links,
-        bounce_rows,
-        gathered,
+        let refined = refine(r, quantised, units, watch)?;
+        let bounce = bounce(r, levels, &refined.bounce_rows);
+        Ok((refined, bounce, r.bounce_level))
+    })?;
+    let Refining {
+        outcome: (refined, bounce, bounce_level),
+        tree,
         rays,
-        lost,
-        dropped,
-        spared,
-    } = refine(&refinement, quantised, step)?;
-    let clusters = tree.ranges.range(bounce_level).len();
-    let bounce = if needs_bounces {
-        let receivers = &levels[bounce_receivers];
-        averaged(&refinement, receivers, &bounce_rows, bounce_level)
-    } else {
-        Rows {
-            columns: clusters as u32,
-            offsets: vec![0; clusters + 1],
-            entries: Vec::new(),
-        }
-    };
-    let rays = rays + points.rays + importance_rays + camera_rays;
+    } = made;
     let mut made = Transport {
+        rays: refined.rays + points.rays + rays,
         points,
         tree,
-        links,
+        links: refined.links,
         bounce,
         bounce_level,
-        gathered,
-        rays,
-        lost,
-        dropped,
-        spared,
+        gathered: refined.gathered,
+        lost: refined.lost,
+        dropped: refined.dropped,
+        spared: refined.spared,
         idle_senders: (0, 0),
+        row_bytes: refined.row_bytes,
     };
     if !params.keeps(Part::Senders) {
         leave_out_idle_senders(&mut made);
@@ -204,19 +186,94 @@ fn leave_out_idle_senders(made: &mut Transport) {
     );
 }
 
-/// The bounce operator from the gathers of `receivers`.
-fn averaged(
-    refinement: &Refinement,
-    receivers: &Level,
-    bounce_rows: &[Vec<(u32, f32)>],
-    bounce_level: usize,
-) -> Rows {
-    let tree = refinement.field.tree;
-    let cluster_of_point = tree.cluster_of_point(bounce_level);
+/// Where light is carried to, and the cameras that alone will look, if it is they alone.
+pub type Viewers<'a> = (&'a [Vec3], &'a [Camera]);
+
+/// What came of a refinement that was prepared.
+pub struct Refining<T> {
+    /// What was wanted of it.
+    pub outcome: T,
+    /// The senders.
+    pub tree: SenderTree,
+    /// Rays cast to prepare it.
+    pub rays: u64,
+}
+
+/// Prepares all that rows depend on, and does `work` with it.
+///
+/// # Errors
+/// Those of `work`, or a unit cannot be kept.
+pub fn with_refinement<T>(
+    surfaces: &dyn Surfaces,
+    points: &PointLevels,
+    (viewpoints, cameras): Viewers,
+    params: &BakeParams,
+    units: Units,
+    work: impl FnOnce(&Refinement, &[Level]) -> Result<T, BakeError>,
+) -> Result<Refining<T>, BakeError> {
+    let levels = levels_of(points);
+    let ranges = LevelRanges::new(levels.iter().map(Level::len));
+    let parents = fine_from_coarse(&levels);
+    let nearest_point = NearestPoint::new(&levels[levels.len() - 1]);
+    let near = NEAR * levels[0].disk_radius;
+    let (importance, mut rays) = importance(surfaces, &nearest_point, near, viewpoints, params.seed, units)?;
+    let (tree, typical) = sender_tree(surfaces, points, importance, params, units)?;
+    let places: Vec<Candidate> = points
+        .levels
+        .iter()
+        .flat_map(|l| l.points.iter().copied())
+        .collect();
+    let bounce_level = 1.min(tree.levels() - 1);
+    let bounce_receivers = (bounce_level + 3).min(levels.len() - 1);
+    let mut worthwhile = Vec::new();
+    if !cameras.is_empty() {
+        // With one bounce only pixels ask for receivers; further ones start from what all points reflect.
+        let first = match params.bounces {
+            Some(1) => 1,
+            _ => bounce_receivers + 1,
+        };
+        let (seen, cast) = seen_by(surfaces, cameras, &levels, &parents, first);
+        worthwhile = seen;
+        rays += cast;
+    }
+    let refinement = Refinement {
+        surfaces,
+        places: &places,
+        ranges: &ranges,
+        fine_from_coarse: &parents,
+        field: SenderField {
+            points: nearest_point,
+            tree: &tree,
+        },
+        typical: &typical,
+        coarse_positions: &levels[0].positions,
+        rays: params.rays,
+        epsilon: params.epsilon,
+        bounce_level,
+        bounce_receivers: params.needs_bounces().then_some(bounce_receivers),
+        worthwhile: &worthwhile,
+        short_links: params.short_links(),
+        seed: params.seed,
+    };
+    let outcome = work(&refinement, &levels)?;
+    Ok(Refining { outcome, tree, rays })
+}
+
+/// K from the responses at the points of the bounce receiver level; empty where it is not needed.
+fn bounce(r: &Refinement, levels: &[Level], rows: &[Vec<(u32, f32)>]) -> Rows {
+    let tree = r.field.tree;
+    let clusters = tree.ranges.range(r.bounce_level).len();
+    let Some(receivers) = r.bounce_receivers.map(|level| &levels[level]) else {
+        return Rows {
+            columns: clusters as u32,
+            offsets: vec![0; clusters + 1],
+            entries: Vec::new(),
+        };
+    };
+    let cluster_of_point = tree.cluster_of_point(r.bounce_level);
     let nearest: Vec<usize> = (0..receivers.len())
         .map(|i| {
-            refinement
-                .field
+            r.field
                 .points
                 .at(receivers.positions[i], receivers.normals[i])
                 .unwrap_or(0) as usize
@@ -224,8 +281,7 @@ fn averaged(
         .collect();
     let cluster_of_receiver: Vec<u32> = nearest.iter().map(|&p| cluster_of_point[p]).collect();
     let weights: Vec<f32> = nearest.iter().map(|&p| weight(tree.importance[p])).collect();
-    let clusters = tree.ranges.range(bounce_level).len();
-    bounce_operator(bounce_rows, &cluster_of_receiver, &weights, clusters)
+    bounce_operator(rows, &cluster_of_receiver, &weights, clusters)
 }
 
 /// Stage number of the pilots' random stream.
@@ -254,8 +310,38 @@ fn pilots(surfaces: &dyn Surfaces, points: &PointLevels, seed: u64) -> Vec<Vec3>
         .collect()
 }
 
-fn signed(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) -> Vec<Signed> {
-    places
+/// Places per unit of work: 128 rays each, a second or so.
+const PLACES_PER_UNIT: usize = 1 << 15;
+
+/// Which pilots places see, a bit each.
+pub struct Signatures(pub Vec<u128>);
+
+fn signed(
+    surfaces: &dyn Surfaces,
+    places: &[Candidate],
+    pilots: &[Vec3],
+    units: Units,
+) -> Result<Vec<Signed>, BakeError> {
+    let inputs = units.inputs(|key| {
+        key.places(places).vectors(pilots.iter());
+    });
+    let mut signed = Vec::with_capacity(places.len());
+    for range in units.ranges(0..places.len(), PLACES_PER_UNIT) {
+        let places = &places[range.clone()];
+        let Signatures(seen) = units.taken_or_made("pilots", inputs, &range, || {
+            Ok(signatures(surfaces, places, pilots))
+        })?;
+        signed.extend(places.iter().zip(seen).map(|(place, signature)| Signed {
+            position: place.position,
+            normal: place.normal,
+            signature,
+        }));
+    }
+    Ok(signed)
+}
+
+fn signatures(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) -> Signatures {
+    let seen = places
         .par_iter()
         .with_min_len(64)
         .map_init(
@@ -275,14 +361,11 @@ fn signed(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) -> Vec
                         signature |= 1 << bit;
                     }
                 }
-                Signed {
-                    position: place.position,
-                    normal: place.normal,
-                    signature,
-                }
+                signature
             },
         )
-        .collect()
+        .collect();
+    Signatures(seen)
 }
 
 /// The senders, and how they are lit by the pilots in the mean.
@@ -291,14 +374,20 @@ fn sender_tree(
     points: &PointLevels,
     importance: Vec<u8>,
     params: &BakeParams,
-) -> (SenderTree, TypicalLight) {
+    units: Units,
+) -> Result<(SenderTree, TypicalLight), BakeError> {
     let pilots = pilots(surfaces, points, params.seed);
     let sending = params.sender_levels.min(points.levels.len());
-    let finest = signed(surfaces, &points.levels[points.levels.len() - 1].points, &pilots);
+    let finest = signed(
+        surfaces,
+        &points.levels[points.levels.len() - 1].points,
+        &pilots,
+        units,
+    )?;
     let seeds: Vec<Vec<Signed>> = points.levels[..sending]
         .iter()
-        .map(|level| signed(surfaces, &level.points, &pilots))
-        .collect();
+        .map(|level| signed(surfaces, &level.points, &pilots, units))
+        .collect::<Result<_, BakeError>>()?;
     let spacing = |level: usize| points.levels[level].disk_radius;
     let leaf_of_point = nearest_seeds(&finest, &seeds[sending - 1], spacing(sending - 1));
     let parents = (1..sending)
@@ -311,5 +400,5 @@ fn sender_tree(
         .map(|place| AMBIENT + place.signature.count_ones() as f32 / PILOTS as f32)
         .collect();
     let typical = TypicalLight::new(&tree, &lit);
-    (tree, typical)
+    Ok((tree, typical))
 }

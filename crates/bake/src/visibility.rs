@@ -12,10 +12,12 @@ use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::light_samples::{LightLeaves, Lights};
 use crate::params::CutParams;
+use crate::units::Units;
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
 use relight_transport::cuts::{Selector, SiteCuts};
+use std::ops::Range;
 
 /// Cuts of all sites and what making them took.
 #[derive(Debug, Default)]
@@ -51,7 +53,10 @@ impl Site for Candidate {
 }
 
 /// Sites per parallel task.
-const TASK: usize = 64;
+pub const TASK: usize = 64;
+
+/// Sites per unit of work: a second or two. A whole number of tasks, whose sums are added up one by one.
+const SITES_PER_UNIT: usize = 16 * TASK;
 
 /// Selects the cut of every site through the tree of `leaves`.
 ///
@@ -64,7 +69,63 @@ pub fn site_cuts(
     params: &CutParams,
     step: impl Fn(usize) -> Result<(), BakeError> + Sync,
 ) -> Result<Cuts, BakeError> {
-    let parts: Vec<Part> = sites
+    joined(parts(surfaces, sites, leaves, params, &step)?.0)
+}
+
+/// As [`site_cuts`], in units; `inputs` is the hash of sites and lights (see [`Units::inputs`]).
+///
+/// # Errors
+/// As [`site_cuts`], or a unit cannot be kept.
+pub fn site_cuts_in_units(
+    surfaces: &dyn Surfaces,
+    sites: &[impl Site],
+    leaves: &LightLeaves,
+    params: &CutParams,
+    (units, inputs): (Units, u128),
+    step: impl Fn(usize) -> Result<(), BakeError> + Sync,
+) -> Result<Cuts, BakeError> {
+    let mut all = Vec::new();
+    for range in cut_ranges(units, sites.len()) {
+        all.extend(cut_unit(surfaces, sites, leaves, params, (units, inputs), &range, &step)?.0);
+    }
+    joined(all)
+}
+
+/// The ranges of sites that are units.
+pub fn cut_ranges(units: Units, sites: usize) -> impl Iterator<Item = Range<usize>> {
+    units.ranges(0..sites, SITES_PER_UNIT)
+}
+
+/// The cuts of the sites in one range.
+///
+/// # Errors
+/// As [`site_cuts_in_units`].
+pub fn cut_unit(
+    surfaces: &dyn Surfaces,
+    sites: &[impl Site],
+    leaves: &LightLeaves,
+    params: &CutParams,
+    (units, inputs): (Units, u128),
+    range: &Range<usize>,
+    step: &(impl Fn(usize) -> Result<(), BakeError> + Sync),
+) -> Result<Parts, BakeError> {
+    if let Some(parts) = units.taken("cuts", inputs, range) {
+        step(range.len())?;
+        return Ok(parts);
+    }
+    let made = parts(surfaces, &sites[range.clone()], leaves, params, step)?;
+    units.keep("cuts", inputs, range, &made)?;
+    Ok(made)
+}
+
+fn parts(
+    surfaces: &dyn Surfaces,
+    sites: &[impl Site],
+    leaves: &LightLeaves,
+    params: &CutParams,
+    step: &(impl Fn(usize) -> Result<(), BakeError> + Sync),
+) -> Result<Parts, BakeError> {
+    sites
         .par_chunks(TASK)
         .map_init(
             || (Sampler::new(leaves, params.every_light), Selector::default()),
@@ -87,18 +148,28 @@ pub fn site_cuts(
                 Ok(part)
             },
         )
-        .collect::<Result<_, BakeError>>()?;
-    joined(parts)
+        .collect::<Result<_, BakeError>>()
+        .map(Parts)
 }
 
+/// Cuts of some sites, [`TASK`] by [`TASK`].
+pub struct Parts(pub Vec<Part>);
+
+/// Cuts of at most [`TASK`] sites.
 #[derive(Default)]
-struct Part {
-    ends: Vec<usize>,
-    heights: Vec<u8>,
-    values: Vec<f32>,
-    rays: u64,
-    count: f64,
-    squares: f64,
+pub struct Part {
+    /// Where each site's elements end.
+    pub ends: Vec<usize>,
+    /// Heights of the nodes.
+    pub heights: Vec<u8>,
+    /// Their means.
+    pub values: Vec<f32>,
+    /// Rays cast.
+    pub rays: u64,
+    /// Lights above the sites' horizons.
+    pub count: f64,
+    /// Sum of their squared errors.
+    pub squares: f64,
 }
 
 fn joined(parts: Vec<Part>) -> Result<Cuts, BakeError> {

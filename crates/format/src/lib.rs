@@ -51,6 +51,7 @@ mod file;
 pub mod layout;
 mod read;
 mod section;
+pub mod unit;
 mod validate;
 mod vertices;
 

@@ -110,6 +110,20 @@ impl Disks {
         self.next.push(older);
     }
 
+    /// Adds points that this set has accepted before, in the order in which it did, and the rejections in a row since
+    /// the last of them.
+    pub fn restore(&mut self, points: impl IntoIterator<Item = (Vec3, Vec3, u64)>, failures: u32) {
+        for (position, normal, candidate) in points {
+            self.insert(position, normal, candidate);
+        }
+        self.failures = failures;
+    }
+
+    /// Candidates rejected in a row since the last that was accepted.
+    pub fn failures(&self) -> u32 {
+        self.failures
+    }
+
     /// Throws a batch of candidates, whose numbers start at `first_candidate`. A candidate that keeps its
     /// distance from all points so far must also be admitted by `admits` (index within the batch).
     /// Candidates after the one that fills the level are ignored.
@@ -194,6 +208,23 @@ mod tests {
             "{room} of {} candidates find room",
             fresh.len()
         );
+    }
+
+    #[test]
+    fn a_restored_set_goes_on_as_if_it_had_never_stopped() {
+        let candidates = on_a_sphere(20_000);
+        let (first, second) = candidates.split_at(3000);
+        let mut whole = Disks::new(0.15);
+        whole.throw(&candidates, &candidates, 0, |_| true);
+        let mut stopped = Disks::new(0.15);
+        stopped.throw(first, first, 0, |_| true);
+        let mut restored = Disks::new(0.15);
+        let points = (0..stopped.positions.len())
+            .map(|i| (stopped.positions[i], stopped.normals[i], stopped.candidates[i]));
+        restored.restore(points, stopped.failures());
+        restored.throw(second, second, 3000, |_| true);
+        assert_eq!(restored.candidates, whole.candidates);
+        assert_eq!(restored.failures(), whole.failures());
     }
 
     #[test]

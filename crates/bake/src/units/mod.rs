@@ -1,0 +1,200 @@
+//! Units of work: ranges of a stage's items whose results are kept, so that a bake can go on after a stop, take over
+//! what an edit of the scene does not reach, and be shared among machines.
+//!
+//! A unit's name says its stage, a hash of everything its numbers depend on, and its range ([`key`]); two units of one
+//! name are the same, whoever made them and when. Stages are functions of ranges that know nothing of this; where they are
+//! driven, [`Units::taken_or_made`] stands between them and the work. Without a ledger that is the work itself, in one range.
+//!
+//! What a hash holds is what rays meet ([`key::surfaces`]: triangles, smooth normals, and where alpha lets rays pass),
+//! what the stage is given (points, senders, viewpoints), its settings and the seed; never a light, nor what a
+//! surface reflects.
+//!
+//! Limit: surfaces are hashed as a whole. An object that is moved is met by some particles of every unit; it changes few
+//! points, but by them the numbering of all, and by importance the weights of the senders, on which every row depends. So
+//! all units that cast rays are made anew (docs/reliability.md has figures).
+
+mod columns;
+pub mod folder;
+pub mod key;
+
+use crate::error::BakeError;
+use key::Key;
+use relight_format::unit::{Column, UnitName};
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Where units are kept.
+pub trait UnitStore: Sync {
+    /// A unit, if it is there and whole.
+    fn load(&self, name: &UnitName) -> Option<Vec<Column>>;
+    /// Whether a unit is there; not whether it is whole.
+    fn has(&self, name: &UnitName) -> bool;
+    /// Keeps a unit, whole or not at all.
+    ///
+    /// # Errors
+    /// [`BakeError::Unit`]: it cannot be kept.
+    fn save(&self, name: &UnitName, columns: &[Column]) -> Result<(), BakeError>;
+}
+
+/// A result that can be kept.
+pub trait Unit: Sized {
+    /// As numbers.
+    fn columns(&self) -> Vec<Column>;
+    /// From the numbers of `count` items; `None` if they cannot be such a result.
+    fn from_columns(columns: Vec<Column>, count: usize) -> Option<Self>;
+}
+
+/// A store, and what was done with it.
+pub struct Ledger<'a> {
+    store: &'a dyn UnitStore,
+    tool: u128,
+    taken: AtomicU64,
+    made: AtomicU64,
+    used: Mutex<BTreeSet<String>>,
+}
+
+impl<'a> Ledger<'a> {
+    /// `tool`: identifies the program, since another one may compute other numbers.
+    pub fn new(store: &'a dyn UnitStore, tool: u128) -> Ledger<'a> {
+        Ledger {
+            store,
+            tool,
+            taken: AtomicU64::new(0),
+            made: AtomicU64::new(0),
+            used: Mutex::default(),
+        }
+    }
+
+    /// Units that were there, and units that had to be made.
+    pub fn counts(&self) -> (u64, u64) {
+        (
+            self.taken.load(Ordering::Relaxed),
+            self.made.load(Ordering::Relaxed),
+        )
+    }
+
+    /// File names of all units that were taken or made.
+    pub fn used(&self) -> BTreeSet<String> {
+        self.used
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
+            .clone()
+    }
+
+    fn note(&self, name: &UnitName, counter: &AtomicU64) {
+        counter.fetch_add(1, Ordering::Relaxed);
+        self.used
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
+            .insert(name.file_name());
+    }
+}
+
+/// How a stage deals with units: not at all, or by a ledger.
+#[derive(Clone, Copy, Default)]
+pub struct Units<'a> {
+    ledger: Option<&'a Ledger<'a>>,
+    surfaces: u128,
+}
+
+impl<'a> Units<'a> {
+    /// Every stage in one piece, nothing kept.
+    pub fn none() -> Units<'static> {
+        Units::default()
+    }
+
+    /// Units over surfaces with the hash `surfaces`.
+    pub fn new(ledger: Option<&'a Ledger<'a>>, surfaces: u128) -> Units<'a> {
+        Units { ledger, surfaces }
+    }
+
+    /// Whether results are kept.
+    pub fn are_kept(&self) -> bool {
+        self.ledger.is_some()
+    }
+
+    /// The inputs that all stages share: the program and what rays meet. `more` adds a stage's own; it is not called
+    /// where nothing is kept.
+    pub fn inputs(&self, more: impl FnOnce(&mut Key)) -> u128 {
+        let Some(ledger) = self.ledger else { return 0 };
+        let mut key = Key::default();
+        key.u128s(&[ledger.tool, self.surfaces]);
+        more(&mut key);
+        key.hash()
+    }
+
+    /// `all` in ranges of `per_unit`; in one where nothing is kept.
+    pub fn ranges(&self, all: Range<usize>, per_unit: usize) -> impl Iterator<Item = Range<usize>> + use<> {
+        let step = if self.are_kept() {
+            per_unit.max(1)
+        } else {
+            all.len().max(1)
+        };
+        all.clone()
+            .step_by(step)
+            .map(move |start| start..(start + step).min(all.end))
+    }
+
+    /// A unit that is there.
+    pub fn taken<T: Unit>(&self, stage: &str, inputs: u128, range: &Range<usize>) -> Option<T> {
+        let ledger = self.ledger?;
+        let name = name(stage, inputs, range);
+        let unit = T::from_columns(ledger.store.load(&name)?, range.len())?;
+        ledger.note(&name, &ledger.taken);
+        Some(unit)
+    }
+
+    /// Keeps a unit that was made.
+    ///
+    /// # Errors
+    /// It cannot be kept.
+    pub fn keep(
+        &self,
+        stage: &str,
+        inputs: u128,
+        range: &Range<usize>,
+        unit: &impl Unit,
+    ) -> Result<(), BakeError> {
+        let Some(ledger) = self.ledger else { return Ok(()) };
+        let name = name(stage, inputs, range);
+        ledger.store.save(&name, &unit.columns())?;
+        ledger.note(&name, &ledger.made);
+        Ok(())
+    }
+
+    /// Whether a unit is there.
+    pub fn has(&self, stage: &str, inputs: u128, range: &Range<usize>) -> bool {
+        self.ledger
+            .is_some_and(|ledger| ledger.store.has(&name(stage, inputs, range)))
+    }
+
+    /// The unit if it is there; else it is made and kept.
+    ///
+    /// # Errors
+    /// Those of `make`, or it cannot be kept.
+    pub fn taken_or_made<T: Unit>(
+        &self,
+        stage: &str,
+        inputs: u128,
+        range: &Range<usize>,
+        make: impl FnOnce() -> Result<T, BakeError>,
+    ) -> Result<T, BakeError> {
+        if let Some(unit) = self.taken(stage, inputs, range) {
+            return Ok(unit);
+        }
+        let unit = make()?;
+        self.keep(stage, inputs, range, &unit)?;
+        Ok(unit)
+    }
+}
+
+fn name(stage: &str, inputs: u128, range: &Range<usize>) -> UnitName {
+    UnitName {
+        stage: stage.to_owned(),
+        inputs,
+        start: range.start as u64,
+        end: range.end as u64,
+    }
+}

@@ -1,0 +1,429 @@
+//! Options of `relight bake`, and what they mean.
+
+use crate::failure::Failure;
+use crate::target;
+use clap::{Args, ValueEnum};
+use glam::Vec3;
+use relight_bake::params::{BakeParams, CutMode, CutParams, CutSites, Part, Preset};
+use relight_scene::traced::Shading;
+use std::path::{Path, PathBuf};
+
+/// Turn a glTF scene into an asset that can be relit.
+///
+/// Spreads a hierarchy of points over the surfaces that light can carry to the viewer, finds how strongly they
+/// light each other, and writes geometry, materials, points and links into one file. Times and memory go into
+/// ASSET.relight.log.json beside it.
+#[derive(Args)]
+#[command(after_help = "\
+The JSON of --json: points (per level, coarsest first), links, potential_links, rays, seconds (per stage, total,
+ray_tracing: thread-seconds in rays / threads), bytes (per section raw and stored, total), peak_memory_bytes, row_bytes
+(memory of reconstructed rows), left_out (what, why, saved_bytes, saved_rays, and with the bake's log saved_seconds:
+those rays at the bake's own pace), and with --resume units (all, reused).
+Of --dry-run: points, rays, links, seconds, bytes, memory_bytes, smallest_memory_limit. Of --plan: units.")]
+pub struct BakeArgs {
+    /// Scene to bake: .glb or .gltf.
+    #[arg(value_name = "SCENE", required_unless_present_any = ["unit", "merge"])]
+    pub scene: Option<PathBuf>,
+    /// Asset to write; an existing one is replaced when the new one is complete.
+    #[arg(short, long, value_name = "ASSET.relight", required_unless_present_any = ["unit", "merge"])]
+    pub output: Option<PathBuf>,
+    /// Quality: draft (seconds, to try lights and cameras), standard, or fine (half the standard error, several
+    /// times the bake). The options below win over it.
+    #[arg(long, value_enum, default_value_t = PresetName::Standard)]
+    pub preset: PresetName,
+    /// Choose levels, sender levels, epsilon and rays for this error of indirect light, such as 0.08 or 8%: the root of relMSE of
+    /// the indirect layer, as `report` lists it, estimated at other viewpoints near the camera that `play` takes by itself, under --lights (or the
+    /// scene's own lights, or a lamp). Bakes ever finer settings until one will do. A result's estimate is stored.
+    #[arg(long, value_name = "E", value_parser = target::parse, 
+          conflicts_with_all = ["preset", "levels", "sender_levels", "epsilon", "resume", "plan", "unit", "merge", "dry_run", "memory_limit"])]
+    pub target_error: Option<f64>,
+    /// Keep only what this lighting sequence can use. Without it the asset keeps what any light could use.
+    #[arg(long, value_name = "SEQ.json")]
+    pub lights: Option<PathBuf>,
+    /// Receiver levels, 1 to 12: each halves the distance of the points of the one before [standard: 6].
+    #[arg(long, value_name = "N")]
+    pub levels: Option<usize>,
+    /// Sender levels: so many of the coarsest levels send light [standard: 4].
+    #[arg(long, value_name = "N")]
+    pub sender_levels: Option<usize>,
+    /// Distance of the points of the coarsest level, metres [default: from the scene].
+    #[arg(long, value_name = "R")]
+    pub coarse_radius: Option<f32>,
+    /// Links of the finest level below this strength, for a reflectance of 0.8, are left out [standard: 0.025].
+    #[arg(long, value_name = "E")]
+    pub epsilon: Option<f32>,
+    /// Bounces of indirect light [default: to convergence].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub bounces: Option<u32>,
+    /// Solve the bounces now instead of at play time: frames get faster, and reflectances can no longer be
+    /// edited.
+    #[arg(long)]
+    pub solution: bool,
+    /// Visibility cuts: none; environment, for shadows and glossy reflections of environment maps and skies; auto, the same
+    /// if --lights has one or is not given; or indirect, for glossy reflections of lit surfaces, by one bounce of any
+    /// light.
+    #[arg(long, value_enum, default_value_t = CutsName::None)]
+    pub cuts: CutsName,
+    /// Where the cuts stand: at the finest points, whose number follows the lighting, or at the vertices of the meshes,
+    /// between which triangles interpolate [default: points].
+    #[arg(long, value_enum)]
+    pub cut_sites: Option<CutSitesName>,
+    /// Even directions, or even samples of the surfaces, that the cuts cluster: a power of two, 256 to 1048576 [default: 32768].
+    #[arg(long, value_name = "N")]
+    pub cut_lights: Option<u32>,
+    /// Threshold of a cut's nodes, for 32768 lights: 1.5 to 3 is usual; larger makes cuts shorter and shadows
+    /// coarser [default: 2].
+    #[arg(long, value_name = "S")]
+    pub sigma: Option<f32>,
+    /// What the tree of those lights minds: 1 geometry alone, 0 visibility alone [default: 0.45].
+    #[arg(long, value_name = "B")]
+    pub beta: Option<f32>,
+    /// A place from which the scene is looked at: surfaces that light cannot carry to it get no points. May be
+    /// given several times [default: the scene's cameras, or a place in open space].
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
+    pub viewpoint: Vec<Vec3>,
+    /// Keep what the scene and --lights cannot use, with commas between them: all, lights (the scene's own), emission,
+    /// materials (maps, textures, coordinates, colours), points (on surfaces that no light path joins to the viewpoints), senders
+    /// (levels that no link uses), bounces (the operator of the third bounce and further ones), cuts (of environments,
+    /// with --cuts auto), precision (bits of links far below --epsilon, colour of grey points). Links below significance are
+    /// kept by a smaller --epsilon.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
+    pub keep: Vec<KeepName>,
+    /// Only the cameras of the scene and of --lights will look: surfaces that none of them sees get no fine receivers.
+    #[arg(long)]
+    pub cameras_only: bool,
+    /// Treat every material as Lambert with its base colour, for comparison with other renderers: metallic,
+    /// roughness and normal maps are ignored, emission and alpha are kept.
+    #[arg(long)]
+    pub lambert: bool,
+    /// How the exporter wrote light intensities: spec (candela and lux, as KHR_lights_punctual has them),
+    /// unitless (W/sr), or raw (watts).
+    #[arg(long, value_enum, default_value_t = Units::Spec)]
+    pub light_units: Units,
+    #[command(flatten)]
+    pub long: LongArgs,
+    /// Print one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of long bakes.
+#[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Long bakes")]
+pub struct LongArgs {
+    /// Keep finished units of work in ASSET.relight.units, and go on from what is there: after Ctrl-C, a kill, or a
+    /// loss of power the same command continues. The asset is the same, byte by byte. Units are removed when the asset is
+    /// written.
+    #[arg(long)]
+    pub resume: bool,
+    /// Leave the units of the finished bake where they are (with --resume): a later bake with --resume takes over all
+    /// that an edit of scene, lights or settings does not reach.
+    #[arg(long, requires = "resume")]
+    pub keep_units: bool,
+    /// Do not bake: say what the bake will take (points, rays, links, seconds on this machine, bytes of the asset,
+    /// memory), from a small bake of the same scene, a sixteenth of the work.
+    #[arg(long, conflicts_with_all = ["plan", "unit", "merge"])]
+    pub dry_run: bool,
+    /// Use no more memory than this, such as 2G or 700M: predicted before work starts as by --dry-run. If need be, links
+    /// are made part by part, with units kept as by --resume. Refused, with the smallest limit that would do, if that is
+    /// not enough.
+    #[arg(long, value_name = "SIZE", value_parser = parse_size, conflicts_with_all = ["plan", "unit", "merge"])]
+    pub memory_limit: Option<u64>,
+    /// Do not bake: make a plan of N units in DIR, for any number of processes and machines that see DIR and SCENE at the
+    /// same paths. With --json prints {"units": N}. Next, for I = 1 to N in any order and at once: relight bake
+    /// --unit I/N DIR; then: relight bake --merge DIR.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["resume"])]
+    pub plan: Option<PathBuf>,
+    /// With --plan: also write DIR/slurm/submit.sh, which submits the units as a job array and the merge after them.
+    /// Options of sbatch may be given to it.
+    #[arg(long, requires = "plan")]
+    pub slurm: bool,
+    /// Compute unit I of the N units of the plan in DIR. May be repeated, killed and started again.
+    #[arg(long, num_args = 2, value_names = ["I/N", "DIR"],
+          conflicts_with_all = ["scene", "output", "plan", "resume", "merge"])]
+    pub unit: Option<Vec<PathBuf>>,
+    /// Write the asset that the plan in DIR is for, once all its units are done: the bytes of a bake in one go.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["scene", "output", "plan", "resume"])]
+    pub merge: Option<PathBuf>,
+}
+
+/// Names of presets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PresetName {
+    /// Seconds instead of tens of seconds.
+    Draft,
+    /// The default.
+    Standard,
+    /// Half the standard error or less.
+    Fine,
+}
+
+/// What visibility cuts are made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum CutsName {
+    /// No cuts.
+    None,
+    /// Environment maps and skies.
+    Environment,
+    /// Those, if one may shine.
+    Auto,
+    /// The first bounce of any light.
+    Indirect,
+}
+
+/// What to keep although nothing uses it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum KeepName {
+    /// Everything.
+    All,
+    /// The scene's own lights.
+    Lights,
+    /// Emission of materials.
+    Emission,
+    /// What materials look up.
+    Materials,
+    /// Points on unreachable surfaces.
+    Points,
+    /// Sender levels without links.
+    Senders,
+    /// The bounce operator.
+    Bounces,
+    /// Cuts of environments.
+    Cuts,
+    /// Bits.
+    Precision,
+}
+
+impl KeepName {
+    fn parts(self) -> Vec<Part> {
+        let name = self.to_possible_value();
+        let named = |part: &Part| name.as_ref().is_some_and(|n| n.matches(part.name(), false));
+        match self {
+            KeepName::All => Part::ALL.to_vec(),
+            _ => Part::ALL.into_iter().filter(named).collect(),
+        }
+    }
+}
+
+/// Where visibility cuts stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum CutSitesName {
+    /// At the finest points.
+    Points,
+    /// At the vertices of the meshes.
+    Vertices,
+}
+
+/// Names of [`LightUnits`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Units {
+    /// Candela and lux.
+    Spec,
+    /// W/sr and W/m².
+    Unitless,
+    /// Watts and W/m².
+    Raw,
+}
+
+fn parse_point(text: &str) -> Result<Vec3, String> {
+    let numbers: Option<Vec<f32>> = text
+        .split(',')
+        .map(|part| part.trim().parse().ok().filter(|x: &f32| x.is_finite()))
+        .collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) => Ok(Vec3::new(x, y, z)),
+        _ => Err("expected three numbers with commas between them, such as 1.5,2,-3".into()),
+    }
+}
+
+/// The parameters that the options make.
+pub fn params(args: &BakeArgs, seed: u64) -> Result<BakeParams, Failure> {
+    let mut params = BakeParams::preset(match args.preset {
+        PresetName::Draft => Preset::Draft,
+        PresetName::Standard => Preset::Standard,
+        PresetName::Fine => Preset::Fine,
+    });
+    params.levels = args.levels.unwrap_or(params.levels);
+    params.sender_levels = args
+        .sender_levels
+        .unwrap_or(params.sender_levels.min(params.levels));
+    params.coarse_radius = args.coarse_radius;
+    params.epsilon = args.epsilon.unwrap_or(params.epsilon);
+    params.bounces = args.bounces;
+    params.solution = args.solution;
+    params.cuts = cut_params(args)?;
+    params.viewpoints = args.viewpoint.clone();
+    params.cameras_only = args.cameras_only;
+    params.keep = Part::ALL.to_vec();
+    (params.keep).retain(|part| args.keep.iter().any(|name| name.parts().contains(part)));
+    params.seed = seed;
+    relight_bake::settings::validate(&params).map_err(|error| Failure::Usage(error.to_string()))?;
+    Ok(params)
+}
+
+fn cut_params(args: &BakeArgs) -> Result<Option<CutParams>, Failure> {
+    let given = [
+        ("--cut-sites", args.cut_sites.is_some()),
+        ("--cut-lights", args.cut_lights.is_some()),
+        ("--sigma", args.sigma.is_some()),
+        ("--beta", args.beta.is_some()),
+    ];
+    let mode = match args.cuts {
+        CutsName::Environment | CutsName::Auto => CutMode::Environment,
+        CutsName::Indirect => CutMode::Indirect,
+        CutsName::None => {
+            return match given.iter().find(|option| option.1) {
+                None => Ok(None),
+                Some((option, _)) => Err(Failure::Usage(format!(
+                    "{option} belongs to visibility cuts, which --cuts environment and --cuts indirect bake"
+                ))),
+            };
+        }
+    };
+    let defaults = CutParams::default();
+    Ok(Some(CutParams {
+        mode,
+        sites: match args.cut_sites {
+            Some(CutSitesName::Vertices) => CutSites::Vertices,
+            Some(CutSitesName::Points) | None => CutSites::Points,
+        },
+        lights: args.cut_lights.unwrap_or(defaults.lights),
+        sigma: args.sigma.unwrap_or(defaults.sigma),
+        beta: args.beta.unwrap_or(defaults.beta),
+        if_used: args.cuts == CutsName::Auto,
+        ..defaults
+    }))
+}
+
+fn parse_size(text: &str) -> Result<u64, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match text[digits.len()..].to_ascii_uppercase().as_str() {
+        "" | "B" => 1.0,
+        "K" | "KB" | "KIB" => 1024.0,
+        "M" | "MB" | "MIB" => 1024.0f64.powi(2),
+        "G" | "GB" | "GIB" => 1024.0f64.powi(3),
+        "T" | "TB" | "TIB" => 1024.0f64.powi(4),
+        _ => f64::NAN,
+    };
+    match digits.parse::<f64>() {
+        Ok(number) if number > 0.0 && (number * unit).is_finite() => Ok((number * unit) as u64),
+        _ => Err("expected a size such as 2G, 1.5G or 700M".into()),
+    }
+}
+
+impl BakeArgs {
+    /// The scene that is baked.
+    ///
+    /// # Errors
+    /// None was given, which only `--unit` and `--merge` allow.
+    pub fn scene(&self) -> Result<&Path, Failure> {
+        self.scene
+            .as_deref()
+            .ok_or_else(|| Failure::Usage("give the scene to bake".into()))
+    }
+
+    /// The asset that is written.
+    ///
+    /// # Errors
+    /// As [`BakeArgs::scene`].
+    pub fn output(&self) -> Result<&Path, Failure> {
+        self.output
+            .as_deref()
+            .ok_or_else(|| Failure::Usage("give the asset to write with -o".into()))
+    }
+
+    /// How materials are evaluated.
+    pub fn shading(&self) -> Shading {
+        if self.lambert {
+            Shading::Lambert
+        } else {
+            Shading::Full
+        }
+    }
+
+    /// The command line that bakes the same again, from any folder, without the options of long bakes.
+    ///
+    /// # Errors
+    /// A path does not exist or is not UTF-8.
+    pub fn words(&self) -> Result<Vec<String>, Failure> {
+        let text = |path: &Path| {
+            let path = std::path::absolute(path)?;
+            path.to_str()
+                .map(str::to_owned)
+                .ok_or_else(|| anyhow::anyhow!("{}: its name is not UTF-8", path.display()))
+        };
+        fn name<T: ValueEnum>(value: &T) -> Option<String> {
+            value.to_possible_value().map(|v| v.get_name().to_owned())
+        }
+        let number = |n: Option<f32>| n.map(|n| n.to_string());
+        let count = |n: Option<usize>| n.map(|n| n.to_string());
+        let lights = self.lights.as_deref().map(text).transpose()?;
+        let mut words = vec![text(self.scene()?)?, "-o".into(), text(self.output()?)?];
+        for (option, value) in [
+            ("--preset", name(&self.preset)),
+            ("--lights", lights),
+            ("--levels", count(self.levels)),
+            ("--sender-levels", count(self.sender_levels)),
+            ("--coarse-radius", number(self.coarse_radius)),
+            ("--epsilon", number(self.epsilon)),
+            ("--bounces", self.bounces.map(|n| n.to_string())),
+            ("--cuts", name(&self.cuts)),
+            ("--cut-sites", self.cut_sites.as_ref().and_then(name)),
+            ("--cut-lights", self.cut_lights.map(|n| n.to_string())),
+            ("--sigma", number(self.sigma)),
+            ("--beta", number(self.beta)),
+            ("--light-units", name(&self.light_units)),
+        ] {
+            // One word each: a value may begin with a dash.
+            words.extend(value.map(|value| format!("{option}={value}")));
+        }
+        words.extend(
+            self.viewpoint
+                .iter()
+                .map(|v| format!("--viewpoint={},{},{}", v.x, v.y, v.z)),
+        );
+        words.extend((self.keep.iter().filter_map(name)).map(|what| format!("--keep={what}")));
+        for (option, given) in [
+            ("--solution", self.solution),
+            ("--lambert", self.lambert),
+            ("--cameras-only", self.cameras_only),
+        ] {
+            words.extend(given.then(|| option.to_owned()));
+        }
+        Ok(words)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: BakeArgs,
+    }
+
+    fn parsed(words: &[String]) -> BakeArgs {
+        Line::try_parse_from(std::iter::once("bake".to_owned()).chain(words.iter().cloned()))
+            .unwrap()
+            .args
+    }
+
+    /// A plan's units bake what the plan was made for, whatever options it had.
+    #[test]
+    fn words_say_all_that_was_asked_for() {
+        let all = "/s.glb -o /a.relight --preset fine --lights /l.json --levels 5 --sender-levels 3 --coarse-radius 0.3 \
+                   --epsilon 0.07 --bounces 3 --solution --cuts indirect --cut-sites vertices --cut-lights 1024 \
+                   --sigma 1.7 --beta 0.1 --viewpoint -1,2.5,3e-7 --viewpoint 0,0,0.1 --lambert --light-units raw \
+                   --keep lights,senders --cameras-only";
+        let given = parsed(&all.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
+        let again = parsed(&given.words().unwrap());
+        assert_eq!(params(&again, 7).unwrap(), params(&given, 7).unwrap());
+        assert_eq!(again.words().unwrap(), given.words().unwrap());
+        assert_eq!((again.lambert, again.light_units), (true, Units::Raw));
+        assert_eq!(again.lights, given.lights);
+        assert_eq!(again.scene().unwrap(), Path::new("/s.glb"));
+    }
+}

@@ -1,0 +1,269 @@
+//! What a bake will take, from a small bake of the same scene: `--dry-run`, `--memory-limit`.
+//!
+//! The small bake has all levels and four times the distances, so a tenth to a sixteenth of the points. What grows with
+//! them is scaled up by powers that were fitted on the scenes of docs/reliability.md.
+
+use super::{Read, baking_failed};
+use crate::console::{BakeProgress, Console};
+use crate::failure::{Failure, Outcome};
+use crate::output::{self, SCHEMA};
+use crate::words;
+use anyhow::anyhow;
+use relight_bake::params::BakeParams;
+use relight_bake::{Baked, Request, bake_in_units, coarse_radius};
+use relight_format as format;
+use relight_scene::traced::Shading;
+use serde_json::json;
+use std::time::Instant;
+
+/// Ratio of distances of the small bake to those of the real one: two levels.
+const COARSER: f32 = 4.0;
+
+/// What a bake will take.
+#[derive(Clone, Debug)]
+pub struct Estimate {
+    /// Points on all levels.
+    points: u64,
+    /// Rays of all stages.
+    rays: u64,
+    /// Links of T, bounces and solution.
+    links: u64,
+    /// Wall-clock seconds on this machine, as busy as it is now.
+    seconds: f64,
+    /// Bytes of the asset.
+    bytes: u64,
+    /// Most memory in one go.
+    memory: u64,
+    /// Of that what reconstructed rows take, which batches divide.
+    rows: u64,
+    /// What the small bake leaves behind in this process: freed, but not given back to the system.
+    retained: u64,
+}
+
+/// Most batches: each makes anew the coarse rows that it shares with its neighbours, and rows of the coarsest levels are
+/// needed by all.
+const MOST_BATCHES: usize = 16;
+/// Share of the rows that a batch of n needs, beyond an n-th: those along its border, and the coarsest.
+const SHARED_ROWS: f64 = 0.2;
+
+/// Predictions of memory were up to a fifth too low (docs/reliability.md); a limit must hold all the same.
+const MARGIN: f64 = 1.25;
+
+impl Estimate {
+    /// Limit under which so many batches fit.
+    fn limit_of(&self, batches: usize) -> u64 {
+        ((self.memory_in(batches) + self.retained) as f64 * MARGIN) as u64
+    }
+
+    fn memory_in(&self, batches: usize) -> u64 {
+        let share = if batches > 1 {
+            (1.0 / batches as f64 + SHARED_ROWS).min(1.0)
+        } else {
+            1.0
+        };
+        self.memory - self.rows + (self.rows as f64 * share) as u64
+    }
+
+    /// The fewest batches that keep within a limit.
+    ///
+    /// # Errors
+    /// None does; the message says what limit would.
+    pub fn batches(&self, limit: Option<u64>) -> Result<usize, Failure> {
+        let Some(limit) = limit else { return Ok(1) };
+        let fits = (1..=MOST_BATCHES).find(|&n| self.limit_of(n) <= limit);
+        fits.ok_or_else(|| {
+            anyhow!(
+                "--memory-limit {limit}: the bake needs about {}; the smallest limit that would do is {}. A larger \
+                 --coarse-radius or fewer --levels take less",
+                words::bytes(self.memory),
+                self.limit_of(MOST_BATCHES)
+            )
+            .into()
+        })
+    }
+
+    /// Prints it.
+    pub fn tell(&self, json: bool, console: &Console) -> Result<Outcome, Failure> {
+        console.close();
+        if json {
+            output::print_json(&json!({
+                "schema": SCHEMA,
+                "command": "bake",
+                "dry_run": true,
+                "points": self.points,
+                "rays": self.rays,
+                "links": self.links,
+                "seconds": self.seconds,
+                "bytes": self.bytes,
+                "memory_bytes": self.memory,
+                "smallest_memory_limit": self.limit_of(MOST_BATCHES),
+            }))?;
+        } else {
+            output::print_text(&format!(
+                "points   {}\nrays     {}\nlinks    {}\nseconds  {:.0}\nasset    {}\nmemory   {} (at least {} with --memory-limit)\n",
+                words::count(self.points),
+                words::count(self.rays),
+                words::count(self.links),
+                self.seconds,
+                words::bytes(self.bytes),
+                words::bytes(self.memory),
+                words::bytes(self.limit_of(MOST_BATCHES)),
+            ))?;
+        }
+        Ok(Outcome::Done)
+    }
+}
+
+/// Bakes small and scales up.
+///
+/// # Errors
+/// As the bake itself.
+pub fn estimate(
+    read: &Read,
+    params: &BakeParams,
+    shading: Shading,
+    console: &Console,
+) -> Result<Estimate, Failure> {
+    let request = Request {
+        scene: read.scene.clone(),
+        shading,
+        params,
+        lights: read.lights.as_ref(),
+        source_hash: read.source_hash,
+        batches: 1,
+    };
+    let quiet = console.silent();
+    let progress = BakeProgress::new(&quiet);
+    console.begin("Baking small, to see what it takes", None);
+    let unloaded = output::resident_bytes().unwrap_or(0);
+    let (traced, radius) = coarse_radius(&request, &progress).map_err(baking_failed)?;
+    // With the ray caster and decoded textures, which the bake will have, too.
+    let before = output::resident_bytes().unwrap_or(0);
+    drop(traced);
+    let small = BakeParams {
+        coarse_radius: Some((radius * COARSER).min(f32::MAX)),
+        ..params.clone()
+    };
+    let request = Request {
+        params: &small,
+        ..request
+    };
+    let baked = bake_in_units(&request, None, &progress).map_err(baking_failed)?;
+    let writing = Instant::now();
+    let bytes = format::write_asset(&baked.asset)?;
+    let written = writing.elapsed().as_secs_f64();
+    console.close();
+    let mut estimate = scaled(&baked, &bytes, written, before)?;
+    console.detail(format!(
+        "small bake: {:?} points, {} bytes, seconds {:?}, memory {before} with the scene, {} for rows",
+        baked
+            .asset
+            .points
+            .iter()
+            .map(|l| l.positions.len())
+            .collect::<Vec<_>>(),
+        bytes.len(),
+        baked.stats.seconds,
+        baked.stats.row_bytes,
+    ));
+    drop((baked, bytes));
+    estimate.retained = output::resident_bytes().map_or(0, |now| now.saturating_sub(unloaded));
+    Ok(estimate)
+}
+
+/// Growth of what depends on points with their number; fitted on the scenes of docs/reliability.md.
+///
+/// Links per point fall as points get denser, because coarse rows say more of finer ones.
+const LINKS_POWER: f64 = 0.775;
+/// Matrices between clusters hold more entries per row where clusters are smaller, and their bytes follow.
+const BOUNCE_POWER: f64 = 1.5;
+const BOUNCE_BYTES_POWER: f64 = 1.45;
+/// Reconstructed rows get longer where senders are smaller.
+const ROWS_POWER: f64 = 1.08;
+/// Rays and bytes of points grow a little less than points.
+const RAYS: f64 = 0.89;
+const POINT_BYTES: f64 = 0.8;
+/// Memory per point (with its functions, grids, receivers and share of the file), per link and per element of a cut
+/// (each in the row that made it, in the asset, and in the file), and per light of the cuts' tree (what 1024 pilots see,
+/// twice).
+const MEMORY_PER_POINT: f64 = 800.0;
+const MEMORY_PER_LINK: f64 = 32.0;
+const MEMORY_PER_ELEMENT: f64 = 16.0;
+const MEMORY_PER_LIGHT: f64 = 2048.0;
+
+/// Ratio of the finest level's points to the small bake's. It has two levels more: were points everywhere, each had four
+/// times as many as the one before; where distances are near the size of things, the growth from level to level goes
+/// on as it was.
+fn growth_per_level(counts: &[usize]) -> f64 {
+    match counts {
+        [.., before, last] => (*last as f64 / (*before).max(1) as f64).powf(0.75) * 4.0f64.powf(0.25),
+        _ => 4.0,
+    }
+}
+
+fn scaled(baked: &Baked, bytes: &[u8], written: f64, before: u64) -> Result<Estimate, Failure> {
+    let asset = &baked.asset;
+    let counts: Vec<usize> = asset.points.iter().map(|l| l.positions.len()).collect();
+    let growth = growth_per_level(&counts);
+    let finest = counts.last().copied().unwrap_or(0) as f64;
+    let points = counts.iter().skip(2).sum::<usize>() as f64
+        + if counts.len() > 1 { finest * growth } else { 0.0 }
+        + finest * growth * growth;
+    let growth = growth * growth;
+    let link_growth = growth.powf(LINKS_POWER);
+    let links = asset.transfer.as_ref().map_or(0, |t| t.columns.len()) as f64 * link_growth;
+    let bounce = asset.bounce.as_ref().map_or(0, |b| b.matrix.columns.len())
+        + asset
+            .solution
+            .iter()
+            .flat_map(|s| &s.channels)
+            .map(|c| c.columns.len())
+            .sum::<usize>();
+    let bounce = bounce as f64 * growth.powf(BOUNCE_POWER);
+    let elements = asset.cuts.as_ref().map_or(0, |c| c.heights.len()) as f64 * growth;
+    let lights = match asset.light_tree.as_ref().map(|t| &t.lights) {
+        Some(format::LightSamples::Environment { order }) => order.len(),
+        Some(format::LightSamples::Surface { positions, .. }) => positions.len(),
+        None => 0,
+    };
+    let count = |name: &str| {
+        let counts = asset.provenance.counts.iter();
+        counts.filter(|c| c.0 == name).map(|c| c.1).sum::<u64>() as f64
+    };
+    let seconds_of = |stage: &str| {
+        let seconds = baked.stats.seconds.iter();
+        seconds.filter(|s| s.0 == stage).map(|s| s.1).sum::<f64>()
+    };
+    let mut size = 0.0;
+    for section in &format::summarise(bytes)?.sections {
+        size += section.stored_bytes as f64
+            * match section.name.as_str() {
+                "points" => POINT_BYTES * growth,
+                "senders" | "cuts" => growth,
+                "links_transfer" => link_growth,
+                "links_bounce" | "links_solution" => growth.powf(BOUNCE_BYTES_POWER),
+                _ => 1.0,
+            };
+    }
+    let rows = baked.stats.row_bytes as f64 * growth.powf(ROWS_POWER);
+    let memory = before as f64
+        + MEMORY_PER_POINT * points
+        + MEMORY_PER_LINK * (links + bounce)
+        + MEMORY_PER_ELEMENT * elements
+        + MEMORY_PER_LIGHT * lights as f64
+        + rows;
+    let seconds = seconds_of("load")
+        + growth * (seconds_of("points") + seconds_of("refine") + seconds_of("cuts") + written)
+        // Rows of the solution are as many as clusters, and each as long as the matrix.
+        + growth.powf(1.0 + BOUNCE_POWER) * seconds_of("solve");
+    Ok(Estimate {
+        points: points as u64,
+        rays: (count("rays") * RAYS * growth) as u64,
+        links: (links + bounce) as u64,
+        seconds,
+        bytes: size as u64,
+        memory: memory as u64,
+        rows: rows as u64,
+        retained: 0,
+    })
+}

@@ -1,0 +1,85 @@
+//! Where a bake keeps its units of work, and whose they are.
+
+use crate::failure::Failure;
+use relight_bake::units::folder::UnitFolder;
+use relight_bake::units::key::Key;
+use std::collections::BTreeSet;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// A folder of units and what becomes of it when the asset is written.
+pub struct Kept {
+    folder: PathBuf,
+    after: After,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum After {
+    /// The folder goes.
+    Nothing,
+    /// The units of this bake stay.
+    Own,
+    /// All stays: others may use it.
+    Everything,
+}
+
+impl Kept {
+    /// `ASSET.relight.units` beside an asset. Only one process at a time uses it (see [`super::lock`]).
+    ///
+    /// # Errors
+    /// The folder cannot be made.
+    pub fn beside(asset: &Path, keep: bool) -> Result<Kept, Failure> {
+        let mut name = asset.as_os_str().to_owned();
+        name.push(".units");
+        let kept = Kept {
+            folder: name.into(),
+            after: if keep { After::Own } else { After::Nothing },
+        };
+        // Whoever was killed here left parts behind.
+        kept.open(&|_| ())?.sweep()?;
+        Ok(kept)
+    }
+
+    /// A plan's.
+    pub fn shared(folder: PathBuf) -> Kept {
+        Kept {
+            folder,
+            after: After::Everything,
+        }
+    }
+
+    /// The store; `note` is told of damaged units.
+    ///
+    /// # Errors
+    /// The folder cannot be made.
+    pub fn open<'a>(&self, note: &'a (dyn Fn(String) + Sync)) -> Result<UnitFolder<'a>, Failure> {
+        Ok(UnitFolder::open(&self.folder, note)?)
+    }
+
+    /// The asset is written: what was kept for it goes. What cannot be removed is no reason to fail now.
+    pub fn done(&self, folder: &UnitFolder, used: &BTreeSet<String>) {
+        match self.after {
+            After::Nothing => {
+                folder.keep_only(&BTreeSet::new());
+                // Only if it is empty: whatever else is in there is not ours.
+                let _ = std::fs::remove_dir(&self.folder);
+            }
+            After::Own => folder.keep_only(used),
+            After::Everything => {}
+        }
+    }
+}
+
+/// Identifies this build of relight by its own bytes: another one's numbers may differ in the last bit.
+pub fn this_program() -> u128 {
+    let mut key = Key::default();
+    key.bytes(env!("CARGO_PKG_VERSION").as_bytes());
+    // Piece by piece: with its debug information a program may be larger than what it bakes.
+    let mut piece = vec![0; 1 << 16];
+    if let Ok(mut file) = std::env::current_exe().and_then(std::fs::File::open) {
+        while let Ok(length @ 1..) = file.read(&mut piece) {
+            key.bytes(&piece[..length]);
+        }
+    }
+    key.hash()
+}
