@@ -396,8 +396,8 @@ fn units_at_once_and_killed_at_random_merge_to_the_asset_of_one_go() {
         try=0
         while [ $try -lt 12 ]; do
             try=$((try + 1))
-            # The n-th try may take n fifths of a second, less what the number of the unit says.
-            if [ $try -gt 8 ]; then limit=60; else limit=0.$((try * (2 + $1 % 3) % 10))1; fi
+            # At first no machine is fast enough; later the n-th try may take some n fifths of a second.
+            if [ $try -eq 1 ]; then limit=0.02; elif [ $try -gt 8 ]; then limit=60; else limit=0.$((try * (2 + $1 % 3) % 10))1; fi
             timeout -s KILL $limit "$RELIGHT" bake --unit "$1/$OF" "$PLAN" -q && exit 0
             echo killed >> "$PLAN/killed"
         done
@@ -469,17 +469,17 @@ fn a_memory_limit_is_refused_or_respected_and_changes_no_byte() {
         .unwrap_or_else(|| panic!("{text}"));
     std::fs::remove_file(&asset).unwrap();
     // Predictions breathe with the allocator by some per cent.
-    let output = limited(smallest + smallest / 20)
+    let limit = smallest + smallest / 20;
+    let output = limited(limit)
         .arg("--json")
         .assert()
         .success()
         .get_output()
         .clone();
     assert!(std::fs::read(&asset).unwrap() == wanted);
-    assert!(
-        json(&output.stdout)["units"]["all"].as_u64().unwrap() > 1,
-        "it was made part by part"
-    );
+    // Whether it was made part by part depends on what the small bake left behind.
+    let peak = json(&output.stdout)["peak_memory_bytes"].as_u64().unwrap();
+    assert!(peak <= limit, "{peak} {limit}");
     assert_eq!(names(folder.path()), ["a.relight", "a.relight.log.json"]);
 }
 

@@ -214,7 +214,7 @@ pub enum CutSitesName {
     Vertices,
 }
 
-/// Names of [`LightUnits`].
+/// Names of the units in which lights may be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Units {
     /// Candela and lux.
