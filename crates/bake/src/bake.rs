@@ -1,35 +1,35 @@
 //! A whole bake: scene in, asset out.
 
-use crate::candidates::Candidate;
+mod portion;
+mod prepare;
+mod sections;
+
 use crate::convert;
-use crate::coverage::{Coverage, coverage, everywhere};
-use crate::cut_sections::{World, cut_part, cut_sections};
+use crate::coverage::{Coverage, coverage};
+use crate::cut_sections::{World, cut_sections};
 use crate::error::BakeError;
 use crate::left_out::{Pruned, prune};
 use crate::omissions::Omissions;
 use crate::params::{BakeParams, CutParams, Part};
-use crate::points::{self, PointLevels};
-use crate::refine::{RowWatch, Wanted, most_rays, rows};
-use crate::seen;
+use crate::refine::most_rays;
 use crate::settings;
 use crate::solution::{Solution, solution};
 use crate::timed::TimedSurfaces;
-use crate::transport::{Transport, levels_of, transport_in_units, with_refinement};
-use crate::units::{Ledger, Units, key};
-use crate::viewpoint;
+use crate::transport::{Transport, levels_of, transport_in_units};
+use crate::units::{Ledger, Units};
 use glam::Vec3;
+use prepare::{Places, Watch, kept_points, load, looking, place_points, quantised, stored_vector, units_of};
 use relight_format as format;
-use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::light::{LightKind, LightTrack};
 use relight_scene::scene::Scene;
 use relight_scene::sequence::Sequence;
-use relight_scene::surface::Surfaces;
-use relight_scene::traced::{Shading, TracedScene};
-use relight_transport::links::Links;
-use relight_transport::senders::SenderTree;
-use relight_transport::sparse::Rows;
+use relight_scene::traced::Shading;
+use sections::{bounce, links, sender_tree, stored_solution};
 use std::sync::Arc;
 use std::time::Instant;
+
+pub use portion::{Portion, bake_part};
+pub use prepare::coarse_radius;
 
 /// Who watches a bake: told what is being done, and asked whether to go on. Called from many threads.
 pub trait Progress: Sync {
@@ -64,10 +64,6 @@ pub struct BakeStats {
     /// Memory that reconstructed rows took, bytes: what batches save.
     pub row_bytes: u64,
 }
-
-/// Candidates until all levels are full, for each point that is expected: 15 to 31 on the scenes of docs/reliability.md.
-/// For progress only.
-const CANDIDATES_PER_POINT: u64 = 22;
 
 /// What is baked.
 #[derive(Clone)]
@@ -289,34 +285,6 @@ pub fn bake_in_units(
     Ok(Baked { asset, stats })
 }
 
-/// The points, and those that are kept though no light path leads there.
-fn kept_points(traced: &TracedScene, points: PointLevels, params: &BakeParams) -> PointLevels {
-    if params.keeps(Part::Points) {
-        everywhere(traced, points, params.seed)
-    } else {
-        points
-    }
-}
-
-/// The cameras that alone will look, and where they stand over all frames; none: anybody may look from anywhere.
-fn looking<'a>(request: &'a Request) -> Result<(Vec<&'a CameraTrack>, Vec<Camera>), BakeError> {
-    let (scene, lights) = (&request.scene, request.lights);
-    if !request.params.cameras_only {
-        return Ok((Vec::new(), Vec::new()));
-    }
-    let tracks = seen::tracks(scene, lights);
-    if tracks.is_empty() {
-        return Err(BakeError::Parameter {
-            name: "--cameras-only",
-            found: "a scene without a camera".into(),
-            expected: "a camera in the scene or in the sequence of --lights",
-        });
-    }
-    let frames = lights.map_or(1, |s| s.frames).max(scene.sequence.frames);
-    let cameras = seen::poses(&tracks, frames);
-    Ok((tracks, cameras))
-}
-
 /// The cuts to make: `--cuts auto` makes none without an environment to see.
 fn wanted_cuts<'a>(request: &Request<'a>) -> Option<&'a CutParams> {
     let distant = |light: &LightTrack| {
@@ -340,131 +308,6 @@ fn coding(levels: &[format::Level], made: &Transport, params: &BakeParams) -> fo
     }
 }
 
-/// Part of a bake, for others to finish.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Portion {
-    /// What all pieces need.
-    Shared,
-    /// One of so many pieces, from 0.
-    Piece {
-        /// Which.
-        index: usize,
-        /// Of how many.
-        of: usize,
-    },
-}
-
-/// Rays of a piece, about: some seconds of work, well more than it takes to begin.
-const RAYS_PER_PIECE: u64 = 1 << 23;
-/// Most pieces: each of them reads the scene and the points.
-const MOST_PIECES: u64 = 1000;
-/// A site of cuts casts a ray at one in so many lights, about (docs/cuts.md).
-const LIGHTS_PER_RAY: u64 = 6;
-
-/// Computes part of a bake into the ledger's store. What it needs of other parts is taken from there or computed, too, so
-/// that parts can run in any order and at once. Returns into how many pieces the work is best cut.
-///
-/// # Errors
-/// As [`bake_in_units`].
-pub fn bake_part(
-    request: &Request,
-    ledger: &Ledger,
-    part: Portion,
-    progress: &dyn Progress,
-) -> Result<usize, BakeError> {
-    let params = request.params;
-    let watch = Watch(progress);
-    let traced = load(request, progress)?;
-    let units = units_of(Some(ledger), &request.scene);
-    let Places {
-        points, viewpoints, ..
-    } = place_points(&traced, request, units, progress)?;
-    let points = kept_points(&traced, points, params);
-    let (_, cameras) = looking(request)?;
-    let (_, points) = quantised(points);
-    let counts: Vec<usize> = points.levels.iter().map(|l| l.points.len()).collect();
-    let mut rays = most_rays(counts.iter().copied(), params.rays);
-    let cuts = wanted_cuts(request);
-    if let (Some(cuts), Some(&sites)) = (cuts, counts.last()) {
-        rays += sites as u64 * u64::from(cuts.lights) / LIGHTS_PER_RAY;
-    }
-    progress.stage("share", None);
-    let viewers = (&viewpoints[..], &cameras[..]);
-    with_refinement(&traced, &points, viewers, params, units, |r, _| {
-        let wanted = match part {
-            // An eighth: some two levels less than the finest, a quarter of the rays.
-            Portion::Shared => Wanted::coarsest(r, units, r.ranges.total() / 8),
-            Portion::Piece { index, of } => Wanted::part(r, units, index, of),
-        };
-        progress.stage("refine", Some(0));
-        rows(r, wanted, stored_vector(params), units, &watch)
-    })?;
-    if let Some(cuts) = cuts {
-        let world = World {
-            scene: &traced,
-            surfaces: &traced,
-            points: &points,
-        };
-        let piece = match part {
-            Portion::Shared => None,
-            Portion::Piece { index, of } => Some((index, of)),
-        };
-        cut_part(&world, cuts, params.seed, units, piece, progress)?;
-    }
-    watch.go_on()?;
-    Ok(rays.div_ceil(RAYS_PER_PIECE).clamp(1, MOST_PIECES) as usize)
-}
-
-/// A watcher as stages see it.
-struct Watch<'a>(&'a dyn Progress);
-
-impl Watch<'_> {
-    fn step(&self, done: u64) -> Result<(), BakeError> {
-        self.0.advance(done);
-        self.go_on()
-    }
-
-    fn go_on(&self) -> Result<(), BakeError> {
-        if self.0.stopped() {
-            Err(BakeError::Stopped)
-        } else {
-            Ok(())
-        }
-    }
-}
-
-impl RowWatch for Watch<'_> {
-    fn cast(&self, rays: usize) -> Result<(), BakeError> {
-        self.step(rays as u64)
-    }
-    fn expect(&self, rays: u64) {
-        self.0.expect(rays);
-    }
-}
-
-/// What a reader of the file will see of a link.
-fn stored_vector(params: &BakeParams) -> impl Fn(Vec3) -> Vec3 + Copy + Sync {
-    let stored = match params.short_links() {
-        true => format::shortened_vector,
-        false => format::quantised_vector,
-    };
-    move |v| Vec3::from(stored(v.to_array()))
-}
-
-fn load(request: &Request, progress: &dyn Progress) -> Result<TracedScene, BakeError> {
-    settings::validate(request.params)?;
-    let watch = Watch(progress);
-    watch.go_on()?;
-    progress.stage("load", None);
-    let traced = TracedScene::new(request.scene.clone(), request.shading)?;
-    watch.go_on()?;
-    Ok(traced)
-}
-
-fn units_of<'a>(ledger: Option<&'a Ledger<'a>>, scene: &Scene) -> Units<'a> {
-    Units::new(ledger, ledger.map_or(0, |_| key::surfaces(scene)))
-}
-
 struct Clock {
     start: Instant,
     seconds: Vec<(&'static str, f64)>,
@@ -482,144 +325,6 @@ impl Clock {
         self.seconds.push((name, self.start.elapsed().as_secs_f64()));
         self.start = Instant::now();
     }
-}
-
-/// Levels for which an automatic coarse radius is chosen, whatever their number in a bake: fewer levels are to
-/// make a bake coarser, not to spread the same points over them.
-const RADIUS_LEVELS: usize = 6;
-
-/// The scene prepared, and R of the coarsest level: what is asked for, or what suits the scene.
-///
-/// # Errors
-/// As [`bake()`].
-pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<(TracedScene, f32), BakeError> {
-    let traced = load(request, progress)?;
-    let (viewpoints, _, _) = viewpoints(&traced, request)?;
-    let radius = radius(&traced, request, &viewpoints, Units::none())?.0;
-    Ok((traced, radius))
-}
-
-struct Places {
-    points: PointLevels,
-    viewpoints: Vec<Vec3>,
-    rays: u64,
-    automatic: bool,
-}
-
-/// Viewpoints, rays cast to find them, and whether the scene had none of its own.
-fn viewpoints(surfaces: &dyn Surfaces, request: &Request) -> Result<(Vec<Vec3>, u64, bool), BakeError> {
-    let mut viewpoints = request.params.viewpoints.clone();
-    if viewpoints.is_empty() {
-        viewpoints = viewpoint::of_cameras(&request.scene, request.lights);
-    }
-    let automatic = viewpoints.is_empty();
-    let mut rays = 0;
-    if automatic {
-        let (place, cast) = viewpoint::in_open_space(surfaces, request.params.seed);
-        rays += cast;
-        viewpoints.extend(place);
-    }
-    if viewpoints.is_empty() {
-        return Err(BakeError::NothingReachable { viewpoints });
-    }
-    Ok((viewpoints, rays, automatic))
-}
-
-/// R of the coarsest level, and rays cast to find it.
-fn radius(
-    surfaces: &dyn Surfaces,
-    request: &Request,
-    viewpoints: &[Vec3],
-    units: Units,
-) -> Result<(f32, u64), BakeError> {
-    let (radius, rays) = match request.params.coarse_radius {
-        Some(radius) => (radius, 0),
-        None => {
-            points::coarse_radius_in_units(surfaces, viewpoints, RADIUS_LEVELS, request.params.seed, units)?
-        }
-    };
-    if radius.is_finite() && radius > 0.0 {
-        Ok((radius, rays))
-    } else {
-        Err(BakeError::NothingReachable {
-            viewpoints: viewpoints.to_vec(),
-        })
-    }
-}
-
-fn place_points(
-    surfaces: &dyn Surfaces,
-    request: &Request,
-    units: Units,
-    progress: &dyn Progress,
-) -> Result<Places, BakeError> {
-    progress.stage("reach", None);
-    let (params, watch) = (request.params, Watch(progress));
-    let (viewpoints, mut rays, automatic) = viewpoints(surfaces, request)?;
-    watch.go_on()?;
-    let (radius, cast) = radius(surfaces, request, &viewpoints, units)?;
-    rays += cast;
-    // Radii of our own make give about as many points as were wanted.
-    let finest = points::expected(RADIUS_LEVELS, params.levels) as u64;
-    let wanted = params
-        .coarse_radius
-        .is_none()
-        .then_some(finest * CANDIDATES_PER_POINT);
-    progress.stage("points", wanted);
-    let mut told = 0;
-    let points = points::distribute_in_units(
-        surfaces,
-        &viewpoints,
-        params.levels,
-        radius,
-        params.seed,
-        units,
-        |spread| {
-            let new = spread.candidates() - told;
-            told = spread.candidates();
-            if let Some(wanted) = wanted {
-                // It is not done yet, whatever was expected.
-                progress.expect(wanted.max(told + told / 8));
-            }
-            watch.step(new)
-        },
-    )?;
-    Ok(Places {
-        points,
-        viewpoints,
-        rays,
-        automatic,
-    })
-}
-
-/// The points as a reader of the file will see them: the operators are built over those. Places keep where
-/// their rays start, and their exact geometric normals.
-fn quantised(mut points: PointLevels) -> (Vec<format::Level>, PointLevels) {
-    let mut levels = Vec::with_capacity(points.levels.len());
-    for level in &mut points.levels {
-        let exact = format::Level {
-            disk_radius: level.disk_radius,
-            support_radius: level.support_radius,
-            positions: level.points.iter().map(|p| p.position.to_array()).collect(),
-            normals: level.points.iter().map(|p| p.normal.to_array()).collect(),
-            albedo: level
-                .points
-                .iter()
-                .map(|p| p.albedo.clamp(Vec3::ZERO, Vec3::ONE).to_array())
-                .collect(),
-        };
-        let stored = format::quantised_level(&exact);
-        for (i, place) in level.points.iter_mut().enumerate() {
-            *place = Candidate {
-                position: stored.positions[i].into(),
-                normal: stored.normals[i].into(),
-                albedo: stored.albedo[i].into(),
-                ..*place
-            };
-        }
-        levels.push(exact);
-    }
-    (levels, points)
 }
 
 /// Deterministic facts of a bake.
@@ -670,16 +375,6 @@ fn remarks(transport: &Transport, facts: &Facts, viewpoints: &[Vec3]) -> Vec<Str
     notes
 }
 
-fn links(links: &Links) -> format::Links {
-    format::Links {
-        receivers: links.receivers,
-        senders: links.senders,
-        row_offsets: links.row_offsets.clone(),
-        columns: links.columns.clone(),
-        vectors: links.vectors.iter().map(Vec3::to_array).collect(),
-    }
-}
-
 fn solved(
     transport: &Transport,
     params: &BakeParams,
@@ -700,46 +395,4 @@ fn solved(
         units,
         &|rows| watch.step(rows as u64),
     )
-}
-
-fn sender_tree(tree: &SenderTree) -> format::Senders {
-    format::Senders {
-        counts: (0..tree.levels())
-            .map(|l| tree.ranges.range(l).len() as u32)
-            .collect(),
-        leaf_of_point: tree.leaf_of_point.clone(),
-        importance: tree.importance.clone(),
-        parents: tree.parents.clone(),
-    }
-}
-
-fn bounce(level: usize, rows: &Rows) -> format::BounceLinks {
-    format::BounceLinks {
-        level: level as u32,
-        matrix: matrix(rows, 1.0),
-    }
-}
-
-fn stored_solution(solution: &Solution) -> format::Solution {
-    format::Solution {
-        level: solution.level as u32,
-        channels: solution
-            .channels
-            .iter()
-            .map(|rows| matrix(rows, f64::MAX))
-            .collect(),
-    }
-}
-
-/// `most`: what no row may exceed, whatever rounding made of it.
-fn matrix(rows: &Rows, most: f64) -> format::WeightRows {
-    format::WeightRows {
-        rows: rows.rows() as u32,
-        row_offsets: rows.offsets.clone(),
-        columns: rows.entries.iter().map(|e| e.0).collect(),
-        weights: rows.entries.iter().map(|e| e.1).collect(),
-        row_sums: (0..rows.rows())
-            .map(|i| rows.row(i).iter().map(|e| f64::from(e.1)).sum::<f64>().min(most) as f32)
-            .collect(),
-    }
 }

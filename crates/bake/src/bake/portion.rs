@@ -1,0 +1,86 @@
+//! Parts of a bake, for many processes.
+
+use super::prepare::{
+    Places, Watch, kept_points, load, looking, place_points, quantised, stored_vector, units_of,
+};
+use super::{Progress, Request, wanted_cuts};
+use crate::cut_sections::{World, cut_part};
+use crate::error::BakeError;
+use crate::refine::{Wanted, most_rays, rows};
+use crate::transport::with_refinement;
+use crate::units::Ledger;
+
+/// Part of a bake, for others to finish.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Portion {
+    /// What all pieces need.
+    Shared,
+    /// One of so many pieces, from 0.
+    Piece {
+        /// Which.
+        index: usize,
+        /// Of how many.
+        of: usize,
+    },
+}
+
+/// Rays of a piece, about: some seconds of work, well more than it takes to begin.
+const RAYS_PER_PIECE: u64 = 1 << 23;
+/// Most pieces: each of them reads the scene and the points.
+const MOST_PIECES: u64 = 1000;
+/// A site of cuts casts a ray at one in so many lights, about (docs/cuts.md).
+const LIGHTS_PER_RAY: u64 = 6;
+
+/// Computes part of a bake into the ledger's store. What it needs of other parts is taken from there or computed, too, so
+/// that parts can run in any order and at once. Returns into how many pieces the work is best cut.
+///
+/// # Errors
+/// As [`bake_in_units`](super::bake_in_units).
+pub fn bake_part(
+    request: &Request,
+    ledger: &Ledger,
+    part: Portion,
+    progress: &dyn Progress,
+) -> Result<usize, BakeError> {
+    let params = request.params;
+    let watch = Watch(progress);
+    let traced = load(request, progress)?;
+    let units = units_of(Some(ledger), &request.scene);
+    let Places {
+        points, viewpoints, ..
+    } = place_points(&traced, request, units, progress)?;
+    let points = kept_points(&traced, points, params);
+    let (_, cameras) = looking(request)?;
+    let (_, points) = quantised(points);
+    let counts: Vec<usize> = points.levels.iter().map(|l| l.points.len()).collect();
+    let mut rays = most_rays(counts.iter().copied(), params.rays);
+    let cuts = wanted_cuts(request);
+    if let (Some(cuts), Some(&sites)) = (cuts, counts.last()) {
+        rays += sites as u64 * u64::from(cuts.lights) / LIGHTS_PER_RAY;
+    }
+    progress.stage("share", None);
+    let viewers = (&viewpoints[..], &cameras[..]);
+    with_refinement(&traced, &points, viewers, params, units, |r, _| {
+        let wanted = match part {
+            // An eighth: some two levels less than the finest, a quarter of the rays.
+            Portion::Shared => Wanted::coarsest(r, units, r.ranges.total() / 8),
+            Portion::Piece { index, of } => Wanted::part(r, units, index, of),
+        };
+        progress.stage("refine", Some(0));
+        rows(r, wanted, stored_vector(params), units, &watch)
+    })?;
+    if let Some(cuts) = cuts {
+        let world = World {
+            scene: &traced,
+            surfaces: &traced,
+            points: &points,
+        };
+        let piece = match part {
+            Portion::Shared => None,
+            Portion::Piece { index, of } => Some((index, of)),
+        };
+        cut_part(&world, cuts, params.seed, units, piece, progress)?;
+    }
+    watch.go_on()?;
+    Ok(rays.div_ceil(RAYS_PER_PIECE).clamp(1, MOST_PIECES) as usize)
+}

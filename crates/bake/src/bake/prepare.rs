@@ -1,0 +1,239 @@
+//! What every bake begins with: the scene, where it is looked from, and its points.
+
+use super::{Progress, Request};
+use crate::candidates::Candidate;
+use crate::coverage::everywhere;
+use crate::error::BakeError;
+use crate::params::{BakeParams, Part};
+use crate::points::{self, PointLevels};
+use crate::refine::RowWatch;
+use crate::seen;
+use crate::settings;
+use crate::units::{Ledger, Units, key};
+use crate::viewpoint;
+use glam::Vec3;
+use relight_format as format;
+use relight_scene::camera::{Camera, CameraTrack};
+use relight_scene::scene::Scene;
+use relight_scene::surface::Surfaces;
+use relight_scene::traced::TracedScene;
+
+/// Candidates until all levels are full, for each point that is expected: 15 to 31 on the scenes of docs/reliability.md.
+/// For progress only.
+const CANDIDATES_PER_POINT: u64 = 22;
+
+/// A watcher as stages see it.
+pub(super) struct Watch<'a>(pub &'a dyn Progress);
+
+impl Watch<'_> {
+    pub fn step(&self, done: u64) -> Result<(), BakeError> {
+        self.0.advance(done);
+        self.go_on()
+    }
+
+    pub fn go_on(&self) -> Result<(), BakeError> {
+        if self.0.stopped() {
+            Err(BakeError::Stopped)
+        } else {
+            Ok(())
+        }
+    }
+}
+
+impl RowWatch for Watch<'_> {
+    fn cast(&self, rays: usize) -> Result<(), BakeError> {
+        self.step(rays as u64)
+    }
+    fn expect(&self, rays: u64) {
+        self.0.expect(rays);
+    }
+}
+
+/// What a reader of the file will see of a link.
+pub(super) fn stored_vector(params: &BakeParams) -> impl Fn(Vec3) -> Vec3 + Copy + Sync {
+    let stored = match params.short_links() {
+        true => format::shortened_vector,
+        false => format::quantised_vector,
+    };
+    move |v| Vec3::from(stored(v.to_array()))
+}
+
+pub(super) fn load(request: &Request, progress: &dyn Progress) -> Result<TracedScene, BakeError> {
+    settings::validate(request.params)?;
+    let watch = Watch(progress);
+    watch.go_on()?;
+    progress.stage("load", None);
+    let traced = TracedScene::new(request.scene.clone(), request.shading)?;
+    watch.go_on()?;
+    Ok(traced)
+}
+
+pub(super) fn units_of<'a>(ledger: Option<&'a Ledger<'a>>, scene: &Scene) -> Units<'a> {
+    Units::new(ledger, ledger.map_or(0, |_| key::surfaces(scene)))
+}
+
+/// Levels for which an automatic coarse radius is chosen, whatever their number in a bake: fewer levels are to
+/// make a bake coarser, not to spread the same points over them.
+const RADIUS_LEVELS: usize = 6;
+
+/// The scene prepared, and R of the coarsest level: what is asked for, or what suits the scene.
+///
+/// # Errors
+/// As [`bake()`](super::bake()).
+pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<(TracedScene, f32), BakeError> {
+    let traced = load(request, progress)?;
+    let (viewpoints, _, _) = viewpoints(&traced, request)?;
+    let radius = radius(&traced, request, &viewpoints, Units::none())?.0;
+    Ok((traced, radius))
+}
+
+pub(super) struct Places {
+    pub points: PointLevels,
+    pub viewpoints: Vec<Vec3>,
+    pub rays: u64,
+    pub automatic: bool,
+}
+
+/// Viewpoints, rays cast to find them, and whether the scene had none of its own.
+fn viewpoints(surfaces: &dyn Surfaces, request: &Request) -> Result<(Vec<Vec3>, u64, bool), BakeError> {
+    let mut viewpoints = request.params.viewpoints.clone();
+    if viewpoints.is_empty() {
+        viewpoints = viewpoint::of_cameras(&request.scene, request.lights);
+    }
+    let automatic = viewpoints.is_empty();
+    let mut rays = 0;
+    if automatic {
+        let (place, cast) = viewpoint::in_open_space(surfaces, request.params.seed);
+        rays += cast;
+        viewpoints.extend(place);
+    }
+    if viewpoints.is_empty() {
+        return Err(BakeError::NothingReachable { viewpoints });
+    }
+    Ok((viewpoints, rays, automatic))
+}
+
+/// R of the coarsest level, and rays cast to find it.
+fn radius(
+    surfaces: &dyn Surfaces,
+    request: &Request,
+    viewpoints: &[Vec3],
+    units: Units,
+) -> Result<(f32, u64), BakeError> {
+    let (radius, rays) = match request.params.coarse_radius {
+        Some(radius) => (radius, 0),
+        None => {
+            points::coarse_radius_in_units(surfaces, viewpoints, RADIUS_LEVELS, request.params.seed, units)?
+        }
+    };
+    if radius.is_finite() && radius > 0.0 {
+        Ok((radius, rays))
+    } else {
+        Err(BakeError::NothingReachable {
+            viewpoints: viewpoints.to_vec(),
+        })
+    }
+}
+
+pub(super) fn place_points(
+    surfaces: &dyn Surfaces,
+    request: &Request,
+    units: Units,
+    progress: &dyn Progress,
+) -> Result<Places, BakeError> {
+    progress.stage("reach", None);
+    let (params, watch) = (request.params, Watch(progress));
+    let (viewpoints, mut rays, automatic) = viewpoints(surfaces, request)?;
+    watch.go_on()?;
+    let (radius, cast) = radius(surfaces, request, &viewpoints, units)?;
+    rays += cast;
+    // Radii of our own make give about as many points as were wanted.
+    let finest = points::expected(RADIUS_LEVELS, params.levels) as u64;
+    let wanted = params
+        .coarse_radius
+        .is_none()
+        .then_some(finest * CANDIDATES_PER_POINT);
+    progress.stage("points", wanted);
+    let mut told = 0;
+    let points = points::distribute_in_units(
+        surfaces,
+        &viewpoints,
+        params.levels,
+        radius,
+        params.seed,
+        units,
+        |spread| {
+            let new = spread.candidates() - told;
+            told = spread.candidates();
+            if let Some(wanted) = wanted {
+                // It is not done yet, whatever was expected.
+                progress.expect(wanted.max(told + told / 8));
+            }
+            watch.step(new)
+        },
+    )?;
+    Ok(Places {
+        points,
+        viewpoints,
+        rays,
+        automatic,
+    })
+}
+
+/// The points as a reader of the file will see them: the operators are built over those. Places keep where
+/// their rays start, and their exact geometric normals.
+pub(super) fn quantised(mut points: PointLevels) -> (Vec<format::Level>, PointLevels) {
+    let mut levels = Vec::with_capacity(points.levels.len());
+    for level in &mut points.levels {
+        let exact = format::Level {
+            disk_radius: level.disk_radius,
+            support_radius: level.support_radius,
+            positions: level.points.iter().map(|p| p.position.to_array()).collect(),
+            normals: level.points.iter().map(|p| p.normal.to_array()).collect(),
+            albedo: level
+                .points
+                .iter()
+                .map(|p| p.albedo.clamp(Vec3::ZERO, Vec3::ONE).to_array())
+                .collect(),
+        };
+        let stored = format::quantised_level(&exact);
+        for (i, place) in level.points.iter_mut().enumerate() {
+            *place = Candidate {
+                position: stored.positions[i].into(),
+                normal: stored.normals[i].into(),
+                albedo: stored.albedo[i].into(),
+                ..*place
+            };
+        }
+        levels.push(exact);
+    }
+    (levels, points)
+}
+
+/// The points, and those that are kept though no light path leads there.
+pub(super) fn kept_points(traced: &TracedScene, points: PointLevels, params: &BakeParams) -> PointLevels {
+    if params.keeps(Part::Points) {
+        everywhere(traced, points, params.seed)
+    } else {
+        points
+    }
+}
+
+/// The cameras that alone will look, and where they stand over all frames; none: anybody may look from anywhere.
+pub(super) fn looking<'a>(request: &'a Request) -> Result<(Vec<&'a CameraTrack>, Vec<Camera>), BakeError> {
+    let (scene, lights) = (&request.scene, request.lights);
+    if !request.params.cameras_only {
+        return Ok((Vec::new(), Vec::new()));
+    }
+    let tracks = seen::tracks(scene, lights);
+    if tracks.is_empty() {
+        return Err(BakeError::Parameter {
+            name: "--cameras-only",
+            found: "a scene without a camera".into(),
+            expected: "a camera in the scene or in the sequence of --lights",
+        });
+    }
+    let frames = lights.map_or(1, |s| s.frames).max(scene.sequence.frames);
+    let cameras = seen::poses(&tracks, frames);
+    Ok((tracks, cameras))
+}

@@ -1,0 +1,60 @@
+//! Operators as sections of the file.
+
+use crate::solution::Solution;
+use glam::Vec3;
+use relight_format as format;
+use relight_transport::links::Links;
+use relight_transport::senders::SenderTree;
+use relight_transport::sparse::Rows;
+
+pub(super) fn links(links: &Links) -> format::Links {
+    format::Links {
+        receivers: links.receivers,
+        senders: links.senders,
+        row_offsets: links.row_offsets.clone(),
+        columns: links.columns.clone(),
+        vectors: links.vectors.iter().map(Vec3::to_array).collect(),
+    }
+}
+
+pub(super) fn sender_tree(tree: &SenderTree) -> format::Senders {
+    format::Senders {
+        counts: (0..tree.levels())
+            .map(|l| tree.ranges.range(l).len() as u32)
+            .collect(),
+        leaf_of_point: tree.leaf_of_point.clone(),
+        importance: tree.importance.clone(),
+        parents: tree.parents.clone(),
+    }
+}
+
+pub(super) fn bounce(level: usize, rows: &Rows) -> format::BounceLinks {
+    format::BounceLinks {
+        level: level as u32,
+        matrix: matrix(rows, 1.0),
+    }
+}
+
+pub(super) fn stored_solution(solution: &Solution) -> format::Solution {
+    format::Solution {
+        level: solution.level as u32,
+        channels: solution
+            .channels
+            .iter()
+            .map(|rows| matrix(rows, f64::MAX))
+            .collect(),
+    }
+}
+
+/// `most`: what no row may exceed, whatever rounding made of it.
+fn matrix(rows: &Rows, most: f64) -> format::WeightRows {
+    format::WeightRows {
+        rows: rows.rows() as u32,
+        row_offsets: rows.offsets.clone(),
+        columns: rows.entries.iter().map(|e| e.0).collect(),
+        weights: rows.entries.iter().map(|e| e.1).collect(),
+        row_sums: (0..rows.rows())
+            .map(|i| rows.row(i).iter().map(|e| f64::from(e.1)).sum::<f64>().min(most) as f32)
+            .collect(),
+    }
+}
