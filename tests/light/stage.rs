@@ -16,7 +16,8 @@ use relight_scene::traced::Shading;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-struct Silent;
+/// Nobody watches.
+pub struct Silent;
 
 impl Progress for Silent {
     fn stage(&self, _: &'static str, _: Option<u64>) {}

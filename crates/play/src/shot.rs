@@ -269,6 +269,8 @@ impl Shot {
     /// Pixels from fragments: coverage-weighted sums.
     pub fn resolve(&self, fragments: &[Vec3]) -> Vec<Vec3> {
         (0..self.width * self.height)
+            .into_par_iter()
+            .with_min_len(4096)
             .map(|pixel| {
                 (self.offsets[pixel] as usize..self.offsets[pixel + 1] as usize)
                     .map(|f| fragments[f] * self.coverage[f])
