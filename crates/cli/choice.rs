@@ -3,7 +3,7 @@
 use crate::play::{Integrator, PlayArgs};
 use relight_play::cuts::Lights;
 use relight_play::load::Loaded;
-use relight_scene::light::{LightKind, LightTrack};
+use relight_scene::light::LightTrack;
 use relight_scene::light_set::{LightRig, Split};
 use relight_scene::sequence::Sequence;
 use std::sync::Arc;
@@ -21,12 +21,6 @@ pub enum ByCuts {
 
 /// What an asset's cuts are used for under a sequence.
 pub fn by_cuts(integrator: Integrator, args: &PlayArgs, loaded: &Loaded, sequence: &Sequence) -> ByCuts {
-    let distant = |light: &LightTrack| {
-        matches!(
-            light.kind,
-            LightKind::Environment { .. } | LightKind::SunSky { .. }
-        )
-    };
     let wanted = match integrator {
         Integrator::Cuts => true,
         Integrator::Transfer => args.integrator == Integrator::Auto,
@@ -40,7 +34,9 @@ pub fn by_cuts(integrator: Integrator, args: &PlayArgs, loaded: &Loaded, sequenc
         .map(|cuts| &cuts.lights)
     {
         Some(Lights::Surface(_)) => ByCuts::FirstBounce,
-        Some(Lights::Directions(_)) if sequence.lights.iter().any(distant) => ByCuts::Environments,
+        Some(Lights::Directions(_)) if sequence.lights.iter().any(LightTrack::is_distant) => {
+            ByCuts::Environments
+        }
         _ => ByCuts::Nothing,
     }
 }

@@ -1,7 +1,7 @@
 //! Ctrl-C and SIGTERM in every stage: the right exit code, old files unharmed, nothing new left behind.
 #![cfg(unix)]
 
-use crate::stage::{cornell, data, folder, names};
+use crate::stage::{cornell, data, folder, names, send};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
@@ -18,14 +18,7 @@ fn stopped_in(stage: &str, signal: &str, command: &mut Command) -> Option<i32> {
         .map_while(Result::ok)
         .any(|line| line.starts_with(stage));
     assert!(reached, "the stage {stage:?} never began");
-    let id = child.id().to_string();
-    assert!(
-        Command::new("kill")
-            .args([signal, &id])
-            .status()
-            .unwrap()
-            .success()
-    );
+    send(signal, &child);
     // Drained, or the child might block on its last words.
     lines.for_each(drop);
     child.wait().unwrap().code()

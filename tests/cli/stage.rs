@@ -12,6 +12,12 @@ pub fn relight() -> Command {
     Command::new(env!("CARGO_BIN_EXE_relight"))
 }
 
+/// Sends a signal, such as `-TERM`, to a child.
+pub fn send(signal: &str, child: &std::process::Child) {
+    let mut kill = Command::new("kill");
+    kill.args([signal, &child.id().to_string()]).assert().success();
+}
+
 /// A file of `data/`.
 pub fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("data").join(name)

@@ -1,6 +1,6 @@
 //! Bakes in units: what is kept is taken again, only where it is right, and the asset is that of one go, byte by byte.
 
-use crate::stage::{TINY, bake_json, complaint, cornell, data, folder, json, names, relight, sequence};
+use crate::stage::{TINY, bake_json, complaint, cornell, data, folder, json, names, relight, send, sequence};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -202,14 +202,7 @@ fn killed_and_resumed(kills: u32, longest: Duration) {
         let signal = ["-KILL", "-TERM", "-INT", "-KILL"][i as usize % 4];
         let running = child.try_wait().unwrap().is_none();
         if running {
-            let id = child.id().to_string();
-            assert!(
-                Command::new("kill")
-                    .args([signal, &id])
-                    .status()
-                    .unwrap()
-                    .success()
-            );
+            send(signal, &child);
             survived += 1;
         }
         let code = child.wait().unwrap().code();

@@ -20,7 +20,7 @@ use crate::units::{Ledger, Units};
 use glam::Vec3;
 use prepare::{Places, Watch, kept_points, load, looking, place_points, quantised, stored_vector, units_of};
 use relight_format as format;
-use relight_scene::light::{LightKind, LightTrack};
+use relight_scene::light::LightTrack;
 use relight_scene::scene::Scene;
 use relight_scene::sequence::Sequence;
 use relight_scene::traced::Shading;
@@ -287,13 +287,9 @@ pub fn bake_in_units(
 
 /// The cuts to make: `--cuts auto` makes none without an environment to see.
 fn wanted_cuts<'a>(request: &Request<'a>) -> Option<&'a CutParams> {
-    let distant = |light: &LightTrack| {
-        matches!(
-            light.kind,
-            LightKind::Environment { .. } | LightKind::SunSky { .. }
-        )
-    };
-    let may_shine = request.lights.is_none_or(|s| s.lights.iter().any(distant));
+    let may_shine = request
+        .lights
+        .is_none_or(|s| s.lights.iter().any(LightTrack::is_distant));
     let params = request.params;
     let used = |cuts: &&CutParams| !cuts.if_used || params.keeps(Part::Cuts) || may_shine;
     params.cuts.as_ref().filter(used)

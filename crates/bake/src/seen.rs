@@ -1,14 +1,13 @@
 //! Which points cameras see (`--cameras-only`).
 //!
-//! Finer receivers than the bounces need serve pixels alone, with the coarser ones that predict them. Where no pixel of any camera asks for one, its rows need not
-//! be gathered: what it reflects is then known from coarser rows, which clusters average anyway.
+//! Finer receivers than the bounces need serve pixels alone, with the coarser ones that predict them. Where no pixel of
+//! any camera asks for one, its rows need not be gathered: what it reflects is then known from coarser rows, which clusters
+//! average anyway.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::rays::Ray;
-use relight_scene::scene::Scene;
-use relight_scene::sequence::{Sequence, SequenceCamera};
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
 use relight_transport::sparse::Rows;
@@ -22,19 +21,7 @@ const ASPECT: f32 = 2.4;
 /// Frames of a moving camera that are looked at.
 const FRAMES: u32 = 32;
 
-/// The cameras that can be played: those of the scene and the sequences' own.
-pub fn tracks<'a>(scene: &'a Scene, lights: Option<&'a Sequence>) -> Vec<&'a CameraTrack> {
-    let own = [Some(&scene.sequence), lights]
-        .into_iter()
-        .flatten()
-        .filter_map(|s| match &s.camera {
-            Some(SequenceCamera::Own(track)) => Some(track),
-            _ => None,
-        });
-    scene.cameras.iter().chain(own).collect()
-}
-
-/// Where they stand, over all frames.
+/// Where cameras stand, over all frames.
 pub fn poses(tracks: &[&CameraTrack], frames: u32) -> Vec<Camera> {
     let mut poses = Vec::new();
     for track in tracks {

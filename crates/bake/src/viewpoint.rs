@@ -13,9 +13,8 @@ use relight_transport::sampling::r2;
 /// Places along a moving camera's way that count as viewpoints: enough that every room on its way has one.
 const PER_MOVING_CAMERA: u32 = 16;
 
-/// Eyes of the scene's cameras and of the sequence's own camera.
-pub fn of_cameras(scene: &Scene, lights: Option<&Sequence>) -> Vec<Vec3> {
-    let frames = lights.map_or(1, |s| s.frames).max(scene.sequence.frames);
+/// The cameras that can be played: those of the scene and the sequences' own.
+pub fn tracks<'a>(scene: &'a Scene, lights: Option<&'a Sequence>) -> Vec<&'a CameraTrack> {
     let own = [Some(&scene.sequence), lights]
         .into_iter()
         .flatten()
@@ -23,10 +22,22 @@ pub fn of_cameras(scene: &Scene, lights: Option<&Sequence>) -> Vec<Vec3> {
             Some(SequenceCamera::Own(track)) => Some(track),
             _ => None,
         });
-    let mut eyes = Vec::new();
-    for track in scene.cameras.iter().chain(own) {
-        eyes.extend(eyes_of(track, frames));
-    }
+    scene.cameras.iter().chain(own).collect()
+}
+
+/// Frames that can be played.
+pub fn frames(scene: &Scene, lights: Option<&Sequence>) -> u32 {
+    lights.map_or(1, |s| s.frames).max(scene.sequence.frames)
+}
+
+/// Eyes of all cameras.
+pub fn of_cameras(scene: &Scene, lights: Option<&Sequence>) -> Vec<Vec3> {
+    let frames = frames(scene, lights);
+    let tracks = tracks(scene, lights);
+    let mut eyes: Vec<Vec3> = tracks
+        .into_iter()
+        .flat_map(|track| eyes_of(track, frames))
+        .collect();
     eyes.retain(|eye: &Vec3| eye.is_finite());
     eyes
 }

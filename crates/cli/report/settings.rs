@@ -3,7 +3,7 @@
 use relight_bake::params::{BakeParams, Preset};
 use relight_format::{Asset, LightSamples};
 use relight_scene::image::BEAUTY;
-use relight_scene::light::LightKind;
+use relight_scene::light::LightTrack;
 use relight_scene::sequence::Sequence;
 use relight_scene::traced::Shading;
 
@@ -165,12 +165,7 @@ impl Facts {
             },
             has_points: asset.transfer.is_some() || asset.solution.is_some(),
             cuts,
-            distant: sequence.lights.iter().any(|light| {
-                matches!(
-                    light.kind,
-                    LightKind::Environment { .. } | LightKind::SunSky { .. }
-                )
-            }),
+            distant: sequence.lights.iter().any(LightTrack::is_distant),
             levels: number("levels").map_or(0, |n| n as usize),
             sender_levels: number("sender_levels").map_or(0, |n| n as usize),
             epsilon: number("epsilon").unwrap_or(0.025),

@@ -19,7 +19,7 @@ use relight_play::shot::{Shot, expose};
 use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::image::FloatImage;
 use relight_scene::image::metrics::relmse;
-use relight_scene::light::{LightKind, LightTrack};
+use relight_scene::light::LightTrack;
 use relight_scene::light_set::{LightRig, SceneEmitters};
 use relight_scene::rays::Ray;
 use relight_scene::scene::Scene;
@@ -143,17 +143,7 @@ fn two(s: &mut Stream) -> Vec2 {
 }
 
 fn looking(position: Vec3, forward: Vec3) -> Camera {
-    let right = forward
-        .cross(Vec3::Y)
-        .try_normalize()
-        .unwrap_or_else(|| forward.any_orthonormal_vector());
-    Camera {
-        position,
-        right,
-        up: right.cross(forward),
-        forward,
-        tan_half_vfov: TAN_HALF_VFOV,
-    }
+    Camera::looking(position, forward, Vec3::Y, TAN_HALF_VFOV)
 }
 
 fn distance(scene: &TracedScene, origin: Vec3, direction: Vec3) -> Option<f32> {
@@ -292,8 +282,8 @@ impl Probes {
         let rig = LightRig::new(&emitters, &self.sequence.lights)?;
         let cuts = player.cuts.as_ref().map(|cuts| &cuts.lights);
         let surface = matches!(cuts, Some(Lights::Surface(_)));
-        let by_directions =
-            matches!(cuts, Some(Lights::Directions(_))) && self.sequence.lights.iter().any(is_distant);
+        let by_directions = matches!(cuts, Some(Lights::Directions(_)))
+            && self.sequence.lights.iter().any(LightTrack::is_distant);
         let most = ILLUMINATION_CUT as usize;
         let settings = LightingSettings {
             pixel_samples: PIXEL_LIGHT_SAMPLES,
@@ -338,13 +328,6 @@ impl Probes {
         }
         Ok(pixels)
     }
-}
-
-fn is_distant(light: &LightTrack) -> bool {
-    matches!(
-        light.kind,
-        LightKind::Environment { .. } | LightKind::SunSky { .. }
-    )
 }
 
 fn image_of(pixels: Vec<[f32; 3]>) -> FloatImage {

@@ -35,6 +35,24 @@ pub struct Camera {
     pub tan_half_vfov: f32,
 }
 
+impl Camera {
+    /// A camera at `position` with unit view direction `forward`. `up` need not be perpendicular to it or of unit length;
+    /// along it, another axis takes its place.
+    pub fn looking(position: Vec3, forward: Vec3, up: Vec3, tan_half_vfov: f32) -> Camera {
+        let right = forward
+            .cross(up)
+            .try_normalize()
+            .unwrap_or_else(|| forward.any_orthonormal_vector());
+        Camera {
+            position,
+            right,
+            up: right.cross(forward),
+            forward,
+            tan_half_vfov,
+        }
+    }
+}
+
 impl CameraTrack {
     /// The camera at `frame`. Degenerate directions (eye on the target, up along the view) fall back to
     /// another axis, so that the frame is always orthonormal.
@@ -43,17 +61,8 @@ impl CameraTrack {
         let forward = (self.look_at.at(frame) - position)
             .try_normalize()
             .unwrap_or(Vec3::NEG_Z);
-        let right = forward
-            .cross(self.up.at(frame))
-            .try_normalize()
-            .unwrap_or_else(|| forward.any_orthonormal_vector());
-        Camera {
-            position,
-            right,
-            up: right.cross(forward),
-            forward,
-            tan_half_vfov: (self.vfov_deg.at(frame).to_radians() * 0.5).tan(),
-        }
+        let tan_half_vfov = (self.vfov_deg.at(frame).to_radians() * 0.5).tan();
+        Camera::looking(position, forward, self.up.at(frame), tan_half_vfov)
     }
 
     /// Whether the camera stays where it is.

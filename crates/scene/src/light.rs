@@ -13,6 +13,16 @@ pub struct LightTrack {
     pub kind: LightKind,
 }
 
+impl LightTrack {
+    /// Whether its light comes from all around, from beyond the scene: an environment, or sun and sky.
+    pub fn is_distant(&self) -> bool {
+        matches!(
+            self.kind,
+            LightKind::Environment { .. } | LightKind::SunSky { .. }
+        )
+    }
+}
+
 /// The kinds of lights of a sequence, with values over time.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LightKind {

@@ -225,7 +225,7 @@ pub(super) fn looking<'a>(request: &'a Request) -> Result<(Vec<&'a CameraTrack>,
     if !request.params.cameras_only {
         return Ok((Vec::new(), Vec::new()));
     }
-    let tracks = seen::tracks(scene, lights);
+    let tracks = viewpoint::tracks(scene, lights);
     if tracks.is_empty() {
         return Err(BakeError::Parameter {
             name: "--cameras-only",
@@ -233,7 +233,6 @@ pub(super) fn looking<'a>(request: &'a Request) -> Result<(Vec<&'a CameraTrack>,
             expected: "a camera in the scene or in the sequence of --lights",
         });
     }
-    let frames = lights.map_or(1, |s| s.frames).max(scene.sequence.frames);
-    let cameras = seen::poses(&tracks, frames);
+    let cameras = seen::poses(&tracks, viewpoint::frames(scene, lights));
     Ok((tracks, cameras))
 }
