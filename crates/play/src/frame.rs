@@ -20,6 +20,7 @@ use relight_scene::rays::Ray;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces};
 use relight_scene::traced::TracedScene;
+use relight_transport::basis::Level;
 use relight_transport::pyramid::VectorIrradiance;
 use std::f32::consts::PI;
 use std::time::Instant;
@@ -409,17 +410,17 @@ impl Player {
             let (values, stats) = transfer.indirect_from_direct(&received.points);
             add_times(&stats);
             let start = Instant::now();
-            let radiance = indirect_at(shot, &values);
+            let radiance = indirect_at(shot, &transfer.finest, &values);
             times.reconstruct += milliseconds(start);
             return (radiance, Some(stats), None);
         };
         let (first, further, stats) = transfer.first_and_further(&received.points);
         add_times(&stats);
         let start = Instant::now();
-        add(&mut radiance, &indirect_at(shot, &further));
+        add(&mut radiance, &indirect_at(shot, &transfer.finest, &further));
         for ((out, first), point) in radiance
             .iter_mut()
-            .zip(indirect_at(shot, &first))
+            .zip(indirect_at(shot, &transfer.finest, &first))
             .zip(&shot.points)
         {
             if point.as_ref().is_some_and(|p| p.lambert) {
@@ -498,8 +499,8 @@ fn rounded(sum: Vec<DVec3>) -> Vec<Vec3> {
     sum.into_iter().map(|s| s.as_vec3()).collect()
 }
 
-fn indirect_at(shot: &Shot, values: &[VectorIrradiance]) -> Vec<Vec3> {
-    let irradiance = reconstruct::irradiance(&shot.weights, &shot.components, values);
+fn indirect_at(shot: &Shot, finest: &Level, values: &[VectorIrradiance]) -> Vec<Vec3> {
+    let irradiance = reconstruct::irradiance(&shot.weights, &shot.components, finest, values);
     irradiance
         .into_iter()
         .zip(&shot.albedo)

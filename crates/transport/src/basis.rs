@@ -12,6 +12,10 @@ use glam::Vec3;
 /// cosine of equation 8 has fallen to a quarter.
 const FACING: f32 = 0.5;
 
+/// Supports within which a place that no function covers and that has no point near looks for one: crevices that no
+/// candidate met are narrower, and the light of places farther away says nothing about its own.
+const FAR: f32 = 8.0;
+
 /// Points of one level with the functions they carry.
 #[derive(Clone, Debug)]
 pub struct Level {
@@ -82,14 +86,32 @@ impl Level {
     }
 
     /// As [`Level::functions_at`], but where no function covers the place, the nearest point within the support
-    /// radius takes it all, whatever its normal. Appends nothing only where there is no point near at all.
+    /// radius takes it all, whatever its normal; failing that, the nearest of the same side within [`FAR`] supports.
+    /// Appends nothing only where there is no such point either.
     pub fn functions_or_nearest_at(&self, x: Vec3, normal: Vec3, out: &mut Vec<(u32, f32)>) {
         let start = out.len();
         self.functions_at(x, normal, out);
         if out.len() > start {
             return;
         }
-        out.extend(self.nearest_of_any_normal(x).map(|index| (index, 1.0)));
+        let nearest = self
+            .nearest_of_any_normal(x)
+            .or_else(|| self.far_of_same_side(x, normal));
+        out.extend(nearest.map(|index| (index, 1.0)));
+    }
+
+    /// The nearest point within [`FAR`] supports that faces the same half space. Ties go to the lower index.
+    #[cold]
+    fn far_of_same_side(&self, x: Vec3, normal: Vec3) -> Option<u32> {
+        let reach = FAR * self.support_radius;
+        let mut best = (reach * reach, u32::MAX);
+        self.grid.around(x, (FAR / 2.0) as i32, |entry| {
+            let squared = entry.position.distance_squared(x);
+            if (squared, entry.index) < best && entry.normal.dot(normal) > 0.0 {
+                best = (squared, entry.index);
+            }
+        });
+        (best.1 != u32::MAX).then_some(best.1)
     }
 
     /// The nearest point within a support radius, whatever its normal. Ties go to the lower index.
@@ -196,5 +218,25 @@ mod tests {
         row.clear();
         level.functions_at(Vec3::X, Vec3::NEG_X, &mut row);
         assert!(row.is_empty(), "the back of a surface is another place");
+    }
+
+    #[test]
+    fn a_place_in_a_gap_takes_the_nearest_point_of_its_side() {
+        let positions = vec![Vec3::ZERO, Vec3::new(0.0, 0.0, 2.5), Vec3::new(0.0, 0.0, 30.0)];
+        let normals = vec![Vec3::NEG_Y, Vec3::Y, Vec3::Y];
+        let level = Level::new(positions, normals, 0.5, 1.0);
+        let at = |z: f32| {
+            let mut row = Vec::new();
+            level.functions_or_nearest_at(Vec3::new(0.0, 0.0, z), Vec3::Y, &mut row);
+            row
+        };
+        assert_eq!(
+            at(0.5),
+            [(0, 1.0)],
+            "within a support the other side is better than nothing"
+        );
+        assert_eq!(at(1.1), [(1, 1.0)], "farther away it is not");
+        assert_eq!(at(10.4), [(1, 1.0)]);
+        assert!(at(15.0).is_empty(), "beyond eight supports light says nothing");
     }
 }

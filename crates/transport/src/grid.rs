@@ -117,6 +117,20 @@ impl PointGrid {
             self.cells.at(cell).iter().for_each(&mut visit);
         }
     }
+
+    /// Calls `visit` for every point within `cells` cells of twice the radius around that of `x`, and so for all nearer
+    /// than that many.
+    pub fn around(&self, x: Vec3, cells: i32, mut visit: impl FnMut(&Entry)) {
+        let middle = (x * self.inverse_cell).floor().as_ivec3();
+        for dz in -cells..=cells {
+            for dy in -cells..=cells {
+                for dx in -cells..=cells {
+                    let cell = middle + IVec3::new(dx, dy, dz);
+                    self.cells.at(cell).iter().for_each(&mut visit);
+                }
+            }
+        }
+    }
 }
 
 /// Points in all cells that their disks touch: one look-up finds every point whose disk covers a place. Takes
