@@ -10,7 +10,7 @@
 //! could have (nowhere negative) and measures the residual that is left. docs/stability.md compares it with other
 //! solvers. Iteration is in f64: the residual is a difference of sums that agree in up to six digits.
 
-use crate::krylov::Cycle;
+use crate::krylov::non_negative_solution;
 use crate::sparse::Rows;
 use glam::{DVec3, Vec3};
 
@@ -33,16 +33,6 @@ pub const TOLERANCE: f64 = 0.01;
 /// Nothing reflects more: a closed white room would fill with light without end. Whatever reflects all light in a file
 /// loses a ten-thousandth at each bounce.
 pub const MOST_ALBEDO: f64 = 0.9999;
-
-/// Steps after which GMRES starts anew from what it has: rooms with a door need some twenty (docs/stability.md), and
-/// this many vectors are still less memory than the operator.
-const CYCLE: usize = 40;
-
-/// Products after which the iteration is cut off whatever its residual, because a frame must end.
-const MOST_PRODUCTS: u32 = 2_000;
-
-/// Share of the allowed residual that GMRES's own may have, spread evenly, when the solution is first tried.
-const TRIED: f64 = 0.5;
 
 /// Solves E = K (b + ρ E) for the irradiance E of all bounces from the first on: `k` the operator, `emitted`
 /// the radiosity b that direct light causes, `albedo` ρ per function, at most [`MOST_ALBEDO`] of it.
@@ -140,42 +130,23 @@ impl<'a> Room<'a> {
         (irradiance, solve)
     }
 
-    /// All bounces: cycles of GMRES, each from the residual of the one before, until one more bounce changes nothing.
+    /// All bounces: GMRES until one more bounce changes nothing.
     fn converged(&self) -> (Vec<DVec3>, Solve) {
-        let mut e = vec![DVec3::ZERO; self.k.rows()];
-        let mut after = self.next(&e);
-        let mut solve = Solve {
-            iterations: 1,
-            ..Solve::default()
-        };
+        let first = self.k.apply_double(&self.emitted);
         let spread = (self.k.rows() as f64).sqrt();
-        let mut tried = TRIED;
-        while !solve.converged && solve.iterations < MOST_PRODUCTS {
-            let start = e;
-            let residual = after.iter().zip(&start).map(|(next, e)| *next - *e).collect();
-            let mut cycle = Cycle::new(residual);
-            loop {
-                let left = cycle.step(|v| self.reflected(v));
-                solve.iterations += 1;
-                e = start.clone();
-                cycle.correct(&mut e);
-                let allowed = self.target * largest(e.iter().copied()) * (spread * tried);
-                let ends = cycle.len() >= CYCLE || solve.iterations >= MOST_PRODUCTS;
-                if ends || left.cmple(allowed).all() {
-                    // Light is nowhere negative; nearly dark places may be by the error that is allowed.
-                    e.iter_mut().for_each(|e| *e = e.max(DVec3::ZERO));
-                    after = self.next(&e);
-                    solve.iterations += 1;
-                    let (residual, converged) = self.change(&e, &after);
-                    (solve.residual, solve.converged) = (residual as f32, converged);
-                    tried *= 0.5;
-                    if ends || converged {
-                        break;
-                    }
-                }
-            }
-        }
-        (after, solve)
+        let mut solve = Solve::default();
+        let (irradiance, products) = non_negative_solution(
+            first,
+            |e| self.reflected(e),
+            |e| self.target * largest(e.iter().copied()) * spread,
+            |before, after| {
+                let (residual, converged) = self.change(before, after);
+                (solve.residual, solve.converged) = (residual as f32, converged);
+                converged
+            },
+        );
+        solve.iterations = products + 1;
+        (irradiance, solve)
     }
 }
 

@@ -116,6 +116,57 @@ impl Cycle {
     }
 }
 
+/// Steps after which GMRES starts anew from what it has: rooms with a door need some twenty (docs/stability.md), and
+/// this many vectors are still less memory than the operator.
+const CYCLE: usize = 40;
+
+/// Products after which the solution is cut off whatever its residual, because a frame must end.
+const MOST_PRODUCTS: u32 = 2_000;
+
+/// Share of the allowed residual at which a solution is first tried.
+const TRIED: f64 = 0.5;
+
+/// Solves x = f + A x, A and f without negative entries, in three channels at once. Returns a solution that a series
+/// could have (x = f + A x′ with x′ nowhere negative) and the number of products with A.
+///
+/// `apply` is v ↦ A v; `allowed` says of an x which Euclidean norm of its residual may do, channel by channel; `accept`
+/// decides on an x and on f + A x.
+pub fn non_negative_solution(
+    f: Vec<DVec3>,
+    apply: impl Fn(&[DVec3]) -> Vec<DVec3>,
+    allowed: impl Fn(&[DVec3]) -> DVec3,
+    mut accept: impl FnMut(&[DVec3], &[DVec3]) -> bool,
+) -> (Vec<DVec3>, u32) {
+    let mut x = vec![DVec3::ZERO; f.len()];
+    let mut after = f.clone();
+    let mut products = 0;
+    let mut tried = TRIED;
+    while !accept(&x, &after) && products < MOST_PRODUCTS {
+        let start = x;
+        let residual = after.iter().zip(&start).map(|(after, x)| *after - *x).collect();
+        let mut cycle = Cycle::new(residual);
+        loop {
+            let left = cycle.step(&apply);
+            products += 1;
+            x = start.clone();
+            cycle.correct(&mut x);
+            let ends = cycle.len() >= CYCLE || products >= MOST_PRODUCTS;
+            if ends || left.cmple(allowed(&x) * tried).all() {
+                // Light is nowhere negative; nearly dark places may be by the error that is allowed.
+                x.iter_mut().for_each(|x| *x = x.max(DVec3::ZERO));
+                after = apply(&x);
+                after.iter_mut().zip(&f).for_each(|(after, f)| *after += *f);
+                products += 1;
+                tried *= 0.5;
+                if ends || accept(&x, &after) {
+                    break;
+                }
+            }
+        }
+    }
+    (after, products)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -220,7 +220,7 @@ impl Unit for SparseRows {
         let lengths = take.u32s()?;
         let entries: Vec<(u32, f32)> = take.u32s()?.into_iter().zip(take.f32s()?).collect();
         split(&lengths, &entries)
-            .filter(|rows| rows.len() == count)
+            .filter(|rows| rows.len() == count || rows.len() == 3 * count)
             .map(SparseRows)
     }
 }
