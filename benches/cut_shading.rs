@@ -115,7 +115,7 @@ fn shot(loaded: &Loaded) -> Shot {
     let camera = loaded.scene.cameras[0].at(0.0);
     let mut shot = expose(&player.scene, &camera, SIZE.0, SIZE.1, 1);
     if let (Some(transfer), Some(cuts)) = (&player.transfer, &player.cuts) {
-        shot.weigh(&transfer.finest);
+        shot.weigh(transfer, &player.scene);
         shot.choose_sites(&cuts.places);
     }
     shot

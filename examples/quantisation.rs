@@ -131,6 +131,7 @@ impl Study {
         let Transport {
             points,
             tree,
+            parted,
             links,
             mut bounce,
             bounce_level,
@@ -141,8 +142,9 @@ impl Study {
         }
         let finest = points.levels.last().ok_or("no points")?;
         let albedo = finest.points.iter().map(|p| p.albedo).collect();
-        let transfer = Transfer::new(
+        let mut transfer = Transfer::new(
             levels_of(&points),
+            &parted.pairs,
             tree,
             albedo,
             &links,
@@ -150,6 +152,7 @@ impl Study {
             bounce_level,
             None,
         );
+        transfer.near_parted = parted.near;
         let player = Player::new(self.traced.clone(), Some(transfer), None);
         let mut irradiance = Vec::new();
         for &lamp in &self.lamps {
@@ -169,7 +172,7 @@ impl Study {
         let camera = self.scene.cameras[0].at(0.0);
         let mut shot = expose(&player.scene, &camera, SIZE, SIZE, 1);
         if let Some(transfer) = &player.transfer {
-            shot.weigh(&transfer.finest);
+            shot.weigh(transfer, &player.scene);
         }
         shot
     }
@@ -412,7 +415,16 @@ fn bare_transfer(points: &PointLevels) -> Transfer {
         offsets: vec![0; 2],
         entries: Vec::new(),
     };
-    Transfer::new(levels, tree, vec![Vec3::ZERO; finest], &links, nothing, 0, None)
+    Transfer::new(
+        levels,
+        &[],
+        tree,
+        vec![Vec3::ZERO; finest],
+        &links,
+        nothing,
+        0,
+        None,
+    )
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

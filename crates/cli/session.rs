@@ -183,7 +183,7 @@ impl Session<'_> {
             let exposed = milliseconds(start);
             let start = Instant::now();
             if let Some(transfer) = &player.transfer {
-                shot.weigh(&transfer.finest);
+                shot.weigh(transfer, &player.scene);
             }
             if let (Some(cuts), true) = (&player.cuts, self.by_cuts != ByCuts::Nothing) {
                 shot.choose_sites(&cuts.places);

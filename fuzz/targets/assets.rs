@@ -4,7 +4,7 @@ use super::Target;
 use relight_format::*;
 
 /// An asset with every section, to put a fuzzed one into.
-const WHOLE: &[u8] = include_bytes!("../../crates/format/tests/fixtures/version_1_environment.relight");
+const WHOLE: &[u8] = include_bytes!("../../crates/format/tests/fixtures/version_3_environment.relight");
 
 /// A memory that every valid file of a few kilobytes fits.
 const LIMITS: Limits = Limits {
@@ -39,7 +39,8 @@ section_targets!(
     estimates = 10,
     senders = 11,
     light_tree = 12,
-    cuts = 13
+    cuts = 13,
+    parted = 14
 );
 
 /// The targets of this module.

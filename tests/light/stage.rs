@@ -65,7 +65,8 @@ pub fn through_file(asset: &Asset) -> Loaded {
 pub fn shot(loaded: &Loaded, size: usize) -> Shot {
     let camera = loaded.scene.cameras[0].at(0.0);
     let mut shot = expose(&loaded.player.scene, &camera, size, size, 1);
-    shot.weigh(&loaded.player.transfer.as_ref().unwrap().finest);
+    let player = &loaded.player;
+    shot.weigh(player.transfer.as_ref().unwrap(), &player.scene);
     shot
 }
 

@@ -31,7 +31,7 @@ from codecs_of_spec import (
 from xxh3 import xxh3_64
 from zstd_frame import decompress
 
-VERSION = 2
+VERSION = 3
 MAGIC = bytes.fromhex("8b524c540d0a1a0a")
 KINDS = {
     1: "provenance",
@@ -47,6 +47,7 @@ KINDS = {
     11: "senders",
     12: "light_tree",
     13: "cuts",
+    14: "parted",
 }
 # Versions of each section's layout that this reader decodes.
 VERSIONS = {name: {1} for name in KINDS.values()} | {name: {1, 2} for name in ("points", "links_transfer")}
@@ -376,6 +377,21 @@ def cuts(cursor):
     }
 
 
+def parted(cursor):
+    pairs, near = cursor.u32(), cursor.u32()
+    columns = []
+    for count in (pairs, pairs, near):
+        width = cursor.u8()
+        require(1 <= width <= 4, "1 to 4 byte planes")
+        columns.append(planes(cursor, width, count))
+    points, parents = np.cumsum(columns[0]) & 0xFFFFFFFF, columns[1]
+    nearest = np.cumsum(columns[2]) & 0xFFFFFFFF
+    ascending = (points[1:] > points[:-1]) | (points[1:] == points[:-1]) & (parents[1:] > parents[:-1])
+    require(ascending.all(), "pairs in ascending order")
+    require((nearest[1:] > nearest[:-1]).all(), "points in ascending order")
+    return {"points": points, "parents": parents, "near": nearest}
+
+
 DECODE = {
     (name, 1): decode
     for name, decode in {
@@ -392,6 +408,7 @@ DECODE = {
         "senders": senders,
         "light_tree": light_tree,
         "cuts": cuts,
+        "parted": parted,
     }.items()
 }
 # 6.6 and 6.7, version 2.
@@ -445,6 +462,13 @@ def check_whole(asset):
                 sums = matrix["row_sums"]
                 require((sums >= 0).all(), f"{name}: row sums of at least 0")
                 require(name != "links_bounce" or (sums <= 1).all(), f"{name}: row sums of at most 1")
+    if "parted" in asset:
+        part = asset["parted"]
+        starts = np.cumsum([0, *sizes])
+        level = np.searchsorted(starts, part["points"], side="right") - 1
+        require((part["points"] < starts[-1]).all(), "parted: points that are there")
+        require((part["parents"] < starts[np.minimum(level, len(sizes))]).all(), "parted: points of coarser levels")
+        require((part["near"] < (sizes[-1] if sizes else 0)).all(), "parted: points of the finest level")
     if "cuts" in asset:
         part = asset["cuts"]
         require("light_tree" in asset, "cuts: a light tree")

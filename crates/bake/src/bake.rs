@@ -24,7 +24,7 @@ use relight_scene::light::LightTrack;
 use relight_scene::scene::Scene;
 use relight_scene::sequence::Sequence;
 use relight_scene::traced::Shading;
-use sections::{bounce, links, sender_tree, stored_solution};
+use sections::{bounce, links, parted, sender_tree, stored_solution};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -261,6 +261,7 @@ pub fn bake_in_units(
         textures: convert::textures(&kept),
         stage: convert::stage(&kept),
         points: levels,
+        parted: lit.then(|| parted(&transport.parted)).flatten(),
         // Without T no sender has anything to do.
         senders: lit.then(|| sender_tree(&transport.tree)),
         transfer: lit.then(|| links(&transport.links)),

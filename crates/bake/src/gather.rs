@@ -8,8 +8,9 @@
 
 use crate::candidates::Candidate;
 use glam::{Vec3, Vec3A};
+use relight_scene::parting::is_parted;
 use relight_scene::rays::Ray;
-use relight_scene::surface::Surfaces;
+use relight_scene::surface::{SurfaceHit, Surfaces};
 use relight_transport::basis::NearestPoint;
 use relight_transport::pyramid::LevelRanges;
 use relight_transport::sampling::{DirectionSet, Frame};
@@ -19,8 +20,23 @@ use relight_transport::senders::SenderTree;
 pub struct SenderField<'a> {
     /// The finest receiver level.
     pub points: NearestPoint<'a>,
+    /// Which of them surfaces part from their neighbours ([`Parted::near`](crate::parted::Parted::near)).
+    pub near_parted: &'a [bool],
     /// Its points' clusters.
     pub tree: &'a SenderTree,
+}
+
+impl SenderField<'_> {
+    /// The nearest point on the same side of all walls.
+    #[inline]
+    fn nearest(&self, surfaces: &dyn Surfaces, hit: &SurfaceHit) -> Option<u32> {
+        let level = self.points.level;
+        self.points
+            .at_unparted(hit.position, hit.normal, self.near_parted, |point| {
+                let there = (level.positions[point as usize], level.normals[point as usize]);
+                is_parted(surfaces, (hit.position, hit.normal), there, level.disk_radius)
+            })
+    }
 }
 
 /// A dense row over all senders with a list of what is not zero.
@@ -90,7 +106,7 @@ pub fn gather(
         let Some(hit) = surfaces.closest_hit(&ray) else {
             continue;
         };
-        let Some(point) = field.points.at(hit.position, hit.normal) else {
+        let Some(point) = field.nearest(surfaces, &hit) else {
             lost += 1;
             continue;
         };

@@ -17,6 +17,7 @@ pub mod left_out;
 pub mod light_samples;
 pub mod omissions;
 pub mod params;
+pub mod parted;
 pub mod points;
 pub mod radiosity;
 pub mod refine;

@@ -101,7 +101,7 @@ pub fn solve(
     let Some(field) = levels.last().map(NearestPoint::new) else {
         return Ok(Radiosity::default());
     };
-    let parents = fine_from_coarse(&levels);
+    let parents = fine_from_coarse(&levels, |_, _| false);
     let places: Vec<_> = points.levels.iter().flat_map(|l| &l.points).collect();
     let albedo: Vec<Vec3> = places[finest.clone()].iter().map(|p| p.albedo).collect();
     let reflecting = brightest(&albedo);
@@ -477,7 +477,12 @@ mod tests {
         let sent = baked.tree.coefficients(&baked.tree.pulled(&radiosity));
         let mut values = baked.links.apply(&sent);
         let normals: Vec<Vec3> = levels.iter().flat_map(|l| l.normals.iter().copied()).collect();
-        push(&mut values, &normals, &ranges, &fine_from_coarse(&levels));
+        push(
+            &mut values,
+            &normals,
+            &ranges,
+            &fine_from_coarse(&levels, |_, _| false),
+        );
 
         let range = ranges.range(levels.len() - 1);
         let ours = &solution.irradiance[range.clone()];

@@ -38,6 +38,8 @@ pub struct Refinement<'a> {
     pub ranges: &'a LevelRanges,
     /// Parents of every point (rows and columns: all points).
     pub fine_from_coarse: &'a Rows,
+    /// What is missing among them because surfaces part it ([`Parted::pairs`](crate::parted::Parted::pairs)).
+    pub parted_pairs: &'a [[u32; 2]],
     /// What rays see.
     pub field: SenderField<'a>,
     /// What is lit how well in the mean.
@@ -325,7 +327,10 @@ fn inputs(r: &Refinement, key: &mut Key) {
             u64::from(r.short_links),
         ]);
     let worthwhile: Vec<u8> = r.worthwhile.iter().map(|&w| u8::from(w)).collect();
-    key.bytes(&worthwhile);
+    let near: Vec<u8> = r.field.near_parted.iter().map(|&n| u8::from(n)).collect();
+    key.bytes(&worthwhile)
+        .bytes(&near)
+        .u32s(r.parted_pairs.as_flattened());
     // Parents follow from the points, and rows of parents from all of this.
 }
 

@@ -6,6 +6,7 @@ use crate::error::BakeError;
 use crate::gather::SenderField;
 use crate::importance::importance;
 use crate::params::{BakeParams, Part};
+use crate::parted::{self, Parted};
 use crate::points::PointLevels;
 use crate::refine::{Refinement, RowWatch, Spared, Wanted, refine, rows};
 use crate::seen::seen_by;
@@ -18,7 +19,7 @@ use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::links::Links;
-use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
+use relight_transport::pyramid::LevelRanges;
 use relight_transport::random::Stream;
 use relight_transport::sampling::{Frame, cosine_hemisphere};
 use relight_transport::senders::{PILOTS, SenderTree, Signed, nearest_seeds, weight};
@@ -31,6 +32,8 @@ pub struct Transport {
     pub points: PointLevels,
     /// Senders.
     pub tree: SenderTree,
+    /// Points that surfaces part from each other.
+    pub parted: Parted,
     /// T.
     pub links: Links,
     /// K: the flat bounce operator; empty where it is not needed.
@@ -130,12 +133,14 @@ pub fn transport_in_units(
     let Refining {
         outcome: (refined, bounce, bounce_level),
         tree,
+        parted,
         rays,
     } = made;
     let mut made = Transport {
         rays: refined.rays + points.rays + rays,
         points,
         tree,
+        parted,
         links: refined.links,
         bounce,
         bounce_level,
@@ -195,6 +200,8 @@ pub struct Refining<T> {
     pub outcome: T,
     /// The senders.
     pub tree: SenderTree,
+    /// Points that surfaces part.
+    pub parted: Parted,
     /// Rays cast to prepare it.
     pub rays: u64,
 }
@@ -213,7 +220,7 @@ pub fn with_refinement<T>(
 ) -> Result<Refining<T>, BakeError> {
     let levels = levels_of(points);
     let ranges = LevelRanges::new(levels.iter().map(Level::len));
-    let parents = fine_from_coarse(&levels);
+    let (parted, parents) = parted::find(surfaces, &levels);
     let nearest_point = NearestPoint::new(&levels[levels.len() - 1]);
     let near = NEAR * levels[0].disk_radius;
     let (importance, mut rays) = importance(surfaces, &nearest_point, near, viewpoints, params.seed, units)?;
@@ -241,8 +248,10 @@ pub fn with_refinement<T>(
         places: &places,
         ranges: &ranges,
         fine_from_coarse: &parents,
+        parted_pairs: &parted.pairs,
         field: SenderField {
             points: nearest_point,
+            near_parted: &parted.near,
             tree: &tree,
         },
         typical: &typical,
@@ -256,7 +265,12 @@ pub fn with_refinement<T>(
         seed: params.seed,
     };
     let outcome = work(&refinement, &levels)?;
-    Ok(Refining { outcome, tree, rays })
+    Ok(Refining {
+        outcome,
+        tree,
+        parted,
+        rays,
+    })
 }
 
 /// K from the responses at the points of the bounce receiver level; empty where it is not needed.

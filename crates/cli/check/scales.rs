@@ -158,7 +158,7 @@ fn cameras(stage: &Stage) -> Measured {
         let camera = camera(eye, target, vfov).at(0.0);
         let mut shot = relight_play::shot::expose(&loaded.player.scene, &camera, SIZE, SIZE, 4);
         if let Some(transfer) = &loaded.player.transfer {
-            shot.weigh(&transfer.finest);
+            shot.weigh(transfer, &loaded.player.scene);
         }
         let lit = stage.lit(&loaded, &shot, &[point(LAMP, 1.0)])?;
         measures.extend(sane(&lit).into_iter().map(|m| Measure {

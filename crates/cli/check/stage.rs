@@ -123,7 +123,7 @@ impl Stage {
         let mut shot = expose(&loaded.player.scene, &camera, size, size, 1);
         self.at("play: weigh");
         if let Some(transfer) = &loaded.player.transfer {
-            shot.weigh(&transfer.finest);
+            shot.weigh(transfer, &loaded.player.scene);
         }
         Ok(shot)
     }

@@ -305,7 +305,7 @@ impl Probes {
             let mut shot = Shot::default();
             shots.for_each(|more| shot.append(more));
             if let Some(transfer) = &player.transfer {
-                shot.weigh(&transfer.finest);
+                shot.weigh(transfer, &player.scene);
             }
             if let (Some(cuts), true) = (&player.cuts, surface || by_directions) {
                 shot.choose_sites(&cuts.places);

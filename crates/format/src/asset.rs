@@ -17,6 +17,8 @@ pub struct Asset {
     pub stage: Stage,
     /// Points of the meshless hierarchy, coarsest level first. A global point index counts through all levels.
     pub points: Vec<Level>,
+    /// Points that surfaces part from each other, if any are.
+    pub parted: Option<Parted>,
     /// The clusters of finest points that send light. Without them there are no operators.
     pub senders: Option<Senders>,
     /// T: vector irradiance at the points per unit radiosity of the senders.
@@ -323,6 +325,17 @@ pub struct WeightRows {
     pub weights: Vec<f32>,
     /// Sum of each row's weights, at least 0. Stored exactly; a reader rescales the weights to it.
     pub row_sums: Vec<f32>,
+}
+
+/// Which points surfaces part from each other: nothing is interpolated between them.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Parted {
+    /// Pairs of a point and of a point of a coarser level that is no parent of it although near enough. Global indices,
+    /// ascending.
+    pub pairs: Vec<[u32; 2]>,
+    /// Points of the finest level, counted in it, that a surface parts from a neighbour; ascending. Whoever
+    /// interpolates between them must look.
+    pub near: Vec<u32>,
 }
 
 /// Error estimates of the bake, as names and values.

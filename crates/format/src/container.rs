@@ -99,8 +99,7 @@ pub(crate) fn assemble(sections: &[(Kind, u16, Vec<u8>)]) -> Result<Vec<u8>> {
         table.extend_from_slice(&version.to_le_bytes());
         table.extend_from_slice(&(if kind.required() { FLAG_REQUIRED } else { 0 }).to_le_bytes());
         table.extend_from_slice(&(codec as u32).to_le_bytes());
-        // Layouts of version N came with specification version N, so far.
-        table.extend_from_slice(&u32::from(*version).to_le_bytes());
+        table.extend_from_slice(&kind.needs(*version).to_le_bytes());
         for number in [
             file.len() as u64,
             stored.len() as u64,

@@ -2,7 +2,7 @@
 //! numbers, and a test compares the two: a change here without one there fails.
 
 /// Version of the specification that this crate implements: the highest that it reads. SPEC 3.
-pub const SPEC_VERSION: u32 = 2;
+pub const SPEC_VERSION: u32 = 3;
 
 /// Version of the specification since which header and table are as they are: what the header says. SPEC 3.3.
 pub const CONTAINER_VERSION: u32 = 1;
@@ -136,11 +136,13 @@ pub enum Kind {
     LightTree = 12,
     /// What each site sees of the lights.
     Cuts = 13,
+    /// Points that surfaces part from each other.
+    Parted = 14,
 }
 
 impl Kind {
     /// All kinds, in the order in which they stand in a file.
-    pub const ALL: [Kind; 13] = [
+    pub const ALL: [Kind; 14] = [
         Kind::Provenance,
         Kind::Geometry,
         Kind::Materials,
@@ -154,6 +156,7 @@ impl Kind {
         Kind::Senders,
         Kind::LightTree,
         Kind::Cuts,
+        Kind::Parted,
     ];
 
     /// The kind of a number in the table, if this version knows it.
@@ -177,6 +180,7 @@ impl Kind {
             Kind::Senders => "senders",
             Kind::LightTree => "light_tree",
             Kind::Cuts => "cuts",
+            Kind::Parted => "parted",
         }
     }
 
@@ -186,6 +190,15 @@ impl Kind {
         match self {
             Kind::Points | Kind::LinksTransfer => 2,
             _ => 1,
+        }
+    }
+
+    /// Lowest specification version whose readers decode a version of the section's layout.
+    pub fn needs(self, layout: u16) -> u32 {
+        match self {
+            Kind::Parted => 3,
+            // Layouts of version N came with specification version N.
+            _ => u32::from(layout),
         }
     }
 
@@ -200,7 +213,7 @@ impl Kind {
             Kind::Geometry => &[Kind::Materials],
             Kind::Materials => &[Kind::Textures],
             Kind::LinksTransfer | Kind::LinksBounce | Kind::LinksSolution => &[Kind::Senders],
-            Kind::Senders => &[Kind::Points],
+            Kind::Senders | Kind::Parted => &[Kind::Points],
             Kind::Cuts => &[Kind::LightTree, Kind::Points, Kind::Geometry],
             Kind::Provenance
             | Kind::Textures

@@ -57,8 +57,8 @@ mod vertices;
 
 pub use asset::{
     AlphaMode, Asset, BounceLinks, Coding, CutSites, Cuts, Estimates, Filter, Geometry, Instance, LeftOut,
-    Level, LightSamples, LightTree, Links, Material, Mesh, Provenance, Senders, Solution, Stage, Texture,
-    TextureRef, WeightRows, Wrap,
+    Level, LightSamples, LightTree, Links, Material, Mesh, Parted, Provenance, Senders, Solution, Stage,
+    Texture, TextureRef, WeightRows, Wrap,
 };
 pub use codec::vector::{quantised_vector, shortened_vector};
 pub use container::{Limits, SectionInfo};

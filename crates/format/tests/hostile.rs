@@ -111,7 +111,8 @@ fn an_unknown_optional_section_is_skipped_but_still_checked() {
     let mut bytes = with(extra);
     let expected = read(&write_asset(&small_asset()).unwrap()).unwrap();
     assert_eq!(read(&bytes).unwrap(), expected);
-    assert_eq!(summarise(&bytes).unwrap().sections[13].name, "unknown_1000");
+    let sections = summarise(&bytes).unwrap().sections;
+    assert_eq!(sections.last().unwrap().name, "unknown_1000");
     let at = bytes.windows(6).position(|w| w == b"future").unwrap();
     bytes[at] ^= 1;
     assert_eq!(fault(&read(&bytes).unwrap_err()).0, "invalid");
@@ -147,12 +148,15 @@ fn newer_versions_of_known_sections_count_as_unknown() {
 #[test]
 fn a_newer_container_is_refused_with_its_version() {
     let mut bytes = write_asset(&small_asset()).unwrap();
-    bytes[12] = 3;
+    let newer = layout::SPEC_VERSION + 1;
+    bytes[12] = newer as u8;
     reseal_header(&mut bytes);
     let error = read(&bytes).unwrap_err();
     assert_eq!(fault(&error).0, "unsupported");
     assert!(
-        error.to_string().contains("needs a reader of format version 3"),
+        error
+            .to_string()
+            .contains(&format!("needs a reader of format version {newer}")),
         "{error}"
     );
 }
@@ -290,6 +294,10 @@ fn on_wall(asset: &mut Asset, change: impl Fn(&mut f32, &mut Vec<[f32; 3]>, &mut
     asset.light_tree = Some(LightTree { lights });
 }
 
+fn parted(asset: &mut Asset) -> &mut Parted {
+    asset.parted.as_mut().unwrap()
+}
+
 fn cuts(asset: &mut Asset) -> &mut Cuts {
     asset.cuts.as_mut().unwrap()
 }
@@ -297,7 +305,7 @@ fn cuts(asset: &mut Asset) -> &mut Cuts {
 #[test]
 fn structures_that_break_a_rule_are_not_written() {
     type Break = fn(&mut Asset);
-    let breaks: [(&str, &str, Break); 42] = [
+    let breaks: [(&str, &str, Break); 48] = [
         ("geometry", "vertex indices", |a| {
             a.geometry.meshes[0].triangles[1][2] = 4
         }),
@@ -341,6 +349,22 @@ fn structures_that_break_a_rule_are_not_written() {
             a.solution.as_mut().unwrap().channels.truncate(2)
         }),
         ("links_transfer", "one per cluster", |a| a.senders = None),
+        ("parted", "pairs in ascending order", |a| {
+            parted(a).pairs[1] = [2, 1]
+        }),
+        ("parted", "a point of a coarser level", |a| {
+            parted(a).pairs[0] = [1, 0]
+        }),
+        ("parted", "a point of a coarser level", |a| {
+            parted(a).pairs[1][1] = 2
+        }),
+        ("parted", "a point of a coarser level", |a| {
+            parted(a).pairs[1][0] = 5
+        }),
+        ("parted", "finest points in ascending order", |a| {
+            parted(a).near[1] = 0
+        }),
+        ("parted", "a finest point below 3", |a| parted(a).near[1] = 3),
         ("senders", "1 to 2 sender levels", |a| {
             a.senders.as_mut().unwrap().counts.clear()
         }),

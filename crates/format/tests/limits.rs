@@ -286,6 +286,7 @@ fn parts_are_read_with_what_they_refer_to_and_without_the_rest() {
             } else {
                 vec![]
             },
+            parted: whole.parted.clone().filter(|_| has(Kind::Parted)),
             senders: whole.senders.clone().filter(|_| has(Kind::Senders)),
             transfer: whole.transfer.clone().filter(|_| has(Kind::LinksTransfer)),
             bounce: whole.bounce.clone().filter(|_| has(Kind::LinksBounce)),

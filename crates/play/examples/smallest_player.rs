@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let rig = LightRig::new(&emitters, &loaded.scene.sequence.lights)?;
     let mut shot = expose(&player.scene, &camera.at(0.0), 160, 90, 4);
     if let Some(transfer) = &player.transfer {
-        shot.weigh(&transfer.finest);
+        shot.weigh(transfer, &player.scene);
     }
     let settings = LightingSettings {
         pixel_samples: 4,

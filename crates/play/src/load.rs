@@ -104,13 +104,14 @@ pub struct Loaded {
 const SCENE: [Kind; 4] = [Kind::Geometry, Kind::Materials, Kind::Textures, Kind::Stage];
 
 /// What transfer and cuts need: everything.
-const WHOLE: [Kind; 12] = [
+const WHOLE: [Kind; 13] = [
     Kind::Estimates,
     Kind::Geometry,
     Kind::Materials,
     Kind::Textures,
     Kind::Stage,
     Kind::Points,
+    Kind::Parted,
     Kind::Senders,
     Kind::LinksTransfer,
     Kind::LinksBounce,
@@ -149,6 +150,7 @@ pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) ->
         textures,
         stage,
         points,
+        parted,
         senders,
         transfer,
         bounce,
@@ -200,6 +202,7 @@ pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) ->
         };
         let operators = Operators {
             points,
+            parted,
             senders,
             transfer,
             bounce,
@@ -257,6 +260,7 @@ fn number(provenance: &Provenance, name: &str) -> Result<usize, String> {
 
 struct Operators {
     points: Vec<format::Level>,
+    parted: Option<format::Parted>,
     senders: Option<format::Senders>,
     transfer: Option<format::Links>,
     bounce: Option<format::BounceLinks>,
@@ -267,6 +271,7 @@ struct Operators {
 fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, String> {
     let Operators {
         points,
+        parted,
         senders,
         transfer,
         bounce,
@@ -330,7 +335,23 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
             )
         })
         .collect();
-    let mut transfer = Transfer::new(levels, tree, albedo, &links, bounce, bounce_level, bounces);
+    let parted = parted.unwrap_or_default();
+    let mut transfer = Transfer::new(
+        levels,
+        &parted.pairs,
+        tree,
+        albedo,
+        &links,
+        bounce,
+        bounce_level,
+        bounces,
+    );
+    if !parted.near.is_empty() {
+        transfer.near_parted = vec![false; transfer.finest.len()];
+        for &point in &parted.near {
+            transfer.near_parted[point as usize] = true;
+        }
+    }
     if let Some(solution) = solution {
         let channels = solution.channels.into_iter().map(matrix).collect();
         transfer.use_solution(solution.level as usize, channels);

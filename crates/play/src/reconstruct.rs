@@ -13,11 +13,29 @@ use relight_transport::sparse::Rows;
 /// position and smooth normal of each pixel.
 ///
 /// A place that no function covers (a crevice that no candidate met, the back of a thin rim) takes the nearest
-/// points whatever their normals, and failing that stays empty.
-pub fn weights_at(finest: &Level, places: &[Option<(Vec3, Vec3)>]) -> Rows {
+/// points whatever their normals, and failing that stays empty. Points that `is_parted` from it count for nothing, as
+/// long as others are left; it is asked about those in `near_parted` alone.
+pub fn weights_at(
+    finest: &Level,
+    places: &[Option<(Vec3, Vec3)>],
+    near_parted: &[bool],
+    is_parted: impl Fn((Vec3, Vec3), u32) -> bool + Sync,
+) -> Rows {
     Rows::build(places.len(), finest.len(), |i, row| {
-        if let Some((x, n)) = places[i] {
-            finest.functions_or_nearest_at(x, n, row);
+        let Some(place) = places[i] else { return };
+        let first = row.len();
+        finest.functions_or_nearest_at(place.0, place.1, row);
+        let near = |j: u32| near_parted.get(j as usize).copied().unwrap_or(false);
+        if !row[first..].iter().any(|e| near(e.0)) {
+            return;
+        }
+        let kept: Vec<(u32, f32)> = (row[first..].iter().copied())
+            .filter(|e| !(near(e.0) && is_parted(place, e.0)))
+            .collect();
+        let sum: f32 = kept.iter().map(|e| e.1).sum();
+        if sum > 0.0 {
+            row.truncate(first);
+            row.extend(kept.iter().map(|e| (e.0, e.1 / sum)));
         }
     })
 }
@@ -77,7 +95,7 @@ mod tests {
         // Light along x over a floor that also gets 0.2 of it; a normal map that leans to −x sees less than nothing.
         let finest = Level::new(vec![Vec3::ZERO], vec![Vec3::Y], 1.0, 1.0);
         let places = [Some((Vec3::ZERO, Vec3::Y)); 2];
-        let weights = weights_at(&finest, &places);
+        let weights = weights_at(&finest, &places, &[], |_, _| false);
         let leaning = Vec3::new(-0.6, 0.8, 0.0);
         let parts = components(&weights, &finest, &[(Vec3::Y, Vec3::Y), (Vec3::Y, leaning)]);
         let mut light = VectorIrradiance::default();

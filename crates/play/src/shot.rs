@@ -8,10 +8,12 @@
 use crate::cuts::SitePlaces;
 use crate::cuts::sites::FragmentSites;
 use crate::reconstruct;
+use crate::transfer::Transfer;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::bsdf;
 use relight_scene::camera::Camera;
+use relight_scene::parting::is_parted;
 use relight_scene::rays::Ray;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces};
@@ -196,13 +198,22 @@ fn append_fragments(pixel: &[Sample], row: &mut Shot) {
 
 impl Shot {
     /// Finds the finest points' functions and the total reflectance at every fragment, once per shot.
-    pub fn weigh(&mut self, finest: &Level) {
+    pub fn weigh(&mut self, transfer: &Transfer, surfaces: &dyn Surfaces) {
+        let finest = &transfer.finest;
         let places: Vec<Option<(Vec3, Vec3)>> = self
             .hits
             .iter()
             .map(|hit| hit.as_ref().map(|h| (h.position, h.normal)))
             .collect();
-        self.weights = reconstruct::weights_at(finest, &places);
+        self.weights = reconstruct::weights_at(finest, &places, &transfer.near_parted, |place, point| {
+            let j = point as usize;
+            is_parted(
+                surfaces,
+                place,
+                (finest.positions[j], finest.normals[j]),
+                finest.disk_radius,
+            )
+        });
         self.albedo = (self.points.par_iter().with_min_len(256))
             .map(|p| match p {
                 Some(p) if p.lambert => p.diffuse,

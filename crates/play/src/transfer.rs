@@ -17,6 +17,8 @@ use std::time::Instant;
 pub struct Transfer {
     /// The finest receiver level: the points that carry the result.
     pub finest: Level,
+    /// Of each of its points, whether a surface parts it from a neighbour; empty where none does.
+    pub near_parted: Vec<bool>,
     /// Reflectance at the finest points.
     pub albedo: Vec<Vec3>,
     ranges: LevelRanges,
@@ -75,9 +77,11 @@ pub struct TransferStats {
 
 impl Transfer {
     /// Prepares the operators. `levels`: all receiver levels, coarsest first; `senders`: their clusters;
+    /// `parted`: points and points of coarser levels that surfaces part them from, numbered over all levels, ascending;
     /// `albedo`: of the finest level's points; `bounce`: the flat operator on sender level `bounce_level`.
     pub fn new(
         mut levels: Vec<Level>,
+        parted: &[[u32; 2]],
         senders: SenderTree,
         albedo: Vec<Vec3>,
         links: &Links,
@@ -90,13 +94,16 @@ impl Transfer {
             .iter()
             .flat_map(|level| level.normals.iter().copied())
             .collect();
-        let fine_from_coarse = fine_from_coarse(&levels);
+        let fine_from_coarse = fine_from_coarse(&levels, |point, parent| {
+            parted.binary_search(&[point, parent]).is_ok()
+        });
         let bounce_cluster = senders.cluster_of_point(bounce_level);
         let bounce_albedo = senders.pulled(&albedo).swap_remove(bounce_level);
         let links = SenderLinks::new(links);
         let finest = levels.swap_remove(levels.len() - 1);
         Transfer {
             finest,
+            near_parted: Vec::new(),
             albedo,
             ranges,
             normals,

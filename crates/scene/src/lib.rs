@@ -21,6 +21,7 @@ pub mod light;
 pub mod light_set;
 pub mod material;
 pub mod material_edits;
+pub mod parting;
 pub mod rays;
 pub mod scene;
 pub mod sequence;

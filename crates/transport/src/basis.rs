@@ -74,11 +74,24 @@ impl Level {
     /// Appends (index, B_j(x, normal)) of equation 2 for every function that is non-zero there. Appends
     /// nothing where no function covers the place.
     pub fn functions_at(&self, x: Vec3, normal: Vec3, out: &mut Vec<(u32, f32)>) {
+        self.functions_among(x, normal, |_| true, out);
+    }
+
+    /// As [`Level::functions_at`] for those of the level's points alone that `counts` accepts.
+    pub fn functions_among(
+        &self,
+        x: Vec3,
+        normal: Vec3,
+        counts: impl Fn(u32) -> bool,
+        out: &mut Vec<(u32, f32)>,
+    ) {
         let start = out.len();
         let mut sum = 0.0;
         self.weights_at(x, normal, |j, w| {
-            out.push((j, w));
-            sum += w;
+            if counts(j) {
+                out.push((j, w));
+                sum += w;
+            }
         });
         for entry in &mut out[start..] {
             entry.1 /= sum;
@@ -160,6 +173,38 @@ impl<'a> NearestPoint<'a> {
             return Some(best.1);
         }
         self.beyond_disks(x, normal)
+    }
+
+    /// As [`NearestPoint::at`], but of the points whose disks cover the place the nearest that `is_parted` does not
+    /// reject. It is asked about points in `near_parted` alone. Where all are rejected the nearest counts all the same.
+    #[inline]
+    pub fn at_unparted(
+        &self,
+        x: Vec3,
+        normal: Vec3,
+        near_parted: &[bool],
+        is_parted: impl Fn(u32) -> bool,
+    ) -> Option<u32> {
+        let nearest = self.at(x, normal)?;
+        if !near_parted.get(nearest as usize).copied().unwrap_or(false) || !is_parted(nearest) {
+            return Some(nearest);
+        }
+        Some(self.next_unparted(x, normal, is_parted).unwrap_or(nearest))
+    }
+
+    #[cold]
+    fn next_unparted(&self, x: Vec3, normal: Vec3, is_parted: impl Fn(u32) -> bool) -> Option<u32> {
+        let mut near: Vec<(f32, u32)> = (self.disks.covering(x).iter())
+            .filter(|entry| entry.normal.dot(normal) > FACING)
+            .map(|entry| {
+                let squared = kernel::distance_squared(x - entry.position, entry.normal);
+                (squared, entry.index)
+            })
+            .collect();
+        near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        near.into_iter()
+            .map(|(_, index)| index)
+            .find(|&index| !is_parted(index))
     }
 
     /// As [`NearestPoint::at`] for places that no disk covers.

@@ -58,7 +58,10 @@ pub const PUSH_SUPPORT: f32 = 1.3;
 /// For every point of every level the functions of the next coarser level that covers it (its parents).
 /// Rows and columns are numbered over all levels; rows of level 0 are empty, all others sum to 1 unless no
 /// coarser level covers the point at all.
-pub fn fine_from_coarse(levels: &[Level]) -> Rows {
+///
+/// Parents that a surface parts from the point are none: the light of one room says nothing about the next.
+/// `is_parted` tells, of a point and a point of a coarser level, both numbered over all levels.
+pub fn fine_from_coarse(levels: &[Level], is_parted: impl Fn(u32, u32) -> bool + Sync) -> Rows {
     let ranges = LevelRanges::new(levels.iter().map(Level::len));
     let level_of: Vec<u8> = (0..levels.len())
         .flat_map(|l| std::iter::repeat_n(l as u8, levels[l].len()))
@@ -76,9 +79,9 @@ pub fn fine_from_coarse(levels: &[Level]) -> Rows {
         let (x, n) = (levels[level].positions[local], levels[level].normals[local]);
         for coarse in (0..level).rev() {
             let first = row.len();
-            pushing[coarse].functions_at(x, n, row);
+            let offset = ranges.range(coarse).start as u32;
+            pushing[coarse].functions_among(x, n, |parent| !is_parted(i as u32, offset + parent), row);
             if row.len() > first {
-                let offset = ranges.range(coarse).start as u32;
                 row[first..].iter_mut().for_each(|entry| entry.0 += offset);
                 break;
             }
@@ -239,7 +242,7 @@ mod tests {
     fn constants_pass_through_every_level_unchanged() {
         let levels = levels(4);
         let ranges = LevelRanges::new(levels.iter().map(Level::len));
-        let rows = fine_from_coarse(&levels);
+        let rows = fine_from_coarse(&levels, |_, _| false);
         let mut values = vec![VectorIrradiance::default(); ranges.total()];
         for value in &mut values[ranges.range(0)] {
             value.add(Vec3::new(0.0, 1.0, 0.0), Vec3A::new(1.0, 2.0, 3.0));
@@ -282,7 +285,7 @@ mod tests {
     fn differences_to_the_level_above_give_the_values_back() {
         let levels = levels(3);
         let ranges = LevelRanges::new(levels.iter().map(Level::len));
-        let rows = fine_from_coarse(&levels);
+        let rows = fine_from_coarse(&levels, |_, _| false);
         let mut s = Stream::new(9, 0, 0);
         // No place has less than LEAST_LEFT of what is around it.
         let wanted: Vec<f32> = (0..ranges.total()).map(|_| 0.1 + 0.9 * s.uniform()).collect();

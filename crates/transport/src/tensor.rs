@@ -117,7 +117,7 @@ mod tests {
             })
             .collect();
         let ranges = LevelRanges::new(levels.iter().map(Level::len));
-        let rows = fine_from_coarse(&levels);
+        let rows = fine_from_coarse(&levels, |_, _| false);
         (levels, ranges, rows)
     }
 

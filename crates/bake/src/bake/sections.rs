@@ -1,5 +1,6 @@
 //! Operators as sections of the file.
 
+use crate::parted::Parted;
 use crate::solution::Solution;
 use glam::Vec3;
 use relight_format as format;
@@ -26,6 +27,19 @@ pub(super) fn sender_tree(tree: &SenderTree) -> format::Senders {
         importance: tree.importance.clone(),
         parents: tree.parents.clone(),
     }
+}
+
+/// `None` where no surface parts any points.
+pub(super) fn parted(parted: &Parted) -> Option<format::Parted> {
+    let near: Vec<u32> = (0u32..)
+        .zip(&parted.near)
+        .filter(|near| *near.1)
+        .map(|near| near.0)
+        .collect();
+    (!(near.is_empty() && parted.pairs.is_empty())).then(|| format::Parted {
+        pairs: parted.pairs.clone(),
+        near,
+    })
 }
 
 pub(super) fn bounce(level: usize, rows: &Rows) -> format::BounceLinks {

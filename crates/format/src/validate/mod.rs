@@ -2,6 +2,7 @@
 //! need not check again: arrays of equal length, indices in range, sorted rows, finite values, unit normals.
 
 mod cuts;
+mod parted;
 
 use crate::asset::{
     AlphaMode, Asset, Estimates, Geometry, Level, Links, Material, Mesh, Senders, Texture, TextureRef,
@@ -157,6 +158,9 @@ impl Asset {
             for matrix in &solution.channels {
                 validate_on_level(kind, solution.level, matrix, counts, f32::MAX)?;
             }
+        }
+        if let Some(parted) = &self.parted {
+            parted::validate(parted, &self.points)?;
         }
         self.estimates.as_ref().map_or(Ok(()), Estimates::validate)?;
         cuts::validate(self)

@@ -177,6 +177,15 @@ pub fn wide_asset() -> Asset {
             (0..333u32).map(|i| i % 120).collect(),
         ],
     });
+    asset.parted = Some(Parted {
+        // Points of the second level with some of the first, of the third with some of both.
+        pairs: (7..460u32)
+            .step_by(3)
+            .flat_map(|point| [[point, point % 7], [point, 7 + point % 120]])
+            .filter(|pair| pair[1] < 7 || pair[0] >= 127)
+            .collect(),
+        near: (0..333).filter(|i| i % 5 == 1).collect(),
+    });
     let lengths: Vec<u32> = (0..460).map(|i| if i % 3 == 0 { i % 7 } else { 0 }).collect();
     let (row_offsets, columns) = rows_of(&lengths, 460);
     let magnitude = |i: usize| 2f32.powi((i as i32 * 5) % 252 - 126);

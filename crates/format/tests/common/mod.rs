@@ -96,6 +96,10 @@ pub fn small_asset() -> Asset {
                 albedo: vec![[0.5; 3]; 3],
             },
         ],
+        parted: Some(Parted {
+            pairs: vec![[2, 1], [4, 0]],
+            near: vec![0, 2],
+        }),
         senders: Some(Senders {
             counts: vec![2, 3],
             leaf_of_point: vec![1, 2, 1],

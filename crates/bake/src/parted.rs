@@ -1,0 +1,128 @@
+//! Which points surfaces part from each other: what may not be interpolated between.
+
+use rayon::prelude::*;
+use relight_scene::parting::is_parted;
+use relight_scene::surface::Surfaces;
+use relight_transport::basis::Level;
+use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
+use relight_transport::sparse::Rows;
+use std::sync::Mutex;
+
+/// Points that surfaces part from their neighbours.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Parted {
+    /// Points and points of coarser levels that would be their parents, numbered over all levels; ascending.
+    pub pairs: Vec<[u32; 2]>,
+    /// Of each finest point, whether a surface parts it from another whose function it lies in.
+    pub near: Vec<bool>,
+}
+
+/// Finds them, and the parents that are left (see [`fine_from_coarse`]).
+pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Parted, Rows) {
+    let scale = levels.last().map_or(0.0, |finest| finest.disk_radius);
+    let places: Vec<_> = levels
+        .iter()
+        .flat_map(|level| level.positions.iter().copied().zip(level.normals.iter().copied()))
+        .collect();
+    let parted = |a: usize, b: usize| is_parted(surfaces, places[a], places[b], scale);
+    let pairs = Mutex::new(Vec::new());
+    let rows = fine_from_coarse(levels, |point, parent| {
+        let parted = parted(point as usize, parent as usize);
+        if parted && let Ok(mut pairs) = pairs.lock() {
+            pairs.push([point, parent]);
+        }
+        parted
+    });
+    let mut pairs = pairs.into_inner().unwrap_or_default();
+    pairs.sort_unstable();
+    (
+        Parted {
+            pairs,
+            near: near(levels, parted),
+        },
+        rows,
+    )
+}
+
+/// `parted` of two points, numbered over all levels.
+fn near(levels: &[Level], parted: impl Fn(usize, usize) -> bool + Sync) -> Vec<bool> {
+    let Some(finest) = levels.last() else {
+        return Vec::new();
+    };
+    let first = LevelRanges::new(levels.iter().map(Level::len))
+        .range(levels.len() - 1)
+        .start;
+    let neighbours: Vec<Vec<u32>> = (0..finest.len())
+        .into_par_iter()
+        .with_min_len(256)
+        .map(|i| {
+            let mut found = Vec::new();
+            // Each pair once.
+            finest.weights_at(finest.positions[i], finest.normals[i], |j, _| {
+                if (j as usize) < i && parted(first + i, first + j as usize) {
+                    found.push(j);
+                }
+            });
+            found
+        })
+        .collect();
+    let mut near = vec![false; finest.len()];
+    for (i, found) in neighbours.iter().enumerate() {
+        near[i] |= !found.is_empty();
+        found.iter().for_each(|&j| near[j as usize] = true);
+    }
+    near
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DVec3, Vec3};
+    use relight_scene::implicit::{ImplicitSurface, Sdf};
+
+    #[test]
+    fn no_point_has_parents_behind_a_wall() {
+        // A floor with points 0.1 and 0.05 apart, and a wall of 2 mm between x < 0 and x > 0.
+        let wall = Sdf::Ellipsoid {
+            center: DVec3::ZERO,
+            radii: DVec3::new(0.001, 1.0, 5.0),
+        };
+        let wall = ImplicitSurface::new(wall, (Vec3::splat(-5.0), Vec3::splat(5.0)), Vec3::ONE);
+        let levels: Vec<Level> = [0.1f32, 0.05]
+            .map(|distance| {
+                let places: Vec<Vec3> = (-10..10)
+                    .flat_map(|i| (-10..10).map(move |j| (i, j)))
+                    .map(|(i, j)| Vec3::new(i as f32 + 0.5, 0.0, j as f32) * distance)
+                    .collect();
+                let normals = vec![Vec3::Y; places.len()];
+                Level::new(places, normals, distance, 2.0 * distance)
+            })
+            .to_vec();
+        let (parted, rows) = find(&wall, &levels);
+        let places: Vec<Vec3> = levels.iter().flat_map(|l| l.positions.iter().copied()).collect();
+        let behind = |a: usize, b: usize| places[a].x * places[b].x < 0.0;
+        assert!(
+            parted
+                .pairs
+                .iter()
+                .all(|pair| behind(pair[0] as usize, pair[1] as usize))
+        );
+        assert!(parted.pairs.is_sorted(), "a reader looks pairs up");
+        let without = fine_from_coarse(&levels, |_, _| false);
+        let mut leaks = 0;
+        for i in 0..places.len() {
+            assert!(rows.row(i).iter().all(|e| !behind(i, e.0 as usize)));
+            assert!(
+                rows.row(i).is_empty() == without.row(i).is_empty(),
+                "each keeps some parents"
+            );
+            leaks += without.row(i).iter().filter(|e| behind(i, e.0 as usize)).count();
+        }
+        assert_eq!(parted.pairs.len(), leaks);
+        assert!(leaks > 20, "{leaks}");
+        // Functions end at two distances.
+        for (place, near) in levels[1].positions.iter().zip(&parted.near) {
+            assert_eq!(*near, place.x.abs() < 0.05, "{place}");
+        }
+    }
+}

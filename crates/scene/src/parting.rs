@@ -1,0 +1,102 @@
+//! Whether a surface stands between two places of a surface: a wall on a floor, a table on it, the next storey.
+//!
+//! What is known at one of them says nothing about the other then, however near it is. Values at points that a place
+//! interpolates between would leak through every wall that is thinner than the points' distance.
+
+use crate::rays::Ray;
+use crate::surface::Surfaces;
+use glam::Vec3;
+
+/// Height above the places, in their distance, at which rays between them start and end: they are to clear the bulge of
+/// curved surfaces and the rounding of stored positions (a 256th of the points' distance), and meet all that is higher.
+const LIFT: f32 = 0.05;
+
+/// Height of the way around, in the places' distance: convex surfaces that turn by less than some 90° between the
+/// places, steps and mouldings pass below it.
+const DETOUR: f32 = 0.5;
+
+/// Whether a surface parts two places, each a position and unit normal: it stands between them, and on the way around
+/// over what lies low between them as well. `scale` is the distance (metres) of the points that there are: places nearer
+/// to each other are lifted as if they were so far apart.
+pub fn is_parted(surfaces: &dyn Surfaces, a: (Vec3, Vec3), b: (Vec3, Vec3), scale: f32) -> bool {
+    let distance = a.0.distance(b.0).max(scale);
+    let [from, to] = [a, b].map(|(position, normal)| position + normal * (LIFT * distance));
+    let blocked = |origin: Vec3, end: Vec3| {
+        surfaces.occluded(&Ray {
+            origin,
+            direction: end - origin,
+            t_min: 0.0,
+            t_max: 1.0,
+        })
+    };
+    if !blocked(from, to) {
+        return false;
+    }
+    let up = (a.1 + b.1).try_normalize().unwrap_or(a.1);
+    let over = (a.0 + b.0) * 0.5 + up * (DETOUR * distance);
+    blocked(from, over) || blocked(over, to)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::implicit::{ImplicitSurface, Sdf};
+    use glam::DVec3;
+
+    /// On the unit sphere, this far from its top.
+    fn on_sphere(degrees: f32) -> (Vec3, Vec3) {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let normal = Vec3::new(sin, cos, 0.0);
+        (normal, normal)
+    }
+
+    fn on_floor(x: f32) -> (Vec3, Vec3) {
+        (Vec3::new(x, 0.0, 0.0), Vec3::Y)
+    }
+
+    fn ellipsoid(x: f64, y: f64) -> ImplicitSurface {
+        let wall = Sdf::Ellipsoid {
+            center: DVec3::ZERO,
+            radii: DVec3::new(x, y, 1.0),
+        };
+        ImplicitSurface::new(wall, (Vec3::splat(-2.0), Vec3::splat(2.0)), Vec3::ONE)
+    }
+
+    #[test]
+    fn a_wall_parts_a_floor_whatever_the_distance() {
+        let wall = ellipsoid(0.001, 1.0);
+        for half in [0.002, 0.05, 0.5] {
+            assert!(is_parted(&wall, on_floor(-half), on_floor(half), 0.02), "{half}");
+            assert!(
+                !is_parted(&wall, on_floor(half), on_floor(2.0 * half), 0.02),
+                "{half}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_step_that_light_passes_over_parts_nothing() {
+        let step = ellipsoid(0.05, 0.1);
+        assert!(!is_parted(&step, on_floor(-0.2), on_floor(0.2), 0.02));
+        assert!(
+            is_parted(&step, on_floor(-0.06), on_floor(0.06), 0.02),
+            "it is a wall for what is near"
+        );
+    }
+
+    #[test]
+    fn the_bulge_between_places_parts_them_where_it_hides_each_from_the_other_altogether() {
+        let sphere = Sdf::Sphere {
+            center: DVec3::ZERO,
+            radius: 1.0,
+        };
+        let sphere = ImplicitSurface::new(sphere, (Vec3::splat(-2.0), Vec3::splat(2.0)), Vec3::ONE);
+        for half in [0.0, 1.0, 10.0, 30.0, 44.0] {
+            assert!(
+                !is_parted(&sphere, on_sphere(-half), on_sphere(half), 0.02),
+                "{half}"
+            );
+        }
+        assert!(is_parted(&sphere, on_sphere(-70.0), on_sphere(70.0), 0.02));
+    }
+}
