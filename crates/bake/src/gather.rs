@@ -10,11 +10,14 @@ use crate::candidates::Candidate;
 use glam::{Vec3, Vec3A};
 use relight_scene::parting::is_parted;
 use relight_scene::rays::Ray;
-use relight_scene::surface::{SurfaceHit, Surfaces};
+use relight_scene::surface::Surfaces;
 use relight_transport::basis::NearestPoint;
 use relight_transport::pyramid::LevelRanges;
 use relight_transport::sampling::{DirectionSet, Frame};
 use relight_transport::senders::SenderTree;
+
+/// Rays whose ends are looked up together.
+const TOGETHER: usize = 64;
 
 /// The senders as rays see them.
 pub struct SenderField<'a> {
@@ -27,15 +30,18 @@ pub struct SenderField<'a> {
 }
 
 impl SenderField<'_> {
-    /// The nearest point on the same side of all walls.
+    /// `nearest`, the point nearest to a place, or the next one on the place's side of all walls, if there is one.
     #[inline]
-    fn nearest(&self, surfaces: &dyn Surfaces, hit: &SurfaceHit) -> Option<u32> {
+    fn same_side(&self, surfaces: &dyn Surfaces, (x, normal): (Vec3, Vec3), nearest: u32) -> u32 {
         let level = self.points.level;
-        self.points
-            .at_unparted(hit.position, hit.normal, self.near_parted, |point| {
-                let there = (level.positions[point as usize], level.normals[point as usize]);
-                is_parted(surfaces, (hit.position, hit.normal), there, level.disk_radius)
-            })
+        let parted = |point: u32| {
+            let there = (level.positions[point as usize], level.normals[point as usize]);
+            is_parted(surfaces, (x, normal), there, level.disk_radius)
+        };
+        if !self.near_parted.get(nearest as usize).copied().unwrap_or(false) || !parted(nearest) {
+            return nearest;
+        }
+        self.points.at_unparted(x, normal, parted).unwrap_or(nearest)
     }
 }
 
@@ -95,24 +101,34 @@ pub fn gather(
     let weight = 2.0 / (directions.directions.len() as f32 * directions.full);
     let finest = field.tree.ranges.range(field.tree.levels() - 1).start as u32;
     let mut lost = 0;
-    for &local in &directions.directions {
-        let direction = frame.world_from_local(local);
-        let ray = Ray {
-            origin: place.origin,
-            direction,
-            t_min: 0.0,
-            t_max: f32::INFINITY,
-        };
-        let Some(hit) = surfaces.closest_hit(&ray) else {
-            continue;
-        };
-        let Some(point) = field.nearest(surfaces, &hit) else {
-            lost += 1;
-            continue;
-        };
-        let vector = Vec3A::from(direction * weight);
-        let leaf = field.tree.leaf_of_point[point as usize];
-        row.add(finest + leaf, vector);
+    let mut ways = [Vec3A::ZERO; TOGETHER];
+    let mut ends = [(Vec3::ZERO, Vec3::ZERO); TOGETHER];
+    let mut nearest = [None; TOGETHER];
+    for directions in directions.directions.chunks(TOGETHER) {
+        let mut hits = 0;
+        for &local in directions {
+            let direction = frame.world_from_local(local);
+            let ray = Ray {
+                origin: place.origin,
+                direction,
+                t_min: 0.0,
+                t_max: f32::INFINITY,
+            };
+            if let Some(hit) = surfaces.closest_hit(&ray) {
+                ways[hits] = Vec3A::from(direction * weight);
+                ends[hits] = (hit.position, hit.normal);
+                hits += 1;
+            }
+        }
+        field.points.at_each(&ends[..hits], &mut nearest[..hits]);
+        for ((&vector, &end), &nearest) in ways.iter().zip(&ends).zip(&nearest[..hits]) {
+            let Some(nearest) = nearest else {
+                lost += 1;
+                continue;
+            };
+            let point = field.same_side(surfaces, end, nearest);
+            row.add(finest + field.tree.leaf_of_point[point as usize], vector);
+        }
     }
     coarsen(field, row);
     lost

@@ -4,7 +4,7 @@
 //! 10 (weights). The functions of a level sum to one wherever any of them is non-zero and vanish beyond the
 //! support radius.
 
-use crate::grid::{DiskGrid, PointGrid};
+use crate::grid::{DiskGrid, Entry, PointGrid};
 use crate::kernel;
 use glam::Vec3;
 
@@ -140,6 +140,9 @@ impl Level {
     }
 }
 
+/// Places that [`NearestPoint::at_each`] looks up together: enough to keep memory busy, few enough for the stack.
+const TOGETHER: usize = 64;
+
 /// Finds the nearest point of a level, again and again.
 #[derive(Clone, Debug)]
 pub struct NearestPoint<'a> {
@@ -162,38 +165,59 @@ impl<'a> NearestPoint<'a> {
     /// index.
     #[inline]
     pub fn at(&self, x: Vec3, normal: Vec3) -> Option<u32> {
-        let mut best = (self.level.disk_radius * self.level.disk_radius, u32::MAX);
-        for entry in self.disks.covering(x) {
+        let best = self.nearer(self.disks.covering(x), (x, normal), self.no_point());
+        self.found(best, (x, normal))
+    }
+
+    /// [`NearestPoint::at`] of several places, each a position and a normal, into `found`, as long. Half as long as one by
+    /// one: the table of cells and the cells are larger than caches, and no place waits for what another one loads.
+    pub fn at_each(&self, places: &[(Vec3, Vec3)], found: &mut [Option<u32>]) {
+        for (places, found) in places.chunks(TOGETHER).zip(found.chunks_mut(TOGETHER)) {
+            let mut spans = [(0, 0); TOGETHER];
+            let mut best = [self.no_point(); TOGETHER];
+            for (span, place) in spans.iter_mut().zip(places) {
+                *span = self.disks.span(place.0);
+            }
+            for ((best, &span), &place) in best.iter_mut().zip(&spans).zip(places) {
+                let first = self.disks.entries(span).get(..1).unwrap_or_default();
+                *best = self.nearer(first, place, *best);
+            }
+            for (((found, &best), &span), &place) in found.iter_mut().zip(&best).zip(&spans).zip(places) {
+                let others = self.disks.entries(span).get(1..).unwrap_or_default();
+                *found = self.found(self.nearer(others, place, best), place);
+            }
+        }
+    }
+
+    /// What is farther than a disk radius is found in another way.
+    #[inline]
+    fn no_point(&self) -> (f32, u32) {
+        (self.level.disk_radius * self.level.disk_radius, u32::MAX)
+    }
+
+    /// The nearest of some points that face the same way, if it is nearer than `best`: squared distance, index.
+    #[inline]
+    fn nearer(&self, entries: &[Entry], (x, normal): (Vec3, Vec3), mut best: (f32, u32)) -> (f32, u32) {
+        for entry in entries {
             let squared = kernel::distance_squared(x - entry.position, entry.normal);
             if (squared, entry.index) < best && entry.normal.dot(normal) > FACING {
                 best = (squared, entry.index);
             }
         }
+        best
+    }
+
+    #[inline]
+    fn found(&self, best: (f32, u32), (x, normal): (Vec3, Vec3)) -> Option<u32> {
         if best.1 != u32::MAX {
             return Some(best.1);
         }
         self.beyond_disks(x, normal)
     }
 
-    /// As [`NearestPoint::at`], but of the points whose disks cover the place the nearest that `is_parted` does not
-    /// reject. It is asked about points in `near_parted` alone. Where all are rejected the nearest counts all the same.
-    #[inline]
-    pub fn at_unparted(
-        &self,
-        x: Vec3,
-        normal: Vec3,
-        near_parted: &[bool],
-        is_parted: impl Fn(u32) -> bool,
-    ) -> Option<u32> {
-        let nearest = self.at(x, normal)?;
-        if !near_parted.get(nearest as usize).copied().unwrap_or(false) || !is_parted(nearest) {
-            return Some(nearest);
-        }
-        Some(self.next_unparted(x, normal, is_parted).unwrap_or(nearest))
-    }
-
+    /// Of the points whose disks cover a place the nearest that faces the same way and that `is_parted` does not reject.
     #[cold]
-    fn next_unparted(&self, x: Vec3, normal: Vec3, is_parted: impl Fn(u32) -> bool) -> Option<u32> {
+    pub fn at_unparted(&self, x: Vec3, normal: Vec3, is_parted: impl Fn(u32) -> bool) -> Option<u32> {
         let mut near: Vec<(f32, u32)> = (self.disks.covering(x).iter())
             .filter(|entry| entry.normal.dot(normal) > FACING)
             .map(|entry| {
@@ -283,5 +307,26 @@ mod tests {
         assert_eq!(at(1.1), [(1, 1.0)], "farther away it is not");
         assert_eq!(at(10.4), [(1, 1.0)]);
         assert!(at(15.0).is_empty(), "beyond eight supports light says nothing");
+    }
+
+    #[test]
+    fn places_looked_up_together_find_what_each_finds_alone() {
+        let level = sphere_level(0.1);
+        let nearest = NearestPoint::new(&level);
+        let mut s = Stream::new(12, 0, 0);
+        // On the sphere, off it, far from it, and facing away.
+        let places: Vec<(Vec3, Vec3)> = (0..1000)
+            .map(|i| {
+                let x = random_on_sphere(&mut s);
+                let far = [1.0, 1.02, 1.19, 3.0][i % 4];
+                (x * far, if i % 7 == 0 { -x } else { x })
+            })
+            .collect();
+        let mut found = vec![None; places.len()];
+        nearest.at_each(&places, &mut found);
+        for (&(x, normal), &found) in places.iter().zip(&found) {
+            assert_eq!(found, nearest.at(x, normal));
+        }
+        assert!(found.contains(&None) && found.iter().flatten().count() > 500);
     }
 }

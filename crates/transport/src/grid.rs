@@ -69,16 +69,20 @@ impl Cells {
     /// What is in a cell.
     #[inline]
     fn at(&self, cell: IVec3) -> &[Entry] {
+        let (first, end) = self.span(cell);
+        &self.entries[first as usize..end as usize]
+    }
+
+    /// Which entries are in a cell: from, to.
+    #[inline]
+    fn span(&self, cell: IVec3) -> (u32, u32) {
         let key = key_of(cell);
         let mask = self.table.len() - 1;
         let mut slot = slot_of(key, mask);
         loop {
             let (found, first, end) = self.table[slot];
-            if end == 0 {
-                return &[];
-            }
-            if found == key {
-                return &self.entries[first as usize..end as usize];
+            if end == 0 || found == key {
+                return (first, end);
             }
             slot = (slot + 1) & mask;
         }
@@ -176,7 +180,25 @@ impl DiskGrid {
     /// Every point whose disk covers `x`, and some others.
     #[inline]
     pub fn covering(&self, x: Vec3) -> &[Entry] {
-        self.cells.at((x * self.inverse_cell).floor().as_ivec3())
+        self.cells.at(self.cell(x))
+    }
+
+    /// [`DiskGrid::covering`] in two steps, for who looks up many places: which entries those are, and the entries.
+    /// Memory answers many questions at a time as long as none waits for the answer of another.
+    #[inline]
+    pub fn span(&self, x: Vec3) -> (u32, u32) {
+        self.cells.span(self.cell(x))
+    }
+
+    /// Entries of a [`DiskGrid::span`].
+    #[inline]
+    pub fn entries(&self, span: (u32, u32)) -> &[Entry] {
+        &self.cells.entries[span.0 as usize..span.1 as usize]
+    }
+
+    #[inline]
+    fn cell(&self, x: Vec3) -> IVec3 {
+        (x * self.inverse_cell).floor().as_ivec3()
     }
 }
 
