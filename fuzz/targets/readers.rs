@@ -1,0 +1,135 @@
+//! Targets of what relight reads besides assets: scenes, images, lighting sequences, material edits.
+
+use super::Target;
+use relight_scene::gltf::{ImportError, ImportOptions, import};
+use relight_scene::image::{
+    EnvironmentMap, ImageError, Limits, decode_environment, decode_exr, decode_hdr, decode_ldr,
+};
+use relight_scene::material::Material;
+use relight_scene::material_edits::parse_material_edits;
+use relight_scene::scene::Scene;
+use relight_scene::sequence::{Sequence, parse_sequence, sequence_to_json, stage_from_json};
+use std::path::Path;
+use std::sync::OnceLock;
+
+/// Images of a few kilobytes need no more.
+const LIMITS: Limits = Limits {
+    max_pixels: 1 << 20,
+    max_bytes: 32 << 20,
+    max_file_bytes: 1 << 20,
+};
+
+/// The targets of this module.
+pub fn all() -> Vec<(&'static str, Target)> {
+    vec![
+        ("gltf", gltf),
+        ("hdr", hdr),
+        ("exr", exr),
+        ("texture", texture),
+        ("sequence", sequence),
+        ("material_edits", material_edits),
+    ]
+}
+
+/// Any bytes as a `.glb` or `.gltf`: a scene whose indices are in range, or an error; and no caught panic either.
+pub fn gltf(data: &[u8]) {
+    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
+    let folder = FOLDER.get_or_init(|| tempfile::tempdir().expect("a folder for the file that is imported"));
+    // By thread, as tests feed targets side by side.
+    let file = folder
+        .path()
+        .join(format!("{:?}.glb", std::thread::current().id()));
+    std::fs::write(&file, data).expect("a file that is imported");
+    match import(&file, &ImportOptions::default()) {
+        Ok(scene) => {
+            for mesh in &scene.meshes {
+                let vertices = mesh.positions.len();
+                assert!(mesh.triangles.iter().flatten().all(|&i| (i as usize) < vertices));
+                assert!((mesh.material as usize) < scene.materials.len());
+                assert!(mesh.positions.iter().all(|p| p.is_finite()));
+            }
+            assert!(
+                scene
+                    .instances
+                    .iter()
+                    .all(|i| (i.mesh as usize) < scene.meshes.len())
+            );
+        }
+        Err(ImportError::Internal { message, .. }) => panic!("the importer panicked: {message}"),
+        Err(_) => {}
+    }
+}
+
+fn check_map(read: Result<EnvironmentMap, ImageError>) {
+    if let Ok(map) = read {
+        let pixels = &map.image.pixels;
+        assert_eq!(pixels.len(), map.image.width * map.image.height);
+    }
+}
+
+/// Any bytes as a Radiance picture, also behind its magic.
+pub fn hdr(data: &[u8]) {
+    for bytes in [
+        data.to_vec(),
+        [b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n", data].concat(),
+    ] {
+        check_map(decode_environment("fuzz.hdr", &bytes, &LIMITS));
+        if let Ok(image) = decode_hdr("fuzz.hdr", &bytes, &LIMITS) {
+            assert_eq!(image.pixels.len(), image.width * image.height);
+        }
+    }
+}
+
+/// Any bytes as an OpenEXR file.
+pub fn exr(data: &[u8]) {
+    check_map(decode_environment("fuzz.exr", data, &LIMITS));
+    let _ = decode_exr("fuzz.exr", data, &LIMITS);
+}
+
+/// Any bytes as a PNG or JPEG.
+pub fn texture(data: &[u8]) {
+    if let Ok(image) = decode_ldr("fuzz.png", data, &LIMITS) {
+        assert_eq!(image.rgba8.len(), image.width * image.height);
+    }
+}
+
+/// Any bytes as a lighting sequence and as an asset's stage; one that is read can be written and read again.
+pub fn sequence(data: &[u8]) {
+    let text = String::from_utf8_lossy(data);
+    let _ = stage_from_json(&text);
+    // Maps are named, not read, here.
+    if let Ok(sequence) = parse_sequence(&text, Path::new("nowhere"), "fuzz.json") {
+        let written = sequence_to_json(&sequence);
+        let again = parse_sequence(&written, Path::new("nowhere"), "again.json");
+        assert!(again.is_ok(), "{:?} from {written}", again.err());
+    }
+}
+
+/// Any bytes as material edits of a scene of three materials.
+pub fn material_edits(data: &[u8]) {
+    let named = |name: &str| Material {
+        name: name.into(),
+        ..Material::default()
+    };
+    let scene = Scene {
+        meshes: Vec::new(),
+        instances: Vec::new(),
+        materials: ["Chrome", "Brick", "Porcelain"].map(named).into(),
+        textures: Vec::new(),
+        cameras: Vec::new(),
+        sequence: Sequence {
+            frames: 24,
+            fps: 24.0,
+            camera: None,
+            lights: Vec::new(),
+        },
+        notes: Vec::new(),
+    };
+    let text = String::from_utf8_lossy(data);
+    if let Ok(edits) = parse_material_edits(&text, &scene, "fuzz.json") {
+        for frame in [0.0, 0.5, 23.0] {
+            let edited = edits.at(frame, &scene.materials);
+            assert_eq!(edited.len(), 3);
+        }
+    }
+}
