@@ -142,9 +142,10 @@ impl Study {
         }
         let finest = points.levels.last().ok_or("no points")?;
         let albedo = finest.points.iter().map(|p| p.albedo).collect();
-        let mut transfer = Transfer::new(
+        let transfer = Transfer::new(
             levels_of(&points),
             &parted.pairs,
+            parted.near,
             tree,
             albedo,
             &links,
@@ -152,7 +153,6 @@ impl Study {
             bounce_level,
             None,
         );
-        transfer.near_parted = parted.near;
         let player = Player::new(self.traced.clone(), Some(transfer), None);
         let mut irradiance = Vec::new();
         for &lamp in &self.lamps {
@@ -418,6 +418,7 @@ fn bare_transfer(points: &PointLevels) -> Transfer {
     Transfer::new(
         levels,
         &[],
+        Vec::new(),
         tree,
         vec![Vec3::ZERO; finest],
         &links,

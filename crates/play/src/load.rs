@@ -336,9 +336,14 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
         })
         .collect();
     let parted = parted.unwrap_or_default();
+    let mut near_parted = vec![false; if parted.near.is_empty() { 0 } else { albedo.len() }];
+    for &point in &parted.near {
+        near_parted[point as usize] = true;
+    }
     let mut transfer = Transfer::new(
         levels,
         &parted.pairs,
+        near_parted,
         tree,
         albedo,
         &links,
@@ -346,12 +351,6 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
         bounce_level,
         bounces,
     );
-    if !parted.near.is_empty() {
-        transfer.near_parted = vec![false; transfer.finest.len()];
-        for &point in &parted.near {
-            transfer.near_parted[point as usize] = true;
-        }
-    }
     if let Some(solution) = solution {
         let channels = solution.channels.into_iter().map(matrix).collect();
         transfer.use_solution(solution.level as usize, channels);

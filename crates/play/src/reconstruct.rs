@@ -75,7 +75,7 @@ pub fn irradiance(
                 let value = &values[j as usize];
                 sum += value.x * c.x + value.y * c.y + value.z * c.z;
             }
-            if sum.min_element() <= 0.0 {
+            if sum.min_element() < 0.0 {
                 let received =
                     |&(j, w): &(u32, f32)| values[j as usize].irradiance(finest.normals[j as usize]) * w;
                 let around: Vec3 = weights.row(i).iter().map(received).sum();

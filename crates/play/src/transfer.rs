@@ -78,10 +78,12 @@ pub struct TransferStats {
 impl Transfer {
     /// Prepares the operators. `levels`: all receiver levels, coarsest first; `senders`: their clusters;
     /// `parted`: points and points of coarser levels that surfaces part them from, numbered over all levels, ascending;
+    /// `near_parted`: of each finest point, or empty;
     /// `albedo`: of the finest level's points; `bounce`: the flat operator on sender level `bounce_level`.
     pub fn new(
         mut levels: Vec<Level>,
         parted: &[[u32; 2]],
+        near_parted: Vec<bool>,
         senders: SenderTree,
         albedo: Vec<Vec3>,
         links: &Links,
@@ -103,7 +105,7 @@ impl Transfer {
         let finest = levels.swap_remove(levels.len() - 1);
         Transfer {
             finest,
-            near_parted: Vec::new(),
+            near_parted,
             albedo,
             ranges,
             normals,
