@@ -81,11 +81,12 @@ echo "two nodes are up: $(sinfo --version)" >&2
 
 "$program" bake "$scene" -o "$dir/farm.relight" "$@" --plan "$dir/a plan" --slurm -q
 merge=$("$dir/a plan/slurm/submit.sh" --partition=all)
-# The first unit is taken off its node while it runs, as when a node is needed for something else.
+# A unit is taken off its node while it runs, as when a node is needed for something else: once it has said something, since
+# Slurm may count a job that is requeued while it is still being launched as failed.
 tries=0
 while :; do
     running=$(squeue -h -r -t R -n relight-units -o %i | head -n 1)
-    if [ -n "$running" ] && scontrol requeue "$running" 2>/dev/null; then
+    if [ -s "$dir/a plan/slurm/unit-${running#*_}.log" ] && scontrol requeue "$running" 2>/dev/null; then
         echo "requeued $running" >&2
         break
     fi
@@ -93,9 +94,11 @@ while :; do
     [ $tries -lt 100 ] || { echo "no unit was seen running" >&2; exit 1; }
     sleep 0.1
 done
+# A requeued job waits for its begin time, some two minutes, so that no late word of its first run is taken for the end of the
+# second. Here it has some seconds, and nobody else wants the node.
+sleep 5
 tries=0
 while [ -n "$(squeue -h -o %i)" ]; do
-    # A requeued job waits for its begin time, some two minutes; here nobody else wants the node.
     for job in $(squeue -h -r -t PD -n relight-units -o %i); do
         scontrol update JobId="$job" StartTime=now 2>/dev/null || true
     done
@@ -108,5 +111,9 @@ while [ -n "$(squeue -h -o %i)" ]; do
     sleep 0.5
 done
 scontrol show job "$merge" | grep JobState >&2 || true
+if [ ! -s "$dir/farm.relight" ]; then
+    tail -n 20 "$dir/a plan/slurm/"*.log >&2
+    tail -n 60 "$dir/log/slurmctld" >&2
+    exit 1
+fi
 cat "$dir/a plan/slurm/merge.log" >&2
-test -s "$dir/farm.relight"
