@@ -5,8 +5,8 @@
 
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
-use relight_transport::basis::Level;
-use relight_transport::pyramid::{LEAST_LEFT, VectorIrradiance, carry};
+use relight_transport::basis::{FunctionsInOrder, Level};
+use relight_transport::pyramid::{LEAST_LEFT, VectorIrradiance, carried_back};
 use relight_transport::sparse::Rows;
 
 /// The finest level's functions at each pixel's surface; empty rows where there is no surface. `places` has
@@ -21,10 +21,11 @@ pub fn weights_at(
     near_parted: &[bool],
     is_parted: impl Fn((Vec3, Vec3), u32) -> bool + Sync,
 ) -> Rows {
-    Rows::build(places.len(), finest.len(), |i, row| {
+    let functions = || FunctionsInOrder::new(finest);
+    Rows::build_with(places.len(), finest.len(), functions, |functions, i, row| {
         let Some(place) = places[i] else { return };
         let first = row.len();
-        finest.functions_or_nearest_at(place.0, place.1, row);
+        functions.functions_or_nearest_at(place.0, place.1, row);
         let near = |j: u32| near_parted.get(j as usize).copied().unwrap_or(false);
         if !row[first..].iter().any(|e| near(e.0)) {
             return;
@@ -43,17 +44,14 @@ pub fn weights_at(
 /// Weights of the pixels' rows on the components of vector irradiance: row weight times what the shading normal
 /// takes of each point's value once that is carried to the pixel. Same layout as the rows' entries.
 pub fn components(weights: &Rows, finest: &Level, normals: &[(Vec3, Vec3)]) -> Vec<Vec3> {
-    let chunks: Vec<Vec<Vec3>> = (0..weights.rows())
-        .into_par_iter()
-        .with_min_len(1024)
-        .map(|i| {
-            let (smooth, shading) = normals[i];
-            let back = |j: u32| carry(finest.normals[j as usize], smooth).transpose();
-            let carried = |&(j, w): &(u32, f32)| back(j) * shading * w;
-            weights.row(i).iter().map(carried).collect()
-        })
-        .collect();
-    chunks.into_iter().flatten().collect()
+    let mut components = vec![Vec3::ZERO; weights.entries.len()];
+    weights.fill_rows(&mut components, |i, row| {
+        let (smooth, shading) = normals[i];
+        for (component, &(j, w)) in row.iter_mut().zip(weights.row(i)) {
+            *component = carried_back(shading, smooth, finest.normals[j as usize]) * w;
+        }
+    });
+    components
 }
 
 /// RGB irradiance for each pixel. `finest` are the points of `values`. Where a shading normal turns away from what

@@ -67,14 +67,11 @@ struct Sample {
 /// Casts `samples` primary rays per pixel and groups them. Deterministic: the same sub-pixel pattern in every
 /// pixel.
 pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize, samples: u32) -> Shot {
+    if samples <= 1 {
+        return expose_centres(scene, camera, width, height);
+    }
     let size = Vec2::new(width as f32, height as f32);
-    // With one sample, the pixel's centre.
-    let start = if samples == 1 {
-        Vec2::splat(0.5)
-    } else {
-        Vec2::splat(0.25)
-    };
-    let pattern: Vec<Vec2> = (0..samples.max(1)).map(|i| r2(i, start)).collect();
+    let pattern: Vec<Vec2> = (0..samples).map(|i| r2(i, Vec2::splat(0.25))).collect();
     let footprint = 2.0 * camera.tan_half_vfov / size.y;
     let rows: Vec<Shot> = (0..height)
         .into_par_iter()
@@ -86,19 +83,9 @@ pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize,
                 let corner = Vec2::new(x as f32, y as f32);
                 for &offset in &pattern {
                     let direction = camera.direction(corner + offset, size);
-                    let ray = Ray {
-                        origin: camera.position,
-                        direction,
-                        t_min: 0.0,
-                        t_max: f32::INFINITY,
-                    };
-                    let seen = scene.closest_hit(&ray).map(|hit| {
-                        let point = scene.shading_point(&hit).facing(-direction);
-                        (hit, point)
-                    });
                     pixel.push(Sample {
                         direction,
-                        seen,
+                        seen: seen_along(scene, camera, direction),
                         group: 0,
                     });
                 }
@@ -125,6 +112,47 @@ pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize,
     }
     shot.offsets.push(shot.coverage.len() as u32);
     shot
+}
+
+/// [`expose`] by one ray through each pixel's centre: every pixel is one fragment.
+fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: usize) -> Shot {
+    let size = Vec2::new(width as f32, height as f32);
+    let count = width * height;
+    let mut shot = Shot {
+        width,
+        height,
+        offsets: (0..=count as u32).collect(),
+        coverage: vec![1.0; count],
+        eye: camera.position,
+        ..Shot::default()
+    };
+    (0..count)
+        .into_par_iter()
+        .with_min_len(256)
+        .map(|pixel| {
+            let corner = Vec2::new((pixel % width) as f32, (pixel / width) as f32);
+            camera.direction(corner + 0.5, size)
+        })
+        .collect_into_vec(&mut shot.directions);
+    (shot.directions.par_iter())
+        .with_min_len(256)
+        .map(|&direction| seen_along(scene, camera, direction).unzip())
+        .unzip_into_vecs(&mut shot.hits, &mut shot.points);
+    shot
+}
+
+/// What a camera's ray meets.
+fn seen_along(scene: &TracedScene, camera: &Camera, direction: Vec3) -> Option<(SurfaceHit, ShadingPoint)> {
+    let ray = Ray {
+        origin: camera.position,
+        direction,
+        t_min: 0.0,
+        t_max: f32::INFINITY,
+    };
+    scene.closest_hit(&ray).map(|hit| {
+        let point = scene.shading_point(&hit).facing(-direction);
+        (hit, point)
+    })
 }
 
 fn group(pixel: &mut [Sample], footprint: f32) {

@@ -161,19 +161,15 @@ impl TracedScene {
         corner: &Corner<'_>,
         point: &mut ShadingPoint,
     ) {
-        let rough_metal = |factor: f32, channel: usize| {
-            let texture =
-                self.texture_value(&material.metallic_roughness_texture, corner, ColorSpace::Linear);
-            unit_interval(factor * texture[channel])
-        };
+        let texture = self.texture_value(&material.metallic_roughness_texture, corner, ColorSpace::Linear);
         let alpha = |roughness: f32| {
-            let roughness = rough_metal(roughness, 1);
+            let roughness = unit_interval(roughness * texture.y);
             (roughness * roughness).max(MIN_ALPHA)
         };
         match material.model {
             Model::Lambert => {}
             Model::MetallicRoughness => {
-                let metallic = rough_metal(material.metallic, 2);
+                let metallic = unit_interval(material.metallic * texture.z);
                 point.diffuse = point.base_color * (1.0 - metallic);
                 point.f0 = Vec3::splat(DIELECTRIC_F0 * (1.0 - metallic)) + point.base_color * metallic;
                 point.alpha = alpha(material.roughness);

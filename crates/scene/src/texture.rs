@@ -157,10 +157,13 @@ fn reduce(coordinate: f32, wrap: Wrap) -> f32 {
     }
 }
 
+/// Index of the texel at `index`, which is at most one off the period that [`reduce`] leaves.
 fn wrap_index(index: i32, size: u32, wrap: Wrap) -> usize {
     let size = size as i32;
     let wrapped = match wrap {
-        Wrap::Repeat => index.rem_euclid(size),
+        Wrap::Repeat if index < 0 => index + size,
+        Wrap::Repeat if index >= size => index - size,
+        Wrap::Repeat => index,
         Wrap::Mirror => {
             let folded = index.rem_euclid(2 * size);
             folded.min(2 * size - 1 - folded)

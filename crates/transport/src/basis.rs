@@ -4,7 +4,7 @@
 //! 10 (weights). The functions of a level sum to one wherever any of them is non-zero and vanish beyond the
 //! support radius.
 
-use crate::grid::{DiskGrid, Entry, PointGrid};
+use crate::grid::{DiskGrid, DiskMemo, Entry, PointGrid};
 use crate::kernel;
 use glam::Vec3;
 
@@ -104,13 +104,16 @@ impl Level {
     pub fn functions_or_nearest_at(&self, x: Vec3, normal: Vec3, out: &mut Vec<(u32, f32)>) {
         let start = out.len();
         self.functions_at(x, normal, out);
-        if out.len() > start {
-            return;
+        if out.len() == start {
+            out.extend(self.nearest_in_gap(x, normal).map(|index| (index, 1.0)));
         }
-        let nearest = self
-            .nearest_of_any_normal(x)
-            .or_else(|| self.far_of_same_side(x, normal));
-        out.extend(nearest.map(|index| (index, 1.0)));
+    }
+
+    /// What stands for a place that no function covers.
+    #[cold]
+    fn nearest_in_gap(&self, x: Vec3, normal: Vec3) -> Option<u32> {
+        self.nearest_of_any_normal(x)
+            .or_else(|| self.far_of_same_side(x, normal))
     }
 
     /// The nearest point within [`FAR`] supports that faces the same half space. Ties go to the lower index.
@@ -137,6 +140,44 @@ impl Level {
             }
         });
         (best.1 != u32::MAX).then_some(best.1)
+    }
+}
+
+/// Finds functions at one place after another; the faster, the closer together places that follow each other lie.
+#[derive(Clone, Debug)]
+pub struct FunctionsInOrder<'a> {
+    level: &'a Level,
+    memo: DiskMemo<'a>,
+    weights: Vec<f32>,
+}
+
+impl<'a> FunctionsInOrder<'a> {
+    /// Of a level's functions.
+    pub fn new(level: &'a Level) -> FunctionsInOrder<'a> {
+        FunctionsInOrder {
+            level,
+            memo: DiskMemo::new(&level.grid),
+            weights: Vec::new(),
+        }
+    }
+
+    /// [`Level::functions_or_nearest_at`], bit by bit.
+    pub fn functions_or_nearest_at(&mut self, x: Vec3, normal: Vec3, out: &mut Vec<(u32, f32)>) {
+        let start = out.len();
+        let indices = self.memo.weights(x, normal, &mut self.weights);
+        let mut sum = 0.0;
+        for (&j, &w) in indices.iter().zip(&self.weights) {
+            if w > 0.0 {
+                out.push((j, w));
+                sum += w;
+            }
+        }
+        for entry in &mut out[start..] {
+            entry.1 /= sum;
+        }
+        if out.len() == start {
+            out.extend((self.level.nearest_in_gap(x, normal)).map(|index| (index, 1.0)));
+        }
     }
 }
 
@@ -287,6 +328,26 @@ mod tests {
         row.clear();
         level.functions_at(Vec3::X, Vec3::NEG_X, &mut row);
         assert!(row.is_empty(), "the back of a surface is another place");
+    }
+
+    #[test]
+    fn functions_found_in_order_are_those_found_alone() {
+        let level = sphere_level(0.1);
+        let mut memo = FunctionsInOrder::new(&level);
+        let mut s = Stream::new(13, 0, 0);
+        // Along paths over the sphere and off it, so that cells come again, and through more cells than are remembered.
+        let (mut alone, mut in_order) = (Vec::new(), Vec::new());
+        for _ in 0..300 {
+            let (from, to) = (random_on_sphere(&mut s), random_on_sphere(&mut s));
+            for step in 0..50 {
+                let normal = from.lerp(to, step as f32 / 50.0).normalize_or(from);
+                let x = normal * [1.0, 1.01, 1.3][step % 3];
+                level.functions_or_nearest_at(x, normal, &mut alone);
+                memo.functions_or_nearest_at(x, normal, &mut in_order);
+            }
+        }
+        assert!(alone.len() > 50_000, "{}", alone.len());
+        assert_eq!(alone, in_order);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! The meshless paper stores each level in an R-tree (section 2.1); all supports of a level have one radius,
 //! so a grid answers the same query with eight look-ups and no traversal.
 
-use crate::kernel::SQUASH;
+use crate::kernel::{self, SQUASH};
 use glam::{IVec3, Vec3};
 
 /// A point as the grid keeps it, in cell order.
@@ -115,7 +115,19 @@ impl PointGrid {
     /// depends on the points and `x` alone.
     #[inline]
     pub fn near(&self, x: Vec3, mut visit: impl FnMut(&Entry)) {
-        let base = (x * self.inverse_cell - 0.5).floor().as_ivec3();
+        self.near_half_cell(self.half_cell(x), &mut visit);
+    }
+
+    /// The cell, as wide as the radius, that holds `x`.
+    #[inline]
+    fn half_cell(&self, x: Vec3) -> IVec3 {
+        (x * (2.0 * self.inverse_cell)).floor().as_ivec3()
+    }
+
+    /// [`PointGrid::near`] of all places in a cell as wide as the radius.
+    #[inline]
+    fn near_half_cell(&self, half_cell: IVec3, mut visit: impl FnMut(&Entry)) {
+        let base = (half_cell - 1) >> 1;
         for corner in 0..8 {
             let cell = base + IVec3::new(corner & 1, (corner >> 1) & 1, corner >> 2);
             self.cells.at(cell).iter().for_each(&mut visit);
@@ -137,6 +149,100 @@ impl PointGrid {
     }
 }
 
+/// Whether the disk of a point, as flat as equation 10 makes it, may reach into a cell. In units of its radius, which is
+/// the cell's width: `offset` from the point to the cell's middle.
+fn may_reach(offset: Vec3, normal: Vec3) -> bool {
+    // Half an edge, grown a little for rounding.
+    let half = Vec3::splat(0.5 + 1e-3);
+    let beyond = (offset.abs() - half).max(Vec3::ZERO);
+    beyond.length_squared() <= 1.0
+        && offset.dot(normal).abs() <= half.dot(normal.abs()) + 1.0 / (1.0 + SQUASH)
+}
+
+/// What [`PointGrid::near`] finds, kept for the places that follow: for each cell as wide as the radius the points whose
+/// disks reach into it, in the same order. Places that follow each other lie close together, and share one look-up
+/// and a third of the points.
+#[derive(Clone, Debug)]
+pub struct DiskMemo<'a> {
+    grid: &'a PointGrid,
+    /// (cell key, first entry, end entry) where the key's hash says; a cell that comes later takes the place of another.
+    table: Vec<(u64, u32, u32)>,
+    entries: EntryColumns,
+}
+
+/// Entries, each component in an array of its own: a loop over them is worked off several at a time.
+#[derive(Clone, Debug, Default)]
+struct EntryColumns {
+    position: [Vec<f32>; 3],
+    normal: [Vec<f32>; 3],
+    index: Vec<u32>,
+}
+
+/// Cells that a [`DiskMemo`] remembers: more than a few rows of an image cross.
+const REMEMBERED: usize = 4096;
+
+/// Entries after which a [`DiskMemo`] starts anew: 2 MB, what a core has of fast memory.
+const MOST_REMEMBERED: usize = 1 << 16;
+
+impl<'a> DiskMemo<'a> {
+    /// Remembers nothing yet.
+    pub fn new(grid: &'a PointGrid) -> DiskMemo<'a> {
+        DiskMemo {
+            grid,
+            table: vec![(u64::MAX, 0, 0); REMEMBERED],
+            entries: EntryColumns::default(),
+        }
+    }
+
+    /// Weights of equation 8 at a place, of all points whose disks (of the grid's radius) cover it and some others whose
+    /// weight is zero, and their indices.
+    pub fn weights(&mut self, x: Vec3, normal: Vec3, weights: &mut Vec<f32>) -> &[u32] {
+        let cell = self.grid.half_cell(x);
+        let key = key_of(cell);
+        let slot = slot_of(key, REMEMBERED - 1);
+        if self.table[slot].0 != key {
+            self.table[slot] = self.remember(cell, key);
+        }
+        let (_, first, end) = self.table[slot];
+        let range = first as usize..end as usize;
+        let inverse = 2.0 * self.grid.inverse_cell;
+        let [px, py, pz] = self.entries.position.each_ref().map(|p| &p[range.clone()]);
+        let [nx, ny, nz] = self.entries.normal.each_ref().map(|n| &n[range.clone()]);
+        weights.clear();
+        weights.extend((0..px.len()).map(|i| {
+            let own = Vec3::new(nx[i], ny[i], nz[i]);
+            kernel::weight(x - Vec3::new(px[i], py[i], pz[i]), own, inverse, own.dot(normal))
+        }));
+        &self.entries.index[range]
+    }
+
+    #[cold]
+    fn remember(&mut self, cell: IVec3, key: u64) -> (u64, u32, u32) {
+        if self.entries.index.len() > MOST_REMEMBERED {
+            self.entries = EntryColumns::default();
+            self.table.fill((u64::MAX, 0, 0));
+        }
+        let scale = 2.0 * self.grid.inverse_cell;
+        let first = self.entries.index.len() as u32;
+        self.grid.near_half_cell(cell, |entry| {
+            if may_reach(cell.as_vec3() + 0.5 - entry.position * scale, entry.normal) {
+                self.entries.push(entry);
+            }
+        });
+        (key, first, self.entries.index.len() as u32)
+    }
+}
+
+impl EntryColumns {
+    fn push(&mut self, entry: &Entry) {
+        for axis in 0..3 {
+            self.position[axis].push(entry.position[axis]);
+            self.normal[axis].push(entry.normal[axis]);
+        }
+        self.index.push(entry.index);
+    }
+}
+
 /// Points in all cells that their disks touch: one look-up finds every point whose disk covers a place. Takes
 /// some ten times the memory of a [`PointGrid`], and half the time: of its eight cells half are empty, in no order
 /// that a processor could guess.
@@ -150,21 +256,15 @@ impl DiskGrid {
     /// A grid over disks of `radius`, as flat as equation 10 makes them.
     pub fn new(positions: &[Vec3], normals: &[Vec3], radius: f32) -> DiskGrid {
         let inverse_cell = 1.0 / radius;
-        // In units of cells: half an edge, grown a little for rounding.
-        let half = Vec3::splat(0.5 + 1e-3);
-        let thickness = 1.0 / (1.0 + SQUASH);
         let mut keyed = Vec::new();
         for (i, (&p, normal)) in positions.iter().zip(normals).enumerate() {
             let p = p * inverse_cell;
             let (low, high) = ((p - 1.0).floor().as_ivec3(), (p + 1.0).floor().as_ivec3());
-            let reach = half.dot(normal.abs()) + thickness;
             for z in low.z..=high.z {
                 for y in low.y..=high.y {
                     for x in low.x..=high.x {
                         let cell = IVec3::new(x, y, z);
-                        let offset = cell.as_vec3() + 0.5 - p;
-                        let beyond = (offset.abs() - half).max(Vec3::ZERO);
-                        if beyond.length_squared() <= 1.0 && offset.dot(*normal).abs() <= reach {
+                        if may_reach(cell.as_vec3() + 0.5 - p, *normal) {
                             keyed.push((key_of(cell), i as u32));
                         }
                     }
@@ -276,7 +376,7 @@ mod tests {
             let x = vector() * 1.2;
             let listed: Vec<u32> = grid.covering(x).iter().map(|e| e.index).collect();
             for i in 0..positions.len() {
-                let squared = crate::kernel::distance_squared(x - positions[i], normals[i]);
+                let squared = kernel::distance_squared(x - positions[i], normals[i]);
                 if squared <= radius * radius {
                     found += 1;
                     assert!(listed.contains(&(i as u32)));

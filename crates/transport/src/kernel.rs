@@ -10,11 +10,8 @@ pub const SQUASH: f32 = 2.0;
 /// Equation 9: falls from 1 at `r` = 0 to 0 at `r` = 1 with zero slope at both ends; 0 beyond.
 #[inline]
 pub fn falloff(r: f32) -> f32 {
-    if r >= 1.0 {
-        0.0
-    } else {
-        1.0 + r * r * (2.0 * r - 3.0)
-    }
+    let inside = 1.0 + r * r * (2.0 * r - 3.0);
+    if r >= 1.0 { 0.0 } else { inside }
 }
 
 /// Square of the distance of equation 10 from a point with unit normal `normal` at offset `offset` = x − x_j.
@@ -30,11 +27,10 @@ pub fn distance_squared(offset: Vec3, normal: Vec3) -> f32 {
 /// cosine `cosine` between the two normals.
 #[inline]
 pub fn weight(offset: Vec3, normal: Vec3, inverse_radius: f32, cosine: f32) -> f32 {
-    if cosine <= 0.0 {
-        return 0.0;
-    }
     let r = distance_squared(offset, normal).sqrt() * inverse_radius;
-    falloff(r) * cosine * cosine
+    // Without a branch: loops over many points are worked off several at a time.
+    let facing = falloff(r) * cosine * cosine;
+    if cosine <= 0.0 { 0.0 } else { facing }
 }
 
 /// Square of the symmetric distance of equation 11 between two oriented points; infinite where their

@@ -173,6 +173,16 @@ pub fn carry(from: Vec3, to: Vec3) -> Mat3 {
     turned + Mat3::from_cols(to * tilt.x, to * tilt.y, to * tilt.z)
 }
 
+/// What takes of vector irradiance at a place with unit normal `from` what `direction` takes of it once it is carried to a
+/// place with unit normal `to`.
+#[inline]
+pub fn carried_back(direction: Vec3, to: Vec3, from: Vec3) -> Vec3 {
+    if from.dot(to) > FLAT {
+        return direction;
+    }
+    carry(from, to).transpose() * direction
+}
+
 /// Share of the irradiance found around a point that its own difference must leave of it. What arrives above a
 /// surface's own horizon is never negative, but differences lose their small links and some would take more away than
 /// there is. A twentieth removes nearly all black places of leaves and folds at no more error; a tenth starts to lift

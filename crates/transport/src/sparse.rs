@@ -31,15 +31,25 @@ impl Rows {
 
     /// Builds `rows` rows in parallel; `fill(i, row)` appends row `i`'s entries.
     pub fn build(rows: usize, columns: usize, fill: impl Fn(usize, &mut Vec<(u32, f32)>) + Sync) -> Rows {
+        Rows::build_with(rows, columns, || (), |(), i, row| fill(i, row))
+    }
+
+    /// [`Rows::build`] with something that rows near each other share, such as a memo; it must not change what they are.
+    pub fn build_with<T>(
+        rows: usize,
+        columns: usize,
+        shared: impl Fn() -> T + Sync + Send,
+        fill: impl Fn(&mut T, usize, &mut Vec<(u32, f32)>) + Sync,
+    ) -> Rows {
         /// Ends of the rows within the chunk, and its entries.
         type Chunk = (Vec<u32>, Vec<(u32, f32)>);
         let chunks: Vec<Chunk> = (0..rows.div_ceil(CHUNK))
             .into_par_iter()
-            .map(|chunk| {
+            .map_init(shared, |shared, chunk| {
                 let mut entries = Vec::new();
                 let ends = (chunk * CHUNK..((chunk + 1) * CHUNK).min(rows))
                     .map(|i| {
-                        fill(i, &mut entries);
+                        fill(shared, i, &mut entries);
                         entries.len() as u32
                     })
                     .collect();
@@ -52,13 +62,35 @@ impl Rows {
         for (ends, part) in chunks {
             let start = entries.len() as u32;
             offsets.extend(ends.into_iter().map(|end| start + end));
-            entries.extend(part);
+            entries.extend_from_slice(&part);
         }
         Rows {
             columns: columns as u32,
             offsets,
             entries,
         }
+    }
+
+    /// Calls `fill(i, part)` for every row in parallel with the part of `values`, which has one for each entry, that is the
+    /// row's.
+    ///
+    /// # Panics
+    /// `values` is shorter than the entries.
+    pub fn fill_rows<T: Send>(&self, mut values: &mut [T], fill: impl Fn(usize, &mut [T]) + Sync) {
+        let mut chunks = Vec::with_capacity(self.rows().div_ceil(CHUNK));
+        for first in (0..self.rows()).step_by(CHUNK) {
+            let end = (first + CHUNK).min(self.rows());
+            let (chunk, rest) = values.split_at_mut((self.offsets[end] - self.offsets[first]) as usize);
+            chunks.push((first..end, chunk));
+            values = rest;
+        }
+        chunks.into_par_iter().for_each(|(rows, mut chunk)| {
+            for i in rows {
+                let (row, rest) = chunk.split_at_mut((self.offsets[i + 1] - self.offsets[i]) as usize);
+                fill(i, row);
+                chunk = rest;
+            }
+        });
     }
 
     /// The transposed matrix, rows in order of column index.
