@@ -3,7 +3,7 @@
 mod lanes;
 
 use super::albedo::{self, DiffuseScale};
-use super::{FRAC_1_PI, MIN_COSINE, PI, cosines, eval, smith_root};
+use super::{FRAC_1_PI, MIN_COSINE, PI, eval, smith_root};
 use crate::shading::{Gloss, ShadingPoint};
 use glam::Vec3;
 use lanes::{LANES, Lanes};
@@ -37,10 +37,11 @@ pub fn integrate(point: &ShadingPoint, wo: Vec3, light: &Incident) -> Vec3 {
 /// of their cosines.
 pub fn irradiance(point: &ShadingPoint, light: &Incident) -> Vec3 {
     let (shading, geometric) = (point.shading_normal, point.geometric_normal);
-    accumulate(light, |direction, weight| {
+    let [sum] = accumulate(light, |direction, weight| {
         let cosine = dot(direction, shading).at_least(0.0);
-        [(cosine * weight).where_above(dot(direction, geometric), 0.0); 3]
-    })
+        [(cosine * weight).where_above(dot(direction, geometric), 0.0)]
+    });
+    sum
 }
 
 #[inline(always)]
@@ -48,24 +49,30 @@ fn dot(v: [Lanes; 3], w: Vec3) -> Lanes {
     v[0] * w.x + v[1] * w.y + v[2] * w.z
 }
 
-/// Σ `factor`(direction, weight) × flux.
+/// Σ factor × flux for each of the `factors`(direction, weight).
 #[inline(always)]
-fn accumulate(light: &Incident, factor: impl Fn([Lanes; 3], Lanes) -> [Lanes; 3]) -> Vec3 {
+fn accumulate<const N: usize>(
+    light: &Incident,
+    factors: impl Fn([Lanes; 3], Lanes) -> [Lanes; N],
+) -> [Vec3; N] {
     let n = light.weight.len();
     let direction = light.direction.map(|column| &column[..n]);
     let flux = light.flux.map(|column| &column[..n]);
-    let mut sums = [Lanes::splat(0.0); 3];
-    // One place that calls `factor`, or it would not be compiled into the loop.
+    let mut sums = [[Lanes::splat(0.0); 3]; N];
+    // One place that calls `factors`, or it would not be compiled into the loop.
     for chunk in 0..n.div_ceil(LANES) {
-        let factors = factor(
+        let factors = factors(
             direction.map(|column| Lanes::of(column, chunk)),
             Lanes::of(light.weight, chunk),
         );
         for c in 0..3 {
-            sums[c] = sums[c] + factors[c] * Lanes::of(flux[c], chunk);
+            let flux = Lanes::of(flux[c], chunk);
+            for k in 0..N {
+                sums[k][c] = sums[k][c] + factors[k] * flux;
+            }
         }
     }
-    Vec3::from(sums.map(Lanes::sum))
+    sums.map(|sum| Vec3::from(sum.map(Lanes::sum)))
 }
 
 fn one_by_one(point: &ShadingPoint, wo: Vec3, light: &Incident) -> Vec3 {
@@ -141,46 +148,47 @@ impl<'a> Ggx<'a> {
         self.lanes(light) - self.overstated(light)
     }
 
-    /// The sum with s(wi) = 1 everywhere.
+    /// The sum with s(wi) = 1 everywhere. With the Schlick term k, what is reflected is F D V + (1 − F) c_diff/π for
+    /// F = f0 + (1 − f0) k: three sums over the directions are enough, and no colour has a part in them.
     fn lanes(&self, light: &Incident) -> Vec3 {
         let point = self.point;
         let (shading, geometric, wo) = (point.shading_normal, point.geometric_normal, self.wo);
         let (cos_o, root_o, alpha2) = (self.cos_o, self.root_o, self.alpha2);
-        let (f0, diffuse) = (point.f0.to_array(), self.diffuse.to_array());
         let one = Lanes::splat(1.0);
-        accumulate(light, |direction, weight| {
+        let [straight, grazing, diffuse] = accumulate(light, |direction, weight| {
             let cosine = dot(direction, shading);
             // Kept positive below the horizon, so that nothing on the way is NaN.
             let cos_i = cosine.at_least(MIN_COSINE);
             let received = (cos_i * weight)
                 .where_above(dot(direction, geometric), 0.0)
                 .where_above(cosine, MIN_COSINE);
-            // The half vector, before its length: |wo + wi|² = 2 + 2 wo·wi.
+            // The half vector, before its length. Shorter than a thousandth it is of directions along the surface, which
+            // receive next to nothing; the fourth power of less would leave what f32 holds.
             let [x, y, z] = direction;
             let (hx, hy, hz) = (
                 x + Lanes::splat(wo.x),
                 y + Lanes::splat(wo.y),
                 z + Lanes::splat(wo.z),
             );
-            let length2 = (hx * hx + hy * hy + hz * hz).at_least(1e-12);
+            let length2 = (hx * hx + hy * hy + hz * hz).at_least(1e-6);
             let (cx, cy, cz) = (
                 hz * shading.y - hy * shading.z,
                 hx * shading.z - hz * shading.x,
                 hy * shading.x - hx * shading.y,
             );
-            let sin2_h = ((cx * cx + cy * cy + cz * cz) / length2).at_most(1.0);
+            // Squared sine of its angle with the normal, times length2.
+            let sin2 = (cx * cx + cy * cy + cz * cz).min(length2);
             // Half the length is the cosine between wo and the half vector.
             let miss = one - (length2.sqrt() * 0.5).at_most(1.0);
             let schlick = (miss * miss) * (miss * miss) * miss;
-            let root = (one - sin2_h) * alpha2 + sin2_h;
+            let root = (length2 - sin2) * alpha2 + sin2;
             let root_i = (cos_i * cos_i * (1.0 - alpha2) + Lanes::splat(alpha2)).sqrt();
             // D V × cosine × weight.
-            let specular = received * (0.5 * alpha2 / PI) / (root * root * (cos_i * root_o + root_i * cos_o));
-            std::array::from_fn(|c| {
-                let fresnel = schlick * (1.0 - f0[c]) + Lanes::splat(f0[c]);
-                fresnel * specular + (one - fresnel) * received * diffuse[c]
-            })
-        })
+            let specular = received * (length2 * length2) * (0.5 * alpha2 / PI)
+                / (root * root * (cos_i * root_o + root_i * cos_o));
+            [specular, specular * schlick, received * (one - schlick)]
+        });
+        straight * point.f0 + (grazing + diffuse * self.diffuse) * (Vec3::ONE - point.f0)
     }
 
     /// What the diffuse part of directions near the horizon, where s(wi) is below 1, is too large by.
@@ -188,15 +196,29 @@ impl<'a> Ggx<'a> {
         let point = self.point;
         let mut sum = Vec3::ZERO;
         let Some(scale) = &self.scale else { return sum };
-        for (i, &weight) in light.weight.iter().enumerate() {
-            let wi = Vec3::from(light.direction.map(|column| column[i]));
-            let cosine = point.shading_normal.dot(wi);
-            if weight > 0.0 && cosine < self.unscaled && cosines(point, self.wo, wi).is_some() {
-                let cos_oh = (0.5 * (self.wo + wi).length()).min(1.0);
-                let fresnel = point.f0 + (Vec3::ONE - point.f0) * (1.0 - cos_oh).powi(5);
-                let flux = Vec3::from(light.flux.map(|column| column[i]));
-                let lacking = Vec3::ONE - scale.at(cosine);
-                sum += (Vec3::ONE - fresnel) * self.diffuse * lacking * flux * (cosine * weight);
+        let n = light.weight.len();
+        let direction = light.direction.map(|column| &column[..n]);
+        for chunk in 0..n.div_ceil(LANES) {
+            let lanes = direction.map(|column| Lanes::of(column, chunk));
+            let cosines = dot(lanes, point.shading_normal);
+            // Most directions are not near the horizon: several are told from the others at a time.
+            let received = (cosines * Lanes::of(light.weight, chunk))
+                .where_above(dot(lanes, point.geometric_normal), 0.0)
+                .where_above(cosines, MIN_COSINE)
+                .where_below(cosines, self.unscaled);
+            if received.sum() == 0.0 {
+                continue;
+            }
+            for (lane, &received) in received.0.iter().enumerate() {
+                if received > 0.0 {
+                    let i = chunk * LANES + lane;
+                    let wi = Vec3::from(direction.map(|column| column[i]));
+                    let cos_oh = (0.5 * (self.wo + wi).length()).min(1.0);
+                    let fresnel = point.f0 + (Vec3::ONE - point.f0) * (1.0 - cos_oh).powi(5);
+                    let flux = Vec3::from(light.flux.map(|column| column[i]));
+                    let lacking = Vec3::ONE - scale.at(cosines.0[lane]);
+                    sum += (Vec3::ONE - fresnel) * self.diffuse * lacking * flux * received;
+                }
             }
         }
         sum

@@ -63,10 +63,21 @@ impl Lanes {
         self.map(|v| if v < ceiling { v } else { ceiling })
     }
 
+    #[inline(always)]
+    pub fn min(self, other: Lanes) -> Lanes {
+        self.zip(other, |a, b| if a < b { a } else { b })
+    }
+
     /// Itself where `condition` exceeds `floor`, zero elsewhere.
     #[inline(always)]
     pub fn where_above(self, condition: Lanes, floor: f32) -> Lanes {
         self.zip(condition, |value, c| if c > floor { value } else { 0.0 })
+    }
+
+    /// Itself where `condition` is below `ceiling`, zero elsewhere.
+    #[inline(always)]
+    pub fn where_below(self, condition: Lanes, ceiling: f32) -> Lanes {
+        self.zip(condition, |value, c| if c < ceiling { value } else { 0.0 })
     }
 
     #[inline(always)]
