@@ -119,27 +119,51 @@ impl Level {
     /// The nearest point within [`FAR`] supports that faces the same half space. Ties go to the lower index.
     #[cold]
     fn far_of_same_side(&self, x: Vec3, normal: Vec3) -> Option<u32> {
-        let reach = FAR * self.support_radius;
-        let mut best = (reach * reach, u32::MAX);
+        let mut best = Nearest::within(FAR * self.support_radius);
         self.grid.around(x, (FAR / 2.0) as i32, |entry| {
-            let squared = entry.position.distance_squared(x);
-            if (squared, entry.index) < best && entry.normal.dot(normal) > 0.0 {
-                best = (squared, entry.index);
+            if entry.normal.dot(normal) > 0.0 {
+                best.offer(entry.position.distance_squared(x), entry.index);
             }
         });
-        (best.1 != u32::MAX).then_some(best.1)
+        best.index()
     }
 
     /// The nearest point within a support radius, whatever its normal. Ties go to the lower index.
     fn nearest_of_any_normal(&self, x: Vec3) -> Option<u32> {
-        let mut best = (self.support_radius * self.support_radius, u32::MAX);
-        self.grid.near(x, |entry| {
-            let squared = entry.position.distance_squared(x);
-            if (squared, entry.index) < best {
-                best = (squared, entry.index);
-            }
+        let mut best = Nearest::within(self.support_radius);
+        (self.grid).near(x, |entry| {
+            best.offer(entry.position.distance_squared(x), entry.index)
         });
-        (best.1 != u32::MAX).then_some(best.1)
+        best.index()
+    }
+}
+
+/// The nearest point that was offered: squared distance, index.
+#[derive(Clone, Copy, Debug)]
+struct Nearest(f32, u32);
+
+impl Nearest {
+    /// None so far, and none as far as `reach`.
+    fn within(reach: f32) -> Nearest {
+        Nearest(reach * reach, u32::MAX)
+    }
+
+    /// Ties go to the lower index.
+    #[inline]
+    fn is_beaten_by(self, squared: f32, index: u32) -> bool {
+        (squared, index) < (self.0, self.1)
+    }
+
+    #[inline]
+    fn offer(&mut self, squared: f32, index: u32) {
+        if self.is_beaten_by(squared, index) {
+            *self = Nearest(squared, index);
+        }
+    }
+
+    #[inline]
+    fn index(self) -> Option<u32> {
+        (self.1 != u32::MAX).then_some(self.1)
     }
 }
 
@@ -232,28 +256,26 @@ impl<'a> NearestPoint<'a> {
 
     /// What is farther than a disk radius is found in another way.
     #[inline]
-    fn no_point(&self) -> (f32, u32) {
-        (self.level.disk_radius * self.level.disk_radius, u32::MAX)
+    fn no_point(&self) -> Nearest {
+        Nearest::within(self.level.disk_radius)
     }
 
-    /// The nearest of some points that face the same way, if it is nearer than `best`: squared distance, index.
+    /// The nearest of some points that face the same way, if it is nearer than `best`.
     #[inline]
-    fn nearer(&self, entries: &[Entry], (x, normal): (Vec3, Vec3), mut best: (f32, u32)) -> (f32, u32) {
+    fn nearer(&self, entries: &[Entry], (x, normal): (Vec3, Vec3), mut best: Nearest) -> Nearest {
         for entry in entries {
             let squared = kernel::distance_squared(x - entry.position, entry.normal);
-            if (squared, entry.index) < best && entry.normal.dot(normal) > FACING {
-                best = (squared, entry.index);
+            // In this order: hardly any point is nearer.
+            if best.is_beaten_by(squared, entry.index) && entry.normal.dot(normal) > FACING {
+                best = Nearest(squared, entry.index);
             }
         }
         best
     }
 
     #[inline]
-    fn found(&self, best: (f32, u32), (x, normal): (Vec3, Vec3)) -> Option<u32> {
-        if best.1 != u32::MAX {
-            return Some(best.1);
-        }
-        self.beyond_disks(x, normal)
+    fn found(&self, best: Nearest, (x, normal): (Vec3, Vec3)) -> Option<u32> {
+        best.index().or_else(|| self.beyond_disks(x, normal))
     }
 
     /// Of the points whose disks cover a place the nearest that faces the same way and that `is_parted` does not reject.
@@ -275,17 +297,9 @@ impl<'a> NearestPoint<'a> {
     /// As [`NearestPoint::at`] for places that no disk covers.
     #[cold]
     fn beyond_disks(&self, x: Vec3, normal: Vec3) -> Option<u32> {
-        let mut best = (self.level.support_radius * self.level.support_radius, u32::MAX);
-        self.level.grid.near(x, |entry| {
-            let squared = kernel::distance_squared(x - entry.position, entry.normal);
-            if (squared, entry.index) < best && entry.normal.dot(normal) > FACING {
-                best = (squared, entry.index);
-            }
-        });
-        match best.1 {
-            u32::MAX => self.level.nearest_of_any_normal(x),
-            index => Some(index),
-        }
+        let mut best = Nearest::within(self.level.support_radius);
+        (self.level.grid).near(x, |entry| best = self.nearer(&[*entry], (x, normal), best));
+        (best.index()).or_else(|| self.level.nearest_of_any_normal(x))
     }
 }
 
