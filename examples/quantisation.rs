@@ -1,7 +1,8 @@
 //! What do bits cost? Errors of operators and images against the bits of every quantised section of the file: the
 //! command behind the table in docs/stability.md.
 //!
-//! `cargo run --release --example quantisation [SCENE.glb LIGHTS.json]`, in the repository root. A few minutes.
+//! `cargo run --release --example quantisation [operators|cuts]`, in the repository root: operators in the Cornell box,
+//! cuts on the table, which sees the sky. A few minutes each.
 //!
 //! Each row quantises one section and leaves all others exact; operators are found over what a reader would see, as in a
 //! bake. *Operator*: RMS difference of indirect irradiance at the finest points under six lamps, relative to its RMS,
@@ -297,10 +298,8 @@ fn relmse(a: &[Vec3], b: &[Vec3]) -> f64 {
 fn cuts(study: &Study) -> Result<(), Box<dyn Error>> {
     let points = study.points()?;
     let sites = &points.levels.last().ok_or("no points")?.points;
-    let params = CutParams {
-        lights: 4096,
-        ..CutParams::default()
-    };
+    // With fewer directions nearly all cuts go down to the leaves, whose values are 0 and 1.
+    let params = CutParams::default();
     let leaves = in_tree(
         &study.traced,
         sites,
@@ -429,12 +428,19 @@ fn bare_transfer(points: &PointLevels) -> Transfer {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut arguments = std::env::args().skip(1);
-    let scene = arguments.next().unwrap_or_else(|| "data/cornell.glb".into());
-    let lights = arguments
-        .next()
-        .unwrap_or_else(|| "data/cornell.lights.json".into());
-    let study = Study::new(&scene, &lights)?;
+    let part = std::env::args().nth(1);
+    if part.as_deref() != Some("cuts") {
+        operators("data/cornell.glb", "data/cornell.lights.json")?;
+    }
+    if part.as_deref() != Some("operators") {
+        cuts(&Study::new("data/table.glb", "data/table_window.lights.json")?)?;
+    }
+    Ok(())
+}
+
+/// Points, links and bounces under lamps and the lights of a sequence.
+fn operators(scene: &str, lights: &str) -> Result<(), Box<dyn Error>> {
+    let study = Study::new(scene, lights)?;
     let exact = study.run(Bits::default(), 0)?;
     let other = study.run(Bits::default(), 1)?;
     println!("{scene}, {lights}, {} finest points\n", exact.irradiance[0].len());
@@ -476,5 +482,5 @@ fn main() -> Result<(), Box<dyn Error>> {
             row(name, &format!("{bits}{note}"), &study.run(set(bits), 0)?);
         }
     }
-    cuts(&study)
+    Ok(())
 }

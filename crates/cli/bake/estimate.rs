@@ -189,7 +189,7 @@ const POINT_BYTES: f64 = 0.8;
 /// Memory per point (with its functions, grids, receivers and share of the file), per link and per element of a cut
 /// (each in the row that made it, in the asset, and in the file), and per light of the cuts' tree (what 1024 pilots see,
 /// twice).
-const MEMORY_PER_POINT: f64 = 800.0;
+const MEMORY_PER_POINT: f64 = 1000.0;
 const MEMORY_PER_LINK: f64 = 32.0;
 const MEMORY_PER_ELEMENT: f64 = 16.0;
 const MEMORY_PER_LIGHT: f64 = 2048.0;
