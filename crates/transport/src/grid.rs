@@ -127,7 +127,8 @@ impl PointGrid {
     /// [`PointGrid::near`] of all places in a cell as wide as the radius.
     #[inline]
     fn near_half_cell(&self, half_cell: IVec3, mut visit: impl FnMut(&Entry)) {
-        let base = (half_cell - 1) >> 1;
+        // Places that no integer holds are clamped to the last cell.
+        let base = half_cell.wrapping_sub(IVec3::ONE) >> 1;
         for corner in 0..8 {
             let cell = base + IVec3::new(corner & 1, (corner >> 1) & 1, corner >> 2);
             self.cells.at(cell).iter().for_each(&mut visit);
