@@ -183,13 +183,41 @@ fn open_families(row: &Row, room: &mut SelectScratch) {
     }
 }
 
+/// Share of the strength of a row without parents that is kept where it is.
+const KEPT_SHARE: f32 = 0.9;
+
+/// Strength below which a link of the coarsest sender level is dropped.
+///
+/// A row without parents is all that its receivers know of the coarsest senders. If these are so many that each one's link
+/// is weak, what is dropped and given to the nearest kept one would be most of the light, moved far: the weakest are
+/// dropped then until a tenth is gone.
+fn coarse_threshold(row: &Row, senders: &[u32]) -> f32 {
+    if !row.predicted.touched.is_empty() {
+        return row.threshold;
+    }
+    let mut strengths: Vec<f32> = senders
+        .iter()
+        .map(|&j| row.strength(row.gathered.sum[j as usize]))
+        .collect();
+    strengths.sort_unstable_by(f32::total_cmp);
+    let may_go = (1.0 - KEPT_SHARE) * strengths.iter().sum::<f32>();
+    let mut gone = 0.0;
+    let weakest_kept = strengths.into_iter().find(|strength| {
+        gone += strength;
+        gone > may_go
+    });
+    // The weakest one that is kept is above the threshold.
+    weakest_kept.map_or(row.threshold, |weakest| row.threshold.min(weakest.next_down()))
+}
+
 /// Links of the coarsest sender level, by ascending sender.
 fn coarse_links(row: &Row) -> Vec<(u32, Vec3)> {
     let mut senders: Vec<u32> = row.touched_on(0).collect();
     senders.sort_unstable();
     senders.dedup();
     let difference = |j: u32| row.gathered.sum[j as usize] - row.predicted.sum[j as usize];
-    let strong = |&j: &u32| row.strength(difference(j)) > row.threshold;
+    let threshold = coarse_threshold(row, &senders);
+    let strong = |&j: &u32| row.strength(difference(j)) > threshold;
     let (kept, dropped): (Vec<u32>, Vec<u32>) = senders.into_iter().partition(strong);
     let mut links: Vec<(u32, Vec3A)> = kept.iter().map(|&j| (j, difference(j))).collect();
     if links.is_empty() {
@@ -424,6 +452,40 @@ mod tests {
             // Rounding of some hundred products below 0.1.
             assert!((stored - wanted).length() < 1e-5, "{stored} {wanted}");
         }
+    }
+
+    #[test]
+    fn many_weak_links_without_parents_stay_where_they_are() {
+        // Eighty coarse senders in a line, each with a link far below the threshold but the first: all the others' light
+        // would be the first one's.
+        let senders = 80u32;
+        let count = senders as usize;
+        let each: Vec<u32> = (0..senders).collect();
+        let tree = SenderTree::new(&[count], each, Vec::new(), vec![9; count]);
+        let strength = |j: u32| if j == 0 { 0.03 } else { 0.01 + 1e-5 * j as f32 };
+        let mut row = RowScratch::new(count);
+        (0..senders).for_each(|j| row.add(j, Vec3A::Y * strength(j)));
+        let positions: Vec<Vec3> = (0..senders).map(|j| Vec3::X * j as f32).collect();
+        let kept_without = |predicted: &RowScratch| {
+            let before = Row {
+                tree: &tree,
+                typical: &TypicalLight::new(&tree, &[1.0; 80]),
+                coarse_positions: &positions,
+                gathered: &row,
+                predicted,
+                normal: Vec3A::Y,
+                threshold: 0.02,
+            };
+            select(&before, |v| v, &mut SelectScratch::new(&tree))
+        };
+        let links = kept_without(&RowScratch::new(count));
+        let own: f32 = links.iter().map(|link| strength(link.0)).sum();
+        let all: f32 = (0..senders).map(strength).sum();
+        assert!(own > KEPT_SHARE * all && own < all, "{own} of {all}");
+        // Where the parents know the row but for a rounding, the threshold decides.
+        let mut parents = RowScratch::new(count);
+        (1..senders).for_each(|j| parents.add(j, Vec3A::Y * strength(j) * 0.999));
+        assert_eq!(kept_without(&parents).len(), 1);
     }
 
     #[test]
