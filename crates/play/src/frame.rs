@@ -406,13 +406,16 @@ impl Player {
             times.transfer += stats.transfer_ms;
             times.flatten += stats.flatten_ms;
         };
-        let Some((mut radiance, cut_stats)) = bounce else {
+        let (shaded, cut_stats) = bounce.unzip();
+        // Where nothing is glossy, transfer makes it all, in one sum.
+        let shaded = shaded.filter(|_| cut_stats.is_some_and(|(_, stats)| stats.fragments > 0));
+        let Some(mut radiance) = shaded else {
             let (values, stats) = transfer.indirect_from_direct(&received.points);
             add_times(&stats);
             let start = Instant::now();
             let radiance = indirect_at(shot, &transfer.finest, &values);
             times.reconstruct += milliseconds(start);
-            return (radiance, Some(stats), None);
+            return (radiance, Some(stats), cut_stats);
         };
         let (first, further, stats) = transfer.first_and_further(&received.points);
         add_times(&stats);
@@ -428,7 +431,7 @@ impl Player {
             }
         }
         times.reconstruct += milliseconds(start);
-        (radiance, Some(stats), Some(cut_stats))
+        (radiance, Some(stats), cut_stats)
     }
 
     /// The first bounce by visibility cuts, from irradiance at the surface samples: where transfer makes indirect
