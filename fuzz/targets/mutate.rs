@@ -61,6 +61,20 @@ fn mutate(corpus: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
     out
 }
 
+/// Where a target's corpus is.
+fn corpus_folder(target: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../fuzz/corpus")
+        .join(target)
+}
+
+/// Puts an input into a target's corpus, in place of one of the same name.
+pub fn write_seed(target: &str, name: &str, data: &[u8]) {
+    let folder = corpus_folder(target);
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join(name), data).unwrap();
+}
+
 /// The files of one target's corpus, by name.
 fn corpus_of(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
@@ -99,13 +113,12 @@ pub fn feed_all(targets: &[(&'static str, Target)], rounds: usize) -> Vec<(&'sta
         number("RELIGHT_FUZZ_SEED").unwrap_or(0),
     );
     let only = std::env::var("RELIGHT_FUZZ_TARGET").ok();
-    let corpora = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus");
     let mut fed = Vec::new();
     for &(name, target) in targets
         .iter()
         .filter(|t| only.as_deref().is_none_or(|only| only == t.0))
     {
-        let files = corpus_of(&corpora.join(name));
+        let files = corpus_of(&corpus_folder(name));
         assert!(!files.is_empty(), "{name} has a corpus");
         files.iter().for_each(|(_, data)| try_one(name, target, data));
         let corpus: Vec<Vec<u8>> = files.into_iter().map(|file| file.1).collect();

@@ -112,7 +112,7 @@ while [ -n "$(squeue -h -o %i)" ]; do
 done
 scontrol show job "$merge" | grep JobState >&2 || true
 if [ ! -s "$dir/farm.relight" ]; then
-    tail -n 20 "$dir/a plan/slurm/"*.log >&2
+    tail -n 20 "$dir/a plan/slurm/"*.log >&2 || true
     tail -n 60 "$dir/log/slurmctld" >&2
     exit 1
 fi

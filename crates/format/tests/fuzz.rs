@@ -9,8 +9,8 @@ mod mutate;
 
 use common::assets::wide_asset;
 use common::{sections_of, small_asset};
+use mutate::write_seed;
 use relight_format::{Asset, write_asset};
-use std::path::Path;
 
 /// A function to be fed with any bytes.
 pub type Target = fn(&[u8]);
@@ -29,12 +29,6 @@ fn nothing_panics_or_hangs() {
 #[test]
 #[ignore = "writes the first inputs of the corpora"]
 fn write_the_seeds() {
-    let corpora = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus");
-    let write = |target: &str, name: &str, data: &[u8]| {
-        let folder = corpora.join(target);
-        std::fs::create_dir_all(&folder).unwrap();
-        std::fs::write(folder.join(name), data).unwrap();
-    };
     for (name, asset) in [
         ("small", small_asset()),
         ("wide", wide_asset()),
@@ -42,7 +36,7 @@ fn write_the_seeds() {
     ] {
         let file = write_asset(&asset).unwrap();
         if name != "wide" {
-            write("container", name, &file);
+            write_seed("container", name, &file);
         }
         for section in sections_of(&file) {
             let raw = match section.codec {
@@ -52,7 +46,7 @@ fn write_the_seeds() {
             let kind = relight_format::layout::Kind::from_number(section.kind).unwrap();
             // Longer ones would only slow the fuzzer down.
             if raw.len() <= 4096 {
-                write(kind.name(), name, &raw);
+                write_seed(kind.name(), name, &raw);
             }
         }
     }
@@ -60,6 +54,6 @@ fn write_the_seeds() {
         let data: Vec<u8> = (0..400u32)
             .map(|k| (k.wrapping_mul(2_654_435_761) >> (8 + i)) as u8)
             .collect();
-        write("round_trip", &format!("seed_{i}"), &data);
+        write_seed("round_trip", &format!("seed_{i}"), &data);
     }
 }

@@ -393,20 +393,16 @@ impl Player {
         times: &mut FrameTimes,
     ) -> (Vec<Vec3>, Option<TransferStats>, Option<CutStats>) {
         let bounce = self.first_bounce(shot, views, &received.samples, settings, times);
+        let (shaded, cut_stats) = bounce.unzip();
         let Some(transfer) = self.transfer.as_ref().filter(|_| !received.points.is_empty()) else {
-            let (radiance, stats) = bounce.unzip();
-            return (
-                radiance.unwrap_or_else(|| vec![Vec3::ZERO; shot.len()]),
-                None,
-                stats,
-            );
+            let radiance = shaded.unwrap_or_else(|| vec![Vec3::ZERO; shot.len()]);
+            return (radiance, None, cut_stats);
         };
         let mut add_times = |stats: &TransferStats| {
             times.bounces += stats.bounce_ms;
             times.transfer += stats.transfer_ms;
             times.flatten += stats.flatten_ms;
         };
-        let (shaded, cut_stats) = bounce.unzip();
         // Where nothing is glossy, transfer makes it all, in one sum.
         let shaded = shaded.filter(|_| cut_stats.is_some_and(|(_, stats)| stats.fragments > 0));
         let Some(mut radiance) = shaded else {

@@ -7,6 +7,7 @@ mod mutate;
 #[path = "../../../fuzz/targets/readers.rs"]
 mod readers;
 
+use mutate::write_seed;
 use relight_scene::image::{BEAUTY, ExrHeader, FloatImage, Image8, Layers, exr_write, ldr};
 use std::path::Path;
 
@@ -28,19 +29,14 @@ fn nothing_panics_or_hangs() {
 #[ignore = "writes the first inputs of the corpora"]
 fn write_the_seeds() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let write = |target: &str, name: &str, data: &[u8]| {
-        let folder = root.join("fuzz/corpus").join(target);
-        std::fs::create_dir_all(&folder).unwrap();
-        std::fs::write(folder.join(name), data).unwrap();
-    };
     let data = |name: &str| std::fs::read(root.join("data").join(name)).unwrap();
-    write("gltf", "furnace_box", &data("furnace_box.glb"));
-    write("gltf", "cornell", &data("cornell.glb"));
+    write_seed("gltf", "furnace_box", &data("furnace_box.glb"));
+    write_seed("gltf", "cornell", &data("cornell.glb"));
     for entry in std::fs::read_dir(root.join("data")).unwrap() {
         let path = entry.unwrap().path();
         let name = path.file_name().unwrap().to_str().unwrap();
         if name.ends_with(".lights.json") {
-            write("sequence", name, &std::fs::read(&path).unwrap());
+            write_seed("sequence", name, &std::fs::read(&path).unwrap());
         }
     }
     let edits = String::from_utf8(data("table_materials.json")).unwrap();
@@ -48,9 +44,9 @@ fn write_the_seeds() {
     let edits = edits
         .replace("Blue ceramic", "Porcelain")
         .replace("Hammered copper", "Brick");
-    write("material_edits", "table", edits.as_bytes());
+    write_seed("material_edits", "table", edits.as_bytes());
     let one = br#"{"relight_materials": 1, "edits": [{"material": "Chrome", "roughness": {"keys": [[0, 0.1], [9, 0.5]]}}]}"#;
-    write("material_edits", "one", one);
+    write_seed("material_edits", "one", one);
     let picture = |size: usize| FloatImage {
         width: size,
         height: size,
@@ -64,20 +60,20 @@ fn write_the_seeds() {
         let exr = exr_write::encode_exr("seed", &layers, &ExrHeader::new(), float)
             .unwrap()
             .0;
-        write("exr", if float { "float" } else { "half" }, &exr);
+        write_seed("exr", if float { "float" } else { "half" }, &exr);
     }
     let image = Image8 {
         width: 5,
         height: 3,
         rgba8: (0..15).map(|i| [i, 2 * i, 9, 200]).collect(),
     };
-    write("texture", "png", &ldr::encode_png("seed", &image).unwrap());
+    write_seed("texture", "png", &ldr::encode_png("seed", &image).unwrap());
     let mut jpeg = Vec::new();
     let samples: Vec<u8> = (0..16 * 8 * 3).map(|i| (i * 7) as u8).collect();
     image::codecs::jpeg::JpegEncoder::new(&mut jpeg)
         .encode(&samples, 16, 8, image::ExtendedColorType::Rgb8)
         .unwrap();
-    write("texture", "jpeg", &jpeg);
+    write_seed("texture", "jpeg", &jpeg);
     for (name, width, height) in [("flat", 3, 2), ("runs", 16, 4)] {
         let mut hdr = Vec::new();
         let pixels: Vec<_> = (0..width * height)
@@ -86,6 +82,6 @@ fn write_the_seeds() {
         image::codecs::hdr::HdrEncoder::new(&mut hdr)
             .encode(&pixels, width, height)
             .unwrap();
-        write("hdr", name, &hdr);
+        write_seed("hdr", name, &hdr);
     }
 }

@@ -346,10 +346,10 @@ mod tests {
 
     #[test]
     fn functions_found_in_order_are_those_found_alone() {
-        let level = sphere_level(0.1);
+        let level = sphere_level(0.02);
         let mut memo = FunctionsInOrder::new(&level);
         let mut s = Stream::new(13, 0, 0);
-        // Along paths over the sphere and off it, so that cells come again, and through more cells than are remembered.
+        // Along paths over the sphere and off it, so that cells come again, and through more than are remembered.
         let (mut alone, mut in_order) = (Vec::new(), Vec::new());
         for _ in 0..300 {
             let (from, to) = (random_on_sphere(&mut s), random_on_sphere(&mut s));
