@@ -47,7 +47,8 @@ const DRAFT: (Preset, &str) = (Preset::Draft, "draft");
 
 /// Each costs two to three times the one before and errs by a third less, as long as points and links are what errs
 /// (docs/report.md).
-const LADDER: [Step; 6] = [
+const LADDER: [Step; 7] = [
+    step(DRAFT, 2, 1, 0.2),
     step(DRAFT, 3, 2, 0.1),
     step(DRAFT, 4, 2, 0.1),
     step(DRAFT, 4, 3, 0.05),

@@ -7,6 +7,7 @@
 //! clusters of the finest point nearest to where it ended; one look-up finds those of all sender levels.
 
 use crate::candidates::Candidate;
+use crate::trials::{Answers, InTrials};
 use glam::{Vec3, Vec3A};
 use relight_scene::parting::is_parted;
 use relight_scene::rays::Ray;
@@ -27,6 +28,8 @@ pub struct SenderField<'a> {
     pub near_parted: &'a [bool],
     /// Its points' clusters.
     pub tree: &'a SenderTree,
+    /// Its points' radiosity in trial lights.
+    pub trials: &'a [InTrials],
 }
 
 impl SenderField<'_> {
@@ -86,14 +89,18 @@ impl RowScratch {
     }
 }
 
-/// Gathers over the hemisphere above `place` into `row`, all sender levels. Returns the number of rays that
-/// met a surface without a point anywhere near.
+/// Gathers over what is above `place` into `row`, all sender levels, and what that answers to trial lights into `answers`.
+/// Returns the number of rays that met a surface without a point anywhere near.
+///
+/// Above is what both normals say is: a direction below the smooth normal's horizon would count as negative, one below the
+/// surface starts inside it. The BRDFs of `scene` hold it the same way.
 pub fn gather(
     surfaces: &dyn Surfaces,
     field: &SenderField,
     place: &Candidate,
     directions: &DirectionSet,
     row: &mut RowScratch,
+    answers: &mut Answers,
 ) -> u32 {
     let frame = Frame::around(place.geometric_normal);
     // Uniform sampling: dω = 2π/N, and 1/π of equation 16. The set's own cosine integral is divided out, so
@@ -108,6 +115,9 @@ pub fn gather(
         let mut hits = 0;
         for &local in directions {
             let direction = frame.world_from_local(local);
+            if place.normal.dot(direction) <= 0.0 {
+                continue;
+            }
             let ray = Ray {
                 origin: place.origin,
                 direction,
@@ -127,6 +137,7 @@ pub fn gather(
                 continue;
             };
             let point = field.same_side(surfaces, end, nearest);
+            answers.add(vector, &field.trials[point as usize]);
             row.add(finest + field.tree.leaf_of_point[point as usize], vector);
         }
     }

@@ -28,6 +28,7 @@ pub mod solution;
 pub mod surface_lights;
 pub mod timed;
 pub mod transport;
+pub mod trials;
 pub mod units;
 pub mod vertex_sites;
 pub mod viewpoint;

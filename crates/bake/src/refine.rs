@@ -11,7 +11,8 @@ mod wanted;
 use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::{RowScratch, SenderField, gather, scalar_row};
-use crate::select::{Row, SelectScratch, TypicalLight, select};
+use crate::select::{Row, SelectScratch, select};
+use crate::trials::{Answers, TrialLights};
 use crate::units::Units;
 use crate::units::key::Key;
 use glam::{Mat3, Vec3, Vec3A};
@@ -42,8 +43,8 @@ pub struct Refinement<'a> {
     pub parted_pairs: &'a [[u32; 2]],
     /// What rays see.
     pub field: SenderField<'a>,
-    /// What is lit how well in the mean.
-    pub typical: &'a TypicalLight,
+    /// Lights that rows are fitted to.
+    pub trials: &'a TrialLights,
     /// Positions of the senders of the coarsest level.
     pub coarse_positions: &'a [Vec3],
     /// Rays per receiver of the finest level.
@@ -72,7 +73,7 @@ pub struct Refined {
     pub bounce_rows: Vec<Vec<(u32, f32)>>,
     /// Receivers gathered per level.
     pub gathered: Vec<usize>,
-    /// Rays cast.
+    /// Rays cast, and those that were not because they are below a smooth normal's horizon.
     pub rays: u64,
     /// Rays that met a surface without points.
     pub lost: u64,
@@ -316,7 +317,7 @@ fn inputs(r: &Refinement, key: &mut Key) {
     });
     key.u32s(&tree.leaf_of_point)
         .bytes(&tree.importance)
-        .f32s(&r.typical.means)
+        .f32s(r.trials.at_points.as_flattened())
         .vectors(r.coarse_positions.iter())
         .f32s(&[r.epsilon])
         .u64s(&[
@@ -449,6 +450,7 @@ impl<'a> Sweep<'a> {
         } = room;
         gathered.clear();
         predicted.clear();
+        let mut answers = Answers::default();
         if active || self.remembered {
             predict(r, i, known, predicted);
         }
@@ -457,16 +459,24 @@ impl<'a> Sweep<'a> {
             ..Receiver::default()
         };
         if receiver.gathered {
-            receiver.lost = gather(r.surfaces, &r.field, &r.places[i], &self.directions, gathered);
+            receiver.lost = gather(
+                r.surfaces,
+                &r.field,
+                &r.places[i],
+                &self.directions,
+                gathered,
+                &mut answers,
+            );
         }
         if bounces {
-            let normal = r.places[i].geometric_normal;
+            let normal = r.places[i].normal;
             receiver.bounce = scalar_row(gathered, &r.field.tree.ranges, r.bounce_level, normal);
         }
         if active {
             let row = Row {
                 tree: r.field.tree,
-                typical: r.typical,
+                trials: r.trials,
+                answers: &answers,
                 coarse_positions: r.coarse_positions,
                 gathered,
                 predicted,

@@ -6,15 +6,15 @@
 //! Nothing that is dropped is lost. A dropped link of the coarsest sender level is given to the nearest kept
 //! one. In a family, the children of one cluster, what the kept children don't account for is spread over the
 //! others in proportion to their shares: the kept ones are left out of their parent's mean. So every row keeps
-//! its response to constant radiosity, and in a family of n children n − 1 links say everything. What typical
-//! light, which favours the open, loses all the same is then made up on the kept links of the coarsest level.
-//! Where everything is lit alike, that is nothing.
+//! its response to constant radiosity, and in a family of n children n − 1 links say everything. What light of lamps, which
+//! favours the open, loses all the same is then made up on the kept links of the coarsest level ([`crate::trials`]).
 //!
 //! Deviation: links are tested without the sender's reflectance. Weighted by it, what a row sees of a black
 //! lamp or door would be dropped and given to the bright wall beside it, and reflectances stay editable
 //! (docs/transfer.md: 17 % too bright on modern_hall).
 
 use crate::gather::RowScratch;
+use crate::trials::{Answers, TrialLights, fit};
 use glam::{Vec3, Vec3A};
 use relight_transport::senders::SenderTree;
 
@@ -23,8 +23,10 @@ use relight_transport::senders::SenderTree;
 pub struct Row<'a> {
     /// The senders.
     pub tree: &'a SenderTree,
-    /// What is lit how well in the mean.
-    pub typical: &'a TypicalLight,
+    /// Lights that the row is fitted to.
+    pub trials: &'a TrialLights,
+    /// What it answers to them.
+    pub answers: &'a Answers,
     /// Positions of the senders of the coarsest level.
     pub coarse_positions: &'a [Vec3],
     /// Responses of the clusters, all levels.
@@ -35,28 +37,6 @@ pub struct Row<'a> {
     pub normal: Vec3A,
     /// Strength below which a link is dropped.
     pub threshold: f32,
-}
-
-/// Radiosity in typical light, from a lamp anywhere in the open: a row is to answer to it as gathered.
-#[derive(Clone, Debug)]
-pub struct TypicalLight {
-    /// For each sender the mean over its points.
-    pub means: Vec<f32>,
-    /// For each sender its coefficient (see [`SenderTree::coefficients`]).
-    pub coefficients: Vec<f32>,
-}
-
-impl TypicalLight {
-    /// From radiosity at the finest points.
-    pub fn new(tree: &SenderTree, at_points: &[f32]) -> TypicalLight {
-        let at_points: Vec<Vec3> = at_points.iter().map(|&b| Vec3::splat(b)).collect();
-        let pulled = tree.pulled(&at_points);
-        let red = |v: &Vec3| v.x;
-        TypicalLight {
-            coefficients: tree.coefficients(&pulled).iter().map(red).collect(),
-            means: pulled.iter().flatten().map(red).collect(),
-        }
-    }
 }
 
 /// How much of the part of a link along the surface counts: the sine of 20°, a strong normal map's tilt.
@@ -134,36 +114,23 @@ pub fn select(row: &Row, quantised: impl Fn(Vec3) -> Vec3, room: &mut SelectScra
     links
 }
 
-/// Makes up on the kept links of the coarsest sender level, the first `coarse_kept`, for what typical light loses by
-/// all that was dropped.
-///
-/// Each drop is small, but all err to the dark side: receivers and lamps share the open, so that what a receiver
-/// sees of a cluster is what is lit of it.
+/// Fits the links of the coarsest sender level, the first `coarse_kept`, to what the row answers to trial lights, less what
+/// its parents and the others answer.
 fn correct(row: &Row, coarse_kept: usize, quantised: &impl Fn(Vec3) -> Vec3, links: &mut [(u32, Vec3)]) {
-    let TypicalLight { means, coefficients } = row.typical;
-    let leaves = row.tree.ranges.range(row.tree.levels() - 1);
-    let mut lost = Vec3A::ZERO;
-    for &j in &row.gathered.touched {
-        if leaves.contains(&(j as usize)) {
-            lost += row.gathered.sum[j as usize] * means[j as usize];
-        }
+    if coarse_kept == 0 {
+        return;
     }
+    let coefficients = &row.trials.coefficients;
+    let mut missing = *row.answers;
     for &j in &row.predicted.touched {
-        lost -= row.predicted.sum[j as usize] * coefficients[j as usize];
+        missing.add(-row.predicted.sum[j as usize], &coefficients[j as usize]);
     }
     for &(j, vector) in links.iter() {
-        lost -= Vec3A::from(vector) * coefficients[j as usize];
+        missing.add(-Vec3A::from(vector), &coefficients[j as usize]);
     }
-    let kept = &mut links[..coarse_kept];
-    let answer: f32 = kept
-        .iter()
-        .map(|link| link.1.length() * means[link.0 as usize])
-        .sum();
-    if answer > 0.0 {
-        for link in kept {
-            link.1 = quantised(link.1 + Vec3::from(lost) * (link.1.length() / answer));
-        }
-    }
+    let fitted = &mut links[..coarse_kept];
+    fit(fitted, row.trials, &missing);
+    fitted.iter_mut().for_each(|link| link.1 = quantised(link.1));
 }
 
 /// Lists, level by level, the clusters with a child or a further descendant that is gathered or predicted.
@@ -323,6 +290,7 @@ fn select_in_family(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trials::{RIDGE, TRIALS};
     use relight_transport::random::Stream;
 
     /// Three levels of 4, 12 and 40 clusters over 200 points of uneven importance.
@@ -369,7 +337,24 @@ mod tests {
         row
     }
 
-    /// What is gathered, what is predicted, and the links selected so that the answer to `light` stays.
+    /// One light, the same in all trials.
+    fn lit(tree: &SenderTree, light: &[f32]) -> TrialLights {
+        TrialLights::from_radiosity(tree, light.iter().map(|&b| [b; TRIALS]).collect())
+    }
+
+    /// What a gather of these leaves answers where points are lit as their leaves in the mean.
+    fn answers(tree: &SenderTree, row: &RowScratch, light: &[f32]) -> Answers {
+        let at_points: Vec<Vec3> = light.iter().map(|&b| Vec3::splat(b)).collect();
+        let pulled = tree.pulled(&at_points);
+        let finest = tree.levels() - 1;
+        let mut answers = Answers::default();
+        for (&v, b) in row.sum[tree.ranges.range(finest)].iter().zip(&pulled[finest]) {
+            answers.add(v, &[b.x; TRIALS]);
+        }
+        answers
+    }
+
+    /// What is gathered, what is predicted, and the links selected, fitted to `light`.
     fn selected(
         tree: &SenderTree,
         light: &[f32],
@@ -387,7 +372,8 @@ mod tests {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
         let before = Row {
             tree,
-            typical: &TypicalLight::new(tree, light),
+            trials: &lit(tree, light),
+            answers: &answers(tree, &row, light),
             coarse_positions: &positions,
             gathered: &row,
             predicted: &predicted,
@@ -429,29 +415,33 @@ mod tests {
     }
 
     #[test]
-    fn whatever_is_dropped_the_answer_to_typical_light_stays() {
+    fn of_what_one_light_loses_by_all_that_is_dropped_the_ridge_alone_is_left() {
         let mut s = Stream::new(1, 0, 0);
         let tree = tree(&mut s);
         let light: Vec<f32> = (0..200).map(|_| 0.1 + s.uniform()).collect();
-        let at_points: Vec<Vec3> = light.iter().map(|&b| Vec3::splat(b)).collect();
-        let pulled = tree.pulled(&at_points);
-        let sent = tree.coefficients(&pulled);
+        let (mut lost, mut left) = (0.0, 0.0);
         for seed in 2..40 {
-            let (row, predicted, links) = selected(&tree, &light, 0.03, seed);
-            assert!(
-                links.iter().any(|link| link.0 < 4),
-                "a coarse link carries what is made up"
-            );
-            let leaves = &row.sum[tree.ranges.range(2)];
-            let wanted: Vec3A = leaves.iter().zip(&pulled[2]).map(|(v, b)| *v * b.x).sum();
-            let stored: Vec3A = sum_of(&predicted, &links)
-                .iter()
-                .zip(&sent)
-                .map(|(v, c)| *v * c.x)
-                .sum();
-            // Rounding of some hundred products below 0.1.
-            assert!((stored - wanted).length() < 1e-5, "{stored} {wanted}");
+            let lack =
+                |light: &[f32], (row, predicted, links): &(RowScratch, RowScratch, Vec<(u32, Vec3)>)| {
+                    let answer = |answers: Answers| answers.at(0);
+                    let sent = lit(&tree, light);
+                    let mut stored = Answers::default();
+                    for (v, c) in sum_of(predicted, links).iter().zip(&sent.coefficients) {
+                        stored.add(*v, c);
+                    }
+                    answer(answers(&tree, row, light)) - answer(stored)
+                };
+            // Links that nothing is asked of lack what dropping loses.
+            let unfitted = selected(&tree, &[0.0; 200], 0.03, seed);
+            let fitted = selected(&tree, &light, 0.03, seed);
+            let (before, after) = (lack(&light, &unfitted), lack(&light, &fitted));
+            lost += before.length();
+            left += after.length();
+            // All trials alike: the largest eigenvalue is that of all of them, and each is one of TRIALS.
+            let share = RIDGE as f32 / (TRIALS as f32 + RIDGE as f32);
+            assert!((after - before * share).length() < 1e-5, "{before} {after}");
         }
+        assert!(lost > 0.1 && left < 0.1 * lost, "{lost} {left}");
     }
 
     #[test]
@@ -469,7 +459,8 @@ mod tests {
         let kept_without = |predicted: &RowScratch| {
             let before = Row {
                 tree: &tree,
-                typical: &TypicalLight::new(&tree, &[1.0; 80]),
+                trials: &lit(&tree, &[1.0; 80]),
+                answers: &answers(&tree, &row, &[1.0; 80]),
                 coarse_positions: &positions,
                 gathered: &row,
                 predicted,
@@ -499,7 +490,8 @@ mod tests {
         let none = RowScratch::new(3);
         let before = Row {
             tree: &tree,
-            typical: &TypicalLight::new(&tree, &[1.0, 0.2]),
+            trials: &lit(&tree, &[1.0, 0.2]),
+            answers: &answers(&tree, &row, &[1.0, 0.2]),
             coarse_positions: &[Vec3::ZERO],
             gathered: &row,
             predicted: &none,

@@ -10,7 +10,7 @@ use crate::parted::{self, Parted};
 use crate::points::PointLevels;
 use crate::refine::{Refinement, RowWatch, Spared, Wanted, refine, rows};
 use crate::seen::seen_by;
-use crate::select::TypicalLight;
+use crate::trials::TrialLights;
 use crate::units::Units;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -77,9 +77,8 @@ pub fn levels_of(points: &PointLevels) -> Vec<Level> {
 /// Of 0, 0.5 and 1 the bias of sibenik_points is −2.4, −2.0 and −1.5 % (docs/transfer.md).
 const NEAR: f32 = 1.0;
 
-/// Radiosity in typical light of what no lamp lights, to 1 for what all light. With 0 the bias of dim scenes is
-/// smaller by a tenth and errors larger by 3 % (docs/transfer.md).
-const AMBIENT: f32 = 0.1;
+/// How near lamps of trial lights come to surfaces, in distances of the coarsest points.
+const SOFTNESS: f32 = 1.0;
 
 /// Computes the operators over given points. `cameras`: those that alone will look; none for all. `step` is told of rays as they are cast and may stop the bake.
 ///
@@ -224,7 +223,7 @@ pub fn with_refinement<T>(
     let nearest_point = NearestPoint::new(&levels[levels.len() - 1]);
     let near = NEAR * levels[0].disk_radius;
     let (importance, mut rays) = importance(surfaces, &nearest_point, near, viewpoints, params.seed, units)?;
-    let (tree, typical) = sender_tree(surfaces, points, importance, params, units)?;
+    let (tree, trials) = sender_tree(surfaces, points, importance, params, units)?;
     let places: Vec<Candidate> = points
         .levels
         .iter()
@@ -253,8 +252,9 @@ pub fn with_refinement<T>(
             points: nearest_point,
             near_parted: &parted.near,
             tree: &tree,
+            trials: &trials.at_points,
         },
-        typical: &typical,
+        trials: &trials,
         coarse_positions: &levels[0].positions,
         rays: params.rays,
         epsilon: params.epsilon,
@@ -382,14 +382,14 @@ fn signatures(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) ->
     Signatures(seen)
 }
 
-/// The senders, and how they are lit by the pilots in the mean.
+/// The senders, and how lamps at the pilots light them.
 fn sender_tree(
     surfaces: &dyn Surfaces,
     points: &PointLevels,
     importance: Vec<u8>,
     params: &BakeParams,
     units: Units,
-) -> Result<(SenderTree, TypicalLight), BakeError> {
+) -> Result<(SenderTree, TrialLights), BakeError> {
     let pilots = pilots(surfaces, points, params.seed);
     let sending = params.sender_levels.min(points.levels.len());
     let finest = signed(
@@ -409,10 +409,6 @@ fn sender_tree(
         .collect();
     let counts: Vec<usize> = seeds.iter().map(Vec::len).collect();
     let tree = SenderTree::new(&counts, leaf_of_point, parents, importance);
-    let lit: Vec<f32> = finest
-        .iter()
-        .map(|place| AMBIENT + place.signature.count_ones() as f32 / PILOTS as f32)
-        .collect();
-    let typical = TypicalLight::new(&tree, &lit);
-    Ok((tree, typical))
+    let trials = TrialLights::new(&tree, &finest, &pilots, SOFTNESS * points.levels[0].disk_radius);
+    Ok((tree, trials))
 }

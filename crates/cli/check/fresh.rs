@@ -37,7 +37,8 @@ fn chosen(loaded: &Loaded, count: usize) -> Vec<(usize, SurfaceHit)> {
         .collect()
 }
 
-/// Calls `met` with the finest point that each of `rays` cosine-distributed rays meets, or that it meets none.
+/// Calls `met` with the finest point that each of `rays` cosine-distributed rays meets, or that it meets none: the sky, what
+/// has no points, or the surface itself, from which no light comes (as of the BRDFs of `scene`).
 fn gather(
     loaded: &Loaded,
     nearest: &NearestPoint,
@@ -50,7 +51,9 @@ fn gather(
     let start = Vec2::new(stream.uniform(), stream.uniform());
     for i in 0..rays {
         let direction = frame.world_from_local(cosine_hemisphere(r2(i, start)));
-        let there = loaded.player.scene.closest_hit(&ray_from(hit, direction));
+        let there = (direction.dot(hit.geometric_normal) > 0.0)
+            .then(|| loaded.player.scene.closest_hit(&ray_from(hit, direction)))
+            .flatten();
         met(
             i,
             there.and_then(|there| nearest.at(there.position, there.normal)),

@@ -12,13 +12,13 @@ use crate::lightcuts::{self, LightcutStats, ManyLights};
 use crate::lighting;
 use crate::reconstruct;
 use crate::shot::Shot;
+use crate::snap::snapped;
 use crate::transfer::{Transfer, TransferStats};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use relight_scene::light_set::{DistantLight, LightSet};
-use relight_scene::rays::Ray;
 use relight_scene::shading::ShadingPoint;
-use relight_scene::surface::{SurfaceHit, Surfaces};
+use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
 use relight_transport::basis::Level;
 use relight_transport::pyramid::VectorIrradiance;
@@ -537,49 +537,6 @@ fn emission_at(scene: &TracedScene, shot: &Shot, lights: &LightSet, only: Option
                 }
             }
             sum
-        })
-        .collect()
-}
-
-/// How far above and below its stored place a point's surface is looked for, in radii (R of SPEC 6.6.1): the file's
-/// rounding is 1/256 of that.
-const SNAP: f32 = 0.125;
-
-/// Cosine between a point's stored normal and the surface found there, below which it is another surface.
-const SNAP_FACING: f32 = 0.7;
-
-/// Finds the surfaces on which places of a file lie, stored to 1/256 of `radius`.
-pub(crate) fn snapped(
-    surfaces: &dyn Surfaces,
-    positions: &[Vec3],
-    normals: &[Vec3],
-    radius: f32,
-) -> Vec<Option<SurfaceHit>> {
-    let reach = radius * SNAP;
-    (positions.par_iter().zip(normals))
-        .with_min_len(256)
-        .map(|(&position, &normal)| {
-            let ray = Ray {
-                origin: position + normal * reach,
-                direction: -normal,
-                t_min: 0.0,
-                t_max: 2.0 * reach,
-            };
-            let found = surfaces
-                .closest_hit(&ray)
-                .filter(|hit| hit.normal.dot(normal) > SNAP_FACING);
-            // Points on rims and in folds may miss: they are lit where they are stored, from a rounding
-            // error's height.
-            found.or(Some(SurfaceHit {
-                t: 0.0,
-                position,
-                position_error: Vec3::splat(radius / 128.0),
-                geometric_normal: normal,
-                normal,
-                front: true,
-                primitive: u32::MAX,
-                barycentric: [0.0; 2],
-            }))
         })
         .collect()
 }

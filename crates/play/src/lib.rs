@@ -22,5 +22,6 @@ pub mod pixelcuts;
 pub mod reconstruct;
 pub mod sampler;
 pub mod shot;
+mod snap;
 pub mod transfer;
 pub mod views;

@@ -2,7 +2,8 @@
 
 use crate::convert;
 use crate::cuts::{Lights, SitePlaces, SurfaceSamples, VisibilityCuts};
-use crate::frame::{Player, snapped};
+use crate::frame::Player;
+use crate::snap::snapped;
 use crate::transfer::Transfer;
 use glam::Vec3;
 use relight_format::layout::Kind;

@@ -1,0 +1,297 @@
+//! Trial lights: what rows of T are fitted to.
+//!
+//! A row that drops weak links, and whose senders are means over clusters, errs to the dark side: receivers and lamps
+//! share the open, so that what a receiver sees of a cluster is what is lit of it. A gather knows what each of its rays
+//! would see in any light, so every row learns its exact answers to a few lights, and the links that it keeps are changed
+//! by as little as makes them answer alike.
+//!
+//! Light from all sides is the first of the lights; the others are lamps at the pilots, in groups, each in a part of the
+//! open.
+
+use glam::{DVec3, Vec3, Vec3A};
+use relight_transport::senders::{PILOTS, SenderTree, Signed};
+
+/// Number of trial lights: the even one and the groups of pilots. A row of the finest level keeps some ten coarse links, of
+/// the coarsest a hundred: more lights would ask more than there is to change.
+pub const TRIALS: usize = 16;
+
+/// Radiosity of the even light, relative to the others' mean: as a square sum it counts as all of them together, so that what
+/// arrives in all is kept best.
+const EVEN: f32 = 4.0;
+
+/// A value in each trial light.
+pub type InTrials = [f32; TRIALS];
+
+/// Radiosity in the trial lights; that of lamps is 1 in the mean over all finest points.
+#[derive(Clone, Debug)]
+pub struct TrialLights {
+    /// At the finest points.
+    pub at_points: Vec<InTrials>,
+    /// Coefficients of the senders (see [`SenderTree::coefficients`]).
+    pub coefficients: Vec<InTrials>,
+}
+
+/// A vector in each trial light, component by component.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Answers([InTrials; 3]);
+
+impl Answers {
+    /// Adds what a link, or a ray, `vector` carries of radiosity `light`.
+    #[inline]
+    pub fn add(&mut self, vector: Vec3A, light: &InTrials) {
+        for (sums, v) in self.0.iter_mut().zip(vector.to_array()) {
+            for (sum, b) in sums.iter_mut().zip(light) {
+                *sum += v * b;
+            }
+        }
+    }
+
+    /// Of one light.
+    pub fn at(&self, g: usize) -> Vec3A {
+        Vec3A::new(self.0[0][g], self.0[1][g], self.0[2][g])
+    }
+}
+
+impl TrialLights {
+    /// Lights of pilots. `places`: the finest points; `softness`, m: how near a lamp comes to a surface, or one point beside
+    /// a pilot would be all that its light shows.
+    pub fn new(tree: &SenderTree, places: &[Signed], pilots: &[Vec3], softness: f32) -> TrialLights {
+        let group = groups(pilots);
+        let mut at_points: Vec<InTrials> = places
+            .iter()
+            .map(|place| {
+                let mut light = [0.0; TRIALS];
+                light[0] = EVEN;
+                for k in (0..PILOTS).filter(|k| place.signature >> k & 1 == 1) {
+                    let way = pilots[k] - place.position;
+                    let squared = way.length_squared();
+                    let cosine = way.dot(place.normal).max(0.0) / squared.sqrt().max(f32::MIN_POSITIVE);
+                    light[group[k]] += cosine / (squared + softness * softness);
+                }
+                light
+            })
+            .collect();
+        for g in 1..TRIALS {
+            let sum: f64 = at_points.iter().map(|b| f64::from(b[g])).sum();
+            let scale = if sum > 0.0 { places.len() as f64 / sum } else { 0.0 };
+            at_points
+                .iter_mut()
+                .for_each(|b| b[g] = (f64::from(b[g]) * scale) as f32);
+        }
+        TrialLights::from_radiosity(tree, at_points)
+    }
+
+    /// From radiosity at the finest points.
+    pub fn from_radiosity(tree: &SenderTree, at_points: Vec<InTrials>) -> TrialLights {
+        let mut coefficients = vec![[0.0; TRIALS]; tree.ranges.total()];
+        // Three lights are pulled at a time, as the channels of a colour.
+        for first in (0..TRIALS).step_by(3) {
+            let together = 3.min(TRIALS - first);
+            let colours: Vec<Vec3> = at_points
+                .iter()
+                .map(|light| Vec3::from_array(std::array::from_fn(|c| light[(first + c).min(TRIALS - 1)])))
+                .collect();
+            let sent = tree.coefficients(&tree.pulled(&colours));
+            for (coefficient, colour) in coefficients.iter_mut().zip(sent) {
+                coefficient[first..first + together].copy_from_slice(&colour.to_array()[..together]);
+            }
+        }
+        TrialLights {
+            at_points,
+            coefficients,
+        }
+    }
+}
+
+/// For each pilot its light, 1 to [`TRIALS`] − 1: that of the nearest of as many pilots far from each other.
+fn groups(pilots: &[Vec3]) -> Vec<usize> {
+    let mut seeds: Vec<Vec3> = pilots.first().copied().into_iter().collect();
+    let distance = |seeds: &[Vec3], place: Vec3| {
+        let squared = seeds.iter().map(|seed| seed.distance_squared(place));
+        squared.fold(f32::INFINITY, f32::min)
+    };
+    while seeds.len() < TRIALS - 1 {
+        let farthest = pilots
+            .iter()
+            .max_by(|a, b| distance(&seeds, **a).total_cmp(&distance(&seeds, **b)));
+        let Some(farthest) = farthest else { break };
+        seeds.push(*farthest);
+    }
+    let nearest = |place: &Vec3| {
+        let to = |seed: usize| seeds[seed].distance_squared(*place);
+        (0..seeds.len()).min_by(|&a, &b| to(a).total_cmp(&to(b)))
+    };
+    pilots
+        .iter()
+        .map(|place| 1 + nearest(place).unwrap_or(0))
+        .collect()
+}
+
+/// What keeps the fit to what all lights say, as a share of the mean strength of a light in it. What only one light says is
+/// halved; with a twentieth links say more of the lamps that were tried and less of where they lead, and finer rows keep more
+/// links to take it back (docs/transfer.md).
+pub(crate) const RIDGE: f64 = 1.0;
+
+/// Changes `links` (sender, vector) so that they answer to the trial lights what they lack, `missing`.
+///
+/// Ridge regression: of all changes, measured in units of each link's own strength, the one that leaves least of both itself
+/// and what is missing; solved for one multiplier per light.
+pub fn fit(links: &mut [(u32, Vec3)], lights: &TrialLights, missing: &Answers) {
+    let mut gram = [[0.0f32; TRIALS]; TRIALS];
+    for &(j, vector) in links.iter() {
+        let (light, strength) = (&lights.coefficients[j as usize], vector.length());
+        for (row, b) in gram.iter_mut().zip(light) {
+            let b = b * strength;
+            row.iter_mut()
+                .zip(light)
+                .for_each(|(sum, other)| *sum += b * other);
+        }
+    }
+    let mut gram = gram.map(|row| row.map(f64::from));
+    let ridge = RIDGE * (0..TRIALS).map(|g| gram[g][g]).sum::<f64>() / TRIALS as f64;
+    if ridge <= 0.0 {
+        return;
+    }
+    (0..TRIALS).for_each(|g| gram[g][g] += ridge);
+    let wanted = std::array::from_fn(|g| Vec3::from(missing.at(g)).as_dvec3());
+    let multipliers = solved(gram, wanted);
+    for (j, vector) in links {
+        let light = &lights.coefficients[*j as usize];
+        let change: DVec3 = light
+            .iter()
+            .zip(multipliers)
+            .map(|(&b, m)| m * f64::from(b))
+            .sum();
+        *vector += change.as_vec3() * vector.length();
+    }
+}
+
+/// Solves a positive definite system by Cholesky's method.
+fn solved(mut a: [[f64; TRIALS]; TRIALS], mut x: [DVec3; TRIALS]) -> [DVec3; TRIALS] {
+    for g in 0..TRIALS {
+        for h in 0..=g {
+            let sum = a[g][h] - (0..h).map(|k| a[g][k] * a[h][k]).sum::<f64>();
+            // The ridge is a 32nd of the largest eigenvalue or more: rounding never comes near zero.
+            a[g][h] = if g == h { sum.sqrt() } else { sum / a[h][h] };
+        }
+    }
+    for g in 0..TRIALS {
+        let known: DVec3 = (0..g).map(|k| x[k] * a[g][k]).sum();
+        x[g] = (x[g] - known) / a[g][g];
+    }
+    for g in (0..TRIALS).rev() {
+        let known: DVec3 = (g + 1..TRIALS).map(|k| x[k] * a[k][g]).sum();
+        x[g] = (x[g] - known) / a[g][g];
+    }
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use relight_transport::random::Stream;
+
+    /// Four coarse senders of ten points each, lit at random.
+    fn world(s: &mut Stream) -> (SenderTree, TrialLights) {
+        let leaves = (0..40).map(|p| p / 10).collect();
+        let tree = SenderTree::new(&[4], leaves, Vec::new(), vec![9; 40]);
+        let lit = (0..40).map(|_| std::array::from_fn(|_| s.uniform())).collect();
+        let lights = TrialLights::from_radiosity(&tree, lit);
+        (tree, lights)
+    }
+
+    fn answered(links: &[(u32, Vec3)], lights: &TrialLights) -> Answers {
+        let mut answers = Answers::default();
+        links
+            .iter()
+            .for_each(|&(j, v)| answers.add(v.into(), &lights.coefficients[j as usize]));
+        answers
+    }
+
+    #[test]
+    fn a_senders_coefficient_in_each_light_is_the_mean_of_its_points() {
+        let (_, lights) = world(&mut Stream::new(1, 0, 0));
+        for (j, coefficient) in lights.coefficients.iter().enumerate() {
+            for g in 0..TRIALS {
+                let mean = (10 * j..10 * j + 10).map(|p| lights.at_points[p][g]).sum::<f32>() / 10.0;
+                assert!((coefficient[g] - mean).abs() < 1e-6, "{coefficient:?} {mean}");
+            }
+        }
+    }
+
+    #[test]
+    fn links_that_lack_nothing_stay_and_others_lack_less_in_the_sum_of_squares() {
+        for seed in 2..30 {
+            let mut s = Stream::new(seed, 0, 0);
+            let (_, lights) = world(&mut s);
+            let mut number = || s.uniform() - 0.3;
+            let links: Vec<(u32, Vec3)> = (0..4)
+                .map(|j| (j, Vec3::new(number(), number(), number())))
+                .collect();
+            let mut same = links.clone();
+            fit(&mut same, &lights, &Answers::default());
+            assert_eq!(same, links);
+            let wanted: Vec<(u32, Vec3)> = links
+                .iter()
+                .map(|&(j, v)| (j, v * (0.8 + 0.5 * number())))
+                .collect();
+            let lack = |links: &[(u32, Vec3)]| {
+                let mut missing = answered(&wanted, &lights);
+                links
+                    .iter()
+                    .for_each(|&(j, v)| missing.add(-Vec3A::from(v), &lights.coefficients[j as usize]));
+                missing
+            };
+            let sum = |a: &Answers| (0..TRIALS).map(|g| a.at(g).length_squared()).sum::<f32>();
+            let mut fitted = links.clone();
+            fit(&mut fitted, &lights, &lack(&links));
+            let (before, after) = (sum(&lack(&links)), sum(&lack(&fitted)));
+            assert!(after < before, "{before} {after}");
+        }
+    }
+
+    #[test]
+    fn a_system_of_known_solution_is_solved() {
+        let mut s = Stream::new(5, 0, 0);
+        let factor: Vec<InTrials> = (0..TRIALS)
+            .map(|_| std::array::from_fn(|_| s.uniform()))
+            .collect();
+        let a: [[f64; TRIALS]; TRIALS] = std::array::from_fn(|g| {
+            std::array::from_fn(|h| {
+                let product: f32 = factor.iter().map(|row| row[g] * row[h]).sum();
+                f64::from(product) + if g == h { 1.0 } else { 0.0 }
+            })
+        });
+        let x: [DVec3; TRIALS] = std::array::from_fn(|g| DVec3::new(g as f64, 1.0, -(g as f64)));
+        let b = std::array::from_fn(|g| (0..TRIALS).map(|h| x[h] * a[g][h]).sum());
+        for (found, truth) in solved(a, b).iter().zip(&x) {
+            // 16 unknowns of a condition number below 1e3.
+            assert!((*found - *truth).length() < 1e-10, "{found} {truth}");
+        }
+    }
+
+    #[test]
+    fn every_group_of_pilots_is_a_light_of_its_own_and_one_everywhere_in_the_mean() {
+        let mut s = Stream::new(3, 0, 0);
+        let pilots: Vec<Vec3> = (0..PILOTS)
+            .map(|_| Vec3::new(s.uniform(), 0.5 + s.uniform(), s.uniform()) * 4.0)
+            .collect();
+        let places: Vec<Signed> = (0..200)
+            .map(|_| Signed {
+                position: Vec3::new(s.uniform(), 0.0, s.uniform()) * 4.0,
+                normal: Vec3::Y,
+                signature: u128::MAX,
+            })
+            .collect();
+        let tree = SenderTree::new(&[1], vec![0; 200], Vec::new(), vec![0; 200]);
+        let lights = TrialLights::new(&tree, &places, &pilots, 0.5);
+        for g in 0..TRIALS {
+            let mean = lights.at_points.iter().map(|b| f64::from(b[g])).sum::<f64>() / 200.0;
+            let truth = if g == 0 { f64::from(EVEN) } else { 1.0 };
+            assert!((mean - truth).abs() < 1e-5, "{g}: {mean}");
+        }
+        // A lamp in a corner of the room lights that corner most.
+        let spread = |g: usize| lights.at_points.iter().map(|b| b[g]).fold(0.0f32, f32::max);
+        assert!(spread(0) == EVEN && (1..TRIALS).all(|g| spread(g) > 1.1));
+    }
+}
