@@ -290,7 +290,7 @@ fn select_in_family(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trials::{RIDGE, TRIALS};
+    use crate::trials::TRIALS;
     use relight_transport::random::Stream;
 
     /// Three levels of 4, 12 and 40 clusters over 200 points of uneven importance.
@@ -415,11 +415,11 @@ mod tests {
     }
 
     #[test]
-    fn of_what_one_light_loses_by_all_that_is_dropped_the_ridge_alone_is_left() {
+    fn whatever_is_dropped_the_answer_to_a_light_stays() {
         let mut s = Stream::new(1, 0, 0);
         let tree = tree(&mut s);
         let light: Vec<f32> = (0..200).map(|_| 0.1 + s.uniform()).collect();
-        let (mut lost, mut left) = (0.0, 0.0);
+        let mut lost = 0.0;
         for seed in 2..40 {
             let lack =
                 |light: &[f32], (row, predicted, links): &(RowScratch, RowScratch, Vec<(u32, Vec3)>)| {
@@ -436,12 +436,10 @@ mod tests {
             let fitted = selected(&tree, &light, 0.03, seed);
             let (before, after) = (lack(&light, &unfitted), lack(&light, &fitted));
             lost += before.length();
-            left += after.length();
-            // All trials alike: the largest eigenvalue is that of all of them, and each is one of TRIALS.
-            let share = RIDGE as f32 / (TRIALS as f32 + RIDGE as f32);
-            assert!((after - before * share).length() < 1e-5, "{before} {after}");
+            // The light stands in the even one's place, too. Rounding of some hundred products below 0.1.
+            assert!(after.length() < 1e-5, "{before} {after}");
         }
-        assert!(lost > 0.1 && left < 0.1 * lost, "{lost} {left}");
+        assert!(lost > 0.1, "dropping loses something: {lost}");
     }
 
     #[test]

@@ -15,14 +15,13 @@ use relight_transport::senders::{PILOTS, SenderTree, Signed};
 /// the coarsest a hundred: more lights would ask more than there is to change.
 pub const TRIALS: usize = 16;
 
-/// Radiosity of the even light, relative to the others' mean: as a square sum it counts as all of them together, so that what
-/// arrives in all is kept best.
-const EVEN: f32 = 4.0;
+/// Which of them is even.
+const EVEN: usize = 0;
 
 /// A value in each trial light.
 pub type InTrials = [f32; TRIALS];
 
-/// Radiosity in the trial lights; that of lamps is 1 in the mean over all finest points.
+/// Radiosity in the trial lights, relative to its mean over all finest points.
 #[derive(Clone, Debug)]
 pub struct TrialLights {
     /// At the finest points.
@@ -61,7 +60,7 @@ impl TrialLights {
             .iter()
             .map(|place| {
                 let mut light = [0.0; TRIALS];
-                light[0] = EVEN;
+                light[EVEN] = 1.0;
                 for k in (0..PILOTS).filter(|k| place.signature >> k & 1 == 1) {
                     let way = pilots[k] - place.position;
                     let squared = way.length_squared();
@@ -127,15 +126,17 @@ fn groups(pilots: &[Vec3]) -> Vec<usize> {
         .collect()
 }
 
-/// What keeps the fit to what all lights say, as a share of the mean strength of a light in it. What only one light says is
-/// halved; with a twentieth links say more of the lamps that were tried and less of where they lead, and finer rows keep more
-/// links to take it back (docs/transfer.md).
-pub(crate) const RIDGE: f64 = 1.0;
+/// What keeps the fit to what all lamps say, as a share of the mean strength of a light in it. With a twentieth links say more
+/// of the lamps that were tried and less of where they lead, and finer rows keep more links to take it back
+/// (docs/transfer.md).
+const RIDGE: f64 = 2.0;
 
-/// Changes `links` (sender, vector) so that they answer to the trial lights what they lack, `missing`.
+/// Changes `links` (sender, vector) so that they answer to even light as they should, and to lamps more nearly; `missing` is
+/// what they lack.
 ///
 /// Ridge regression: of all changes, measured in units of each link's own strength, the one that leaves least of both itself
-/// and what is missing; solved for one multiplier per light.
+/// and what lamps lack; solved for one multiplier per light. That of even light has no ridge: what is lit alike keeps
+/// its energy.
 pub fn fit(links: &mut [(u32, Vec3)], lights: &TrialLights, missing: &Answers) {
     let mut gram = [[0.0f32; TRIALS]; TRIALS];
     for &(j, vector) in links.iter() {
@@ -149,10 +150,13 @@ pub fn fit(links: &mut [(u32, Vec3)], lights: &TrialLights, missing: &Answers) {
     }
     let mut gram = gram.map(|row| row.map(f64::from));
     let ridge = RIDGE * (0..TRIALS).map(|g| gram[g][g]).sum::<f64>() / TRIALS as f64;
-    if ridge <= 0.0 {
+    // Links to clusters without points, or none.
+    if gram[EVEN][EVEN] <= 0.0 {
         return;
     }
-    (0..TRIALS).for_each(|g| gram[g][g] += ridge);
+    (0..TRIALS)
+        .filter(|&g| g != EVEN)
+        .for_each(|g| gram[g][g] += ridge);
     let wanted = std::array::from_fn(|g| Vec3::from(missing.at(g)).as_dvec3());
     let multipliers = solved(gram, wanted);
     for (j, vector) in links {
@@ -171,7 +175,7 @@ fn solved(mut a: [[f64; TRIALS]; TRIALS], mut x: [DVec3; TRIALS]) -> [DVec3; TRI
     for g in 0..TRIALS {
         for h in 0..=g {
             let sum = a[g][h] - (0..h).map(|k| a[g][k] * a[h][k]).sum::<f64>();
-            // The ridge is a 32nd of the largest eigenvalue or more: rounding never comes near zero.
+            // What is left of the diagonal is the ridge at least, the first one the whole strength: never near zero.
             a[g][h] = if g == h { sum.sqrt() } else { sum / a[h][h] };
         }
     }
@@ -287,11 +291,10 @@ mod tests {
         let lights = TrialLights::new(&tree, &places, &pilots, 0.5);
         for g in 0..TRIALS {
             let mean = lights.at_points.iter().map(|b| f64::from(b[g])).sum::<f64>() / 200.0;
-            let truth = if g == 0 { f64::from(EVEN) } else { 1.0 };
-            assert!((mean - truth).abs() < 1e-5, "{g}: {mean}");
+            assert!((mean - 1.0).abs() < 1e-5, "{g}: {mean}");
         }
         // A lamp in a corner of the room lights that corner most.
         let spread = |g: usize| lights.at_points.iter().map(|b| b[g]).fold(0.0f32, f32::max);
-        assert!(spread(0) == EVEN && (1..TRIALS).all(|g| spread(g) > 1.1));
+        assert!(spread(EVEN) == 1.0 && (1..TRIALS).all(|g| spread(g) > 1.1));
     }
 }
