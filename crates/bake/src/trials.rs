@@ -2,8 +2,8 @@
 //!
 //! A row that drops weak links, and whose senders are means over clusters, errs to the dark side: receivers and lamps
 //! share the open, so that what a receiver sees of a cluster is what is lit of it. A gather knows what each of its rays
-//! would see in any light, so every row learns its exact answers to a few lights, and the links that it keeps are changed
-//! by as little as makes them answer alike.
+//! would see in any light, so every row learns its exact answers to a few lights, and the coarse links that it keeps are
+//! changed a little to answer alike.
 //!
 //! Light from all sides is the first of the lights; the others are lamps at the pilots, in groups, each in a part of the
 //! open.
@@ -11,8 +11,8 @@
 use glam::{DVec3, Vec3, Vec3A};
 use relight_transport::senders::{PILOTS, SenderTree, Signed};
 
-/// Number of trial lights: the even one and the groups of pilots. A row of the finest level keeps some ten coarse links, of
-/// the coarsest a hundred: more lights would ask more than there is to change.
+/// Number of trial lights: the even one and the groups of pilots. What a point is in all of them fills a cache line, which every
+/// ray loads.
 pub const TRIALS: usize = 16;
 
 /// Which of them is even.
@@ -45,7 +45,7 @@ impl Answers {
         }
     }
 
-    /// Of one light.
+    /// In light number `g`.
     pub fn at(&self, g: usize) -> Vec3A {
         Vec3A::new(self.0[0][g], self.0[1][g], self.0[2][g])
     }
@@ -65,7 +65,7 @@ impl TrialLights {
                     let way = pilots[k] - place.position;
                     let squared = way.length_squared();
                     let cosine = way.dot(place.normal).max(0.0) / squared.sqrt().max(f32::MIN_POSITIVE);
-                    light[group[k]] += cosine / (squared + softness * softness);
+                    light[group[k]] += cosine / (squared + softness * softness).max(f32::MIN_POSITIVE);
                 }
                 light
             })
