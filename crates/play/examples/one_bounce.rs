@@ -5,7 +5,8 @@
 //!
 //! Prints, for the sum over all pixels and for eight groups of them from the darkest on, how far each step is from rays that
 //! ask the lamp itself: the nearest finest point instead of the place that a ray meets; its cluster's mean instead; T.
-//! The last line is the same for the points nearest to the pixels.
+//! The last line is the same for the points nearest to the pixels. Groups are of pixels whose nearest points are alike bright,
+//! by other rays: by their own, noise would sort them.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -152,7 +153,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let weighed = |received: Received, answered: f32, albedo: f32| {
         [received.exact, received.points, received.clusters, answered].map(|v| f64::from(v * albedo))
     };
-    let (mut pixels, points): (Vec<_>, Vec<_>) = hits
+    let mut both: Vec<([f64; 4], [f64; 4])> = hits
         .par_iter()
         .enumerate()
         .map(|(i, hit)| {
@@ -167,8 +168,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             });
             (seen, beside)
         })
-        .unzip();
-    pixels.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        .collect();
+    both.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+    let (pixels, points): (Vec<_>, Vec<_>) = both.into_iter().unzip();
     let whole = pixels.iter().map(|values| values[0]).sum();
     print("all pixels", &pixels, whole);
     for (i, group) in pixels.chunks(pixels.len().div_ceil(8).max(1)).enumerate() {
