@@ -423,13 +423,12 @@ mod tests {
         for seed in 2..40 {
             let lack =
                 |light: &[f32], (row, predicted, links): &(RowScratch, RowScratch, Vec<(u32, Vec3)>)| {
-                    let answer = |answers: Answers| answers.at(0);
                     let sent = lit(&tree, light);
                     let mut stored = Answers::default();
                     for (v, c) in sum_of(predicted, links).iter().zip(&sent.coefficients) {
                         stored.add(*v, c);
                     }
-                    answer(answers(&tree, row, light)) - answer(stored)
+                    answers(&tree, row, light).at(0) - stored.at(0)
                 };
             // Links that nothing is asked of lack what dropping loses.
             let unfitted = selected(&tree, &[0.0; 200], 0.03, seed);

@@ -196,12 +196,11 @@ mod tests {
     use relight_transport::random::Stream;
 
     /// Four coarse senders of ten points each, lit at random.
-    fn world(s: &mut Stream) -> (SenderTree, TrialLights) {
+    fn lights(s: &mut Stream) -> TrialLights {
         let leaves = (0..40).map(|p| p / 10).collect();
         let tree = SenderTree::new(&[4], leaves, Vec::new(), vec![9; 40]);
         let lit = (0..40).map(|_| std::array::from_fn(|_| s.uniform())).collect();
-        let lights = TrialLights::from_radiosity(&tree, lit);
-        (tree, lights)
+        TrialLights::from_radiosity(&tree, lit)
     }
 
     fn answered(links: &[(u32, Vec3)], lights: &TrialLights) -> Answers {
@@ -214,7 +213,7 @@ mod tests {
 
     #[test]
     fn a_senders_coefficient_in_each_light_is_the_mean_of_its_points() {
-        let (_, lights) = world(&mut Stream::new(1, 0, 0));
+        let lights = lights(&mut Stream::new(1, 0, 0));
         for (j, coefficient) in lights.coefficients.iter().enumerate() {
             for g in 0..TRIALS {
                 let mean = (10 * j..10 * j + 10).map(|p| lights.at_points[p][g]).sum::<f32>() / 10.0;
@@ -227,7 +226,7 @@ mod tests {
     fn links_that_lack_nothing_stay_and_others_lack_less_in_the_sum_of_squares() {
         for seed in 2..30 {
             let mut s = Stream::new(seed, 0, 0);
-            let (_, lights) = world(&mut s);
+            let lights = lights(&mut s);
             let mut number = || s.uniform() - 0.3;
             let links: Vec<(u32, Vec3)> = (0..4)
                 .map(|j| (j, Vec3::new(number(), number(), number())))
