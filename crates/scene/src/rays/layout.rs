@@ -75,7 +75,9 @@ impl Block {
 
     /// The three vertices of a lane.
     pub(super) fn triangle(&self, lane: usize) -> [[f32; 3]; 3] {
-        self.vertices.map(|vertex| vertex.map(|axis| axis[lane]))
+        let [a, b, c] = &self.vertices;
+        let vertex = |[x, y, z]: &[[f32; BLOCK_WIDTH]; 3]| [x[lane], y[lane], z[lane]];
+        [vertex(a), vertex(b), vertex(c)]
     }
 }
 

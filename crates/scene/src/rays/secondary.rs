@@ -35,10 +35,11 @@ pub struct SurfacePoint {
 ///
 /// Both are NaN if `hit` is not of this `bvh`; a ray from there hits nothing.
 pub fn hit_position(bvh: &TriangleBvh, hit: &Hit) -> (Vec3, Vec3) {
-    let Some(vertices) = bvh.triangle(hit.triangle) else {
-        return (Vec3::NAN, Vec3::NAN);
-    };
-    let [a, b, c] = vertices.map(Vec3::as_dvec3);
+    position_on(bvh.triangle(hit.triangle).unwrap_or([Vec3::NAN; 3]), hit)
+}
+
+fn position_on([a, b, c]: [Vec3; 3], hit: &Hit) -> (Vec3, Vec3) {
+    let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
     let position = (a + (b - a) * f64::from(hit.u) + (c - a) * f64::from(hit.v)).as_vec3();
     // The double-precision part is 2⁻²⁹ of this; the smallest normal number covers rounding of denormals.
     let error = position.abs() * (UNIT_ROUNDOFF * (1.0 + f32::EPSILON)) + f32::MIN_POSITIVE;
@@ -47,8 +48,8 @@ pub fn hit_position(bvh: &TriangleBvh, hit: &Hit) -> (Vec3, Vec3) {
 
 /// The surface at a hit, with the clearance that its triangle needs.
 pub fn surface_point(bvh: &TriangleBvh, hit: &Hit) -> SurfacePoint {
-    let (position, error) = hit_position(bvh, hit);
     let [a, b, c] = bvh.triangle(hit.triangle).unwrap_or([Vec3::NAN; 3]);
+    let (position, error) = position_on([a, b, c], hit);
     let size = (a.max(b).max(c) - a.min(b).min(c)).max_element();
     SurfacePoint {
         position,
