@@ -13,7 +13,9 @@ use glam::{DVec3, Vec3};
 use relight_bake::light_samples::{Lights, in_tree};
 use relight_bake::params::{BakeParams, CutParams, Preset};
 use relight_bake::points::{PointLevels, coarse_radius_for, distribute};
+use relight_bake::solution::solution;
 use relight_bake::transport::{Transport, levels_of, transport};
+use relight_bake::units::Units;
 use relight_bake::viewpoint;
 use relight_bake::visibility::site_cuts;
 use relight_format::codec::{cut, octahedral};
@@ -49,6 +51,15 @@ struct Bits {
     link: Option<u32>,
     /// Fractions of a row's largest weight.
     bounce: Option<u32>,
+    /// The same of the baked solution, if it takes the bounces' place.
+    solution: Option<Solved>,
+}
+
+/// How a solution's weights are kept.
+#[derive(Clone, Copy, Debug)]
+enum Solved {
+    Exact,
+    Bits(u32),
 }
 
 /// What everything is measured in.
@@ -142,8 +153,32 @@ impl Study {
             fractions_rounded(&mut bounce, b);
         }
         let finest = points.levels.last().ok_or("no points")?;
-        let albedo = finest.points.iter().map(|p| p.albedo).collect();
-        let transfer = Transfer::new(
+        let albedo: Vec<Vec3> = finest.points.iter().map(|p| p.albedo).collect();
+        let solved = match bits.solution {
+            Some(how) => {
+                let epsilon = params.epsilon;
+                let none = Units::none();
+                let mut solved = solution(
+                    &bounce,
+                    bounce_level,
+                    &tree,
+                    &albedo,
+                    None,
+                    epsilon,
+                    none,
+                    &|_| Ok(()),
+                )?;
+                if let Solved::Bits(b) = how {
+                    solved
+                        .channels
+                        .iter_mut()
+                        .for_each(|channel| fractions_rounded(channel, b));
+                }
+                Some(solved)
+            }
+            None => None,
+        };
+        let mut transfer = Transfer::new(
             levels_of(&points),
             &parted.pairs,
             parted.near,
@@ -154,6 +189,9 @@ impl Study {
             bounce_level,
             None,
         );
+        if let Some(solved) = solved {
+            transfer.use_solution(solved.level, solved.channels);
+        }
         let player = Player::new(self.traced.clone(), Some(transfer), None);
         let mut irradiance = Vec::new();
         for &lamp in &self.lamps {
@@ -445,14 +483,15 @@ fn operators(scene: &str, lights: &str) -> Result<(), Box<dyn Error>> {
     let other = study.run(Bits::default(), 1)?;
     println!("{scene}, {lights}, {} finest points\n", exact.irradiance[0].len());
     println!("| section | bits | operator | image, relMSE |\n| --- | --- | --- | --- |");
-    let row = |name: &str, bits: &str, found: &Outcome| {
+    let row = |name: &str, bits: &str, found: &Outcome, exact: &Outcome| {
         println!(
             "| {name} | {bits} | {:.2e} | {:.2e} |",
             apart(&found.irradiance, &exact.irradiance),
             relmse(&found.image, &exact.image)
         );
     };
-    row("another seed of the rays", "–", &other);
+    let noted = |bits: u32, file: u32| format!("{bits}{}", if bits == file { " (the file)" } else { "" });
+    row("another seed of the rays", "–", &other, &exact);
     type Set = fn(u32) -> Bits;
     let sections: [(&str, &[u32], u32, Set); 5] = [
         ("positions, radius over 2^bits", &[2, 4, 6, 8, 10], 8, |b| Bits {
@@ -478,9 +517,18 @@ fn operators(scene: &str, lights: &str) -> Result<(), Box<dyn Error>> {
     ];
     for (name, all, file, set) in sections {
         for &bits in all {
-            let note = if bits == file { " (the file)" } else { "" };
-            row(name, &format!("{bits}{note}"), &study.run(set(bits), 0)?);
+            row(name, &noted(bits, file), &study.run(set(bits), 0)?, &exact);
         }
+    }
+    let with_solution = |how| Bits {
+        solution: Some(how),
+        ..Bits::default()
+    };
+    let solved = study.run(with_solution(Solved::Exact), 0)?;
+    row("a solution instead of bounces", "–", &solved, &exact);
+    for bits in [4, 6, 8, 12, 16] {
+        let found = study.run(with_solution(Solved::Bits(bits)), 0)?;
+        row("solution, of a row's largest", &noted(bits, 16), &found, &solved);
     }
     Ok(())
 }

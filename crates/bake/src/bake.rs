@@ -11,7 +11,6 @@ use crate::error::BakeError;
 use crate::left_out::{Pruned, prune};
 use crate::omissions::Omissions;
 use crate::params::{BakeParams, CutParams, Part};
-use crate::refine::most_rays;
 use crate::settings;
 use crate::solution::{Solution, solution};
 use crate::timed::TimedSurfaces;
@@ -29,7 +28,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 pub use portion::{Portion, bake_part};
-pub use prepare::coarse_radius;
+pub use prepare::{coarse_radius, point_counts};
 
 /// Who watches a bake: told what is being done, and asked whether to go on. Called from many threads.
 pub trait Progress: Sync {
@@ -63,6 +62,8 @@ pub struct BakeStats {
     pub threads: usize,
     /// Memory that reconstructed rows took, bytes: what batches save.
     pub row_bytes: u64,
+    /// Memory that the rows took of which the bounce operator was made, bytes.
+    pub bounce_row_bytes: u64,
 }
 
 /// What is baked.
@@ -152,8 +153,7 @@ pub fn bake_in_units(
         .take(params.sender_levels)
         .map(|l| l.points.len() as u64)
         .sum();
-    let counts_of_levels = points.levels.iter().map(|l| l.points.len());
-    progress.stage("refine", Some(most_rays(counts_of_levels, params.rays)));
+    progress.stage("share", None);
     let transport = transport_in_units(
         &timed,
         points,
@@ -282,6 +282,7 @@ pub fn bake_in_units(
         ray_tracing_seconds: (timed.thread_seconds(rays) + timed.packet_thread_seconds()) / threads as f64,
         threads,
         row_bytes: transport.row_bytes,
+        bounce_row_bytes: transport.bounce_row_bytes,
     };
     Ok(Baked { asset, stats })
 }

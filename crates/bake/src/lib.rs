@@ -34,4 +34,6 @@ pub mod vertex_sites;
 pub mod viewpoint;
 pub mod visibility;
 
-pub use bake::{BakeStats, Baked, Portion, Progress, Request, bake, bake_in_units, bake_part, coarse_radius};
+pub use bake::{
+    BakeStats, Baked, Portion, Progress, Request, bake, bake_in_units, bake_part, coarse_radius, point_counts,
+};

@@ -10,7 +10,7 @@ mod wanted;
 
 use crate::candidates::Candidate;
 use crate::error::BakeError;
-use crate::gather::{RowScratch, SenderField, gather, scalar_row};
+use crate::gather::{Gathered, RowScratch, SenderField, gather, scalar_row};
 use crate::select::{Row, SelectScratch, select};
 use crate::trials::{Answers, TrialLights};
 use crate::units::Units;
@@ -83,6 +83,8 @@ pub struct Refined {
     pub spared: Spared,
     /// Memory that reconstructed rows took, bytes.
     pub row_bytes: u64,
+    /// Memory that `bounce_rows` took, bytes.
+    pub bounce_row_bytes: u64,
 }
 
 /// Gathers that were not made, and the rays that they would have cast.
@@ -146,7 +148,18 @@ pub struct Receiver {
 
 impl Receiver {
     fn row_bytes(&self) -> u64 {
-        (self.reconstructed.capacity() * size_of::<(u32, Vec3)>()) as u64
+        size_of_val(&self.reconstructed[..]) as u64
+    }
+
+    /// Gives back what its lists have room for: all receivers stay until the last is done.
+    fn shrink(&mut self) {
+        self.links.shrink_to_fit();
+        self.bounce.shrink_to_fit();
+        self.reconstructed.shrink_to_fit();
+    }
+
+    fn bounce_row_bytes(&self) -> u64 {
+        size_of_val(&self.bounce[..]) as u64
     }
 }
 
@@ -172,6 +185,8 @@ struct Sweep<'a> {
 
 /// Who watches rows being made.
 pub trait RowWatch: Sync {
+    /// All that rows depend on is there, and rows begin: at most so many rays.
+    fn begin(&self, most_rays: u64);
     /// So many rays were cast; may stop the bake.
     ///
     /// # Errors
@@ -185,6 +200,7 @@ impl<F: Fn(usize) -> Result<(), BakeError> + Sync> RowWatch for F {
     fn cast(&self, rays: usize) -> Result<(), BakeError> {
         self(rays)
     }
+    fn begin(&self, _: u64) {}
     fn expect(&self, _: u64) {}
 }
 
@@ -197,11 +213,13 @@ pub fn refine(
 ) -> Result<Refined, BakeError> {
     let mut receivers = rows(r, Wanted::all(r, units), quantised, units, watch)?;
     let row_bytes = receivers.iter().map(Receiver::row_bytes).sum();
+    let bounce_row_bytes = receivers.iter().map(Receiver::bounce_row_bytes).sum();
     receivers
         .iter_mut()
         .for_each(|receiver| receiver.reconstructed = Vec::new());
     let mut refined = Refined {
         row_bytes,
+        bounce_row_bytes,
         links: Links {
             receivers: r.ranges.total() as u32,
             senders: r.field.tree.ranges.total() as u32,
@@ -458,8 +476,9 @@ impl<'a> Sweep<'a> {
             gathered: active || bounces,
             ..Receiver::default()
         };
+        let mut found = Gathered::default();
         if receiver.gathered {
-            receiver.lost = gather(
+            found = gather(
                 r.surfaces,
                 &r.field,
                 &r.places[i],
@@ -467,10 +486,12 @@ impl<'a> Sweep<'a> {
                 gathered,
                 &mut answers,
             );
+            receiver.lost = found.lost;
         }
         if bounces {
             let normal = r.places[i].normal;
-            receiver.bounce = scalar_row(gathered, &r.field.tree.ranges, r.bounce_level, normal);
+            let ranges = &r.field.tree.ranges;
+            receiver.bounce = scalar_row(gathered, ranges, r.bounce_level, normal, found.full);
         }
         if active {
             let row = Row {
@@ -489,6 +510,7 @@ impl<'a> Sweep<'a> {
         if self.remembered {
             receiver.reconstructed = self.reconstructed(predicted, &receiver.links);
         }
+        receiver.shrink();
         receiver
     }
 

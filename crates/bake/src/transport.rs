@@ -8,7 +8,7 @@ use crate::importance::importance;
 use crate::params::{BakeParams, Part};
 use crate::parted::{self, Parted};
 use crate::points::PointLevels;
-use crate::refine::{Refinement, RowWatch, Spared, Wanted, refine, rows};
+use crate::refine::{Refinement, RowWatch, Spared, Wanted, most_rays, refine, rows};
 use crate::seen::seen_by;
 use crate::trials::TrialLights;
 use crate::units::Units;
@@ -54,6 +54,8 @@ pub struct Transport {
     pub idle_senders: (usize, usize),
     /// Memory that reconstructed rows took, bytes.
     pub row_bytes: u64,
+    /// Memory that the rows took of which K was made, bytes.
+    pub bounce_row_bytes: u64,
 }
 
 /// The basis of the points.
@@ -113,6 +115,7 @@ pub fn transport_in_units(
     watch: &impl RowWatch,
 ) -> Result<Transport, BakeError> {
     let made = with_refinement(surfaces, &points, viewers, params, units, |r, levels| {
+        watch.begin(most_rays(levels.iter().map(Level::len), r.rays));
         let batches = if units.are_kept() { batches } else { 1 };
         for batch in (0..batches).filter(|_| batches > 1) {
             // What all batches cast together is not known to any of them.
@@ -149,6 +152,7 @@ pub fn transport_in_units(
         spared: refined.spared,
         idle_senders: (0, 0),
         row_bytes: refined.row_bytes,
+        bounce_row_bytes: refined.bounce_row_bytes,
     };
     if !params.keeps(Part::Senders) {
         leave_out_idle_senders(&mut made);
@@ -229,8 +233,7 @@ pub fn with_refinement<T>(
         .iter()
         .flat_map(|l| l.points.iter().copied())
         .collect();
-    let bounce_level = 1.min(tree.levels() - 1);
-    let bounce_receivers = (bounce_level + 3).min(levels.len() - 1);
+    let (bounce_level, bounce_receivers) = bounce_levels(levels.len(), tree.levels());
     let mut worthwhile = Vec::new();
     if !cameras.is_empty() {
         // With one bounce only pixels ask for receivers; further ones start from what all points reflect.
@@ -271,6 +274,13 @@ pub fn with_refinement<T>(
         parted,
         rays,
     })
+}
+
+/// The sender level on which bounces are made, and the receiver level whose gathers make their operator, of so many levels
+/// of receivers and senders.
+pub fn bounce_levels(receivers: usize, senders: usize) -> (usize, usize) {
+    let level = 1.min(senders.saturating_sub(1));
+    (level, (level + 3).min(receivers.saturating_sub(1)))
 }
 
 /// K from the responses at the points of the bounce receiver level; empty where it is not needed.

@@ -1,7 +1,8 @@
 //! What a bake will take, from a small bake of the same scene: `--dry-run`, `--memory-limit`.
 //!
-//! The small bake has all levels and four times the distances, so a tenth to a sixteenth of the points. What grows with
-//! them is scaled up by powers that were fitted on the scenes of docs/reliability.md.
+//! The small bake has all levels and four times the distances, so a tenth to a sixteenth of the points. How many a bake will
+//! have is seen by spreading those of all levels but the finest. What grows with them is scaled up by powers that were
+//! fitted on the scenes of docs/reliability.md.
 
 use super::{Read, baking_failed};
 use crate::console::{BakeProgress, Console};
@@ -10,7 +11,8 @@ use crate::output::{self, SCHEMA};
 use crate::words;
 use anyhow::anyhow;
 use relight_bake::params::BakeParams;
-use relight_bake::{Baked, Request, bake_in_units, coarse_radius};
+use relight_bake::transport::bounce_levels;
+use relight_bake::{Baked, Request, bake_in_units, coarse_radius, point_counts};
 use relight_format as format;
 use relight_scene::traced::Shading;
 use serde_json::json;
@@ -46,8 +48,8 @@ const MOST_BATCHES: usize = 16;
 /// Share of the rows that a batch of n needs, beyond an n-th: those along its border, and the coarsest.
 const SHARED_ROWS: f64 = 0.2;
 
-/// Predictions of memory were up to a fifth too low (docs/reliability.md); a limit must hold all the same.
-const MARGIN: f64 = 1.25;
+/// Predictions of memory were up to a tenth too low (docs/reliability.md); a limit must hold all the same.
+const MARGIN: f64 = 1.15;
 /// What stacks, compression and the allocator may take besides, whatever the scene: a bake of 31 MB was predicted to take
 /// 22.
 const SLACK: u64 = 16 << 20;
@@ -142,23 +144,30 @@ pub fn estimate(
     let (traced, radius) = coarse_radius(&request, &progress).map_err(baking_failed)?;
     // With the ray caster and decoded textures, which the bake will have, too.
     let before = output::resident_bytes().unwrap_or(0);
+    let without_finest = BakeParams {
+        levels: params.levels.saturating_sub(1).max(1),
+        coarse_radius: Some(radius),
+        ..params.clone()
+    };
+    let request_of = |params| Request {
+        params,
+        ..request.clone()
+    };
+    let coarser = point_counts(&traced, &request_of(&without_finest), &progress).map_err(baking_failed)?;
     drop(traced);
     let small = BakeParams {
         coarse_radius: Some((radius * COARSER).min(f32::MAX)),
         ..params.clone()
     };
-    let request = Request {
-        params: &small,
-        ..request
-    };
-    let baked = bake_in_units(&request, None, &progress).map_err(baking_failed)?;
+    let baked = bake_in_units(&request_of(&small), None, &progress).map_err(baking_failed)?;
     let writing = Instant::now();
     let bytes = format::write_asset(&baked.asset)?;
     let written = writing.elapsed().as_secs_f64();
     console.close();
-    let mut estimate = scaled(&baked, &bytes, written, before)?;
+    let mut estimate = scaled(params, &baked, &coarser, &bytes, (written, before))?;
     console.detail(format!(
-        "small bake: {:?} points, {} bytes, seconds {:?}, memory {before} with the scene, {} for rows",
+        "small bake: {:?} points ({coarser:?} without the finest level), {} bytes, seconds {:?}, memory {before} with the \
+         scene, {} for rows, {} for those of bounces",
         baked
             .asset
             .points
@@ -168,6 +177,7 @@ pub fn estimate(
         bytes.len(),
         baked.stats.seconds,
         baked.stats.row_bytes,
+        baked.stats.bounce_row_bytes,
     ));
     drop((baked, bytes));
     estimate.retained = output::resident_bytes().map_or(0, |now| now.saturating_sub(unloaded));
@@ -178,51 +188,88 @@ pub fn estimate(
 ///
 /// Links per point fall as points get denser, because coarse rows say more of finer ones.
 const LINKS_POWER: f64 = 0.775;
-/// Matrices between clusters hold more entries per row where clusters are smaller, and their bytes follow.
-const BOUNCE_POWER: f64 = 1.5;
-const BOUNCE_BYTES_POWER: f64 = 1.45;
+/// Matrices between clusters of the bounce level hold more entries per row where these are more: K, and S, whose rows are
+/// fuller.
+const BOUNCE_POWER: f64 = 1.65;
+const SOLUTION_POWER: f64 = 1.8;
+/// Rows of which K is made: entries of one with the number of those clusters.
+const BOUNCE_ROW_POWER: f64 = 0.8;
 /// Reconstructed rows get longer where senders are smaller.
 const ROWS_POWER: f64 = 1.08;
 /// Rays and bytes of points grow a little less than points.
 const RAYS: f64 = 0.89;
 const POINT_BYTES: f64 = 0.8;
 /// Memory per point (with its functions, grids, receivers and share of the file), per link and per element of a cut
-/// (each in the row that made it, in the asset, and in the file), and per light of the cuts' tree (what 1024 pilots see,
-/// twice).
-const MEMORY_PER_POINT: f64 = 1000.0;
+/// (each in the row that made it, in the asset, and in the file), and per light of the cuts' tree.
+const MEMORY_PER_POINT: f64 = 900.0;
 const MEMORY_PER_LINK: f64 = 32.0;
-const MEMORY_PER_ELEMENT: f64 = 16.0;
-const MEMORY_PER_LIGHT: f64 = 2048.0;
+const MEMORY_PER_ELEMENT: f64 = 10.0;
+const MEMORY_PER_LIGHT: f64 = 512.0;
 
-/// Ratio of the finest level's points to the small bake's. It has two levels more: were points everywhere, each had four
-/// times as many as the one before; where distances are near the size of things, the growth from level to level goes
-/// on as it was.
-fn growth_per_level(counts: &[usize]) -> f64 {
-    match counts {
-        [.., before, last] => (*last as f64 / (*before).max(1) as f64).powf(0.75) * 4.0f64.powf(0.25),
-        _ => 4.0,
+/// Points of the real bake, and how many times the small bake's they are.
+struct Growth {
+    points: f64,
+    /// Of the finest level.
+    finest: f64,
+    /// Of each coarser one, which is the small bake's two levels on.
+    coarser: Vec<f64>,
+}
+
+impl Growth {
+    /// From the counts of the small bake and of all levels but the finest at the real distances.
+    ///
+    /// Were points everywhere, each level had four times as many as the one before; where distances are near the size of
+    /// things, the growth from level to level goes on as it was. The finest level of each run is the one that has points
+    /// in crevices.
+    fn new(small: &[usize], coarser: &[usize]) -> Growth {
+        let count = |counts: &[usize], level: usize| counts.get(level).map_or(1.0, |&n| n.max(1) as f64);
+        let last = small.len().saturating_sub(1);
+        let finest = if last == 0 {
+            // The only level was counted.
+            count(coarser, 0)
+        } else {
+            let step = count(coarser, last - 1) / count(small, last);
+            count(small, last) * step * step.powf(0.75) * 4.0f64.powf(0.25)
+        };
+        // Of the level above the finest only those in the open count.
+        let in_the_open = match last {
+            2.. => count(coarser, last - 2) / count(small, last),
+            _ => 1.0,
+        };
+        let real = |level: usize| count(coarser, level) * if level + 1 == last { in_the_open } else { 1.0 };
+        Growth {
+            points: (0..last).map(real).sum::<f64>() + finest,
+            finest: finest / count(small, last),
+            coarser: (0..last).map(|level| real(level) / count(small, level)).collect(),
+        }
+    }
+
+    fn of_level(&self, level: usize) -> f64 {
+        self.coarser.get(level).copied().unwrap_or(self.finest)
     }
 }
 
-fn scaled(baked: &Baked, bytes: &[u8], written: f64, before: u64) -> Result<Estimate, Failure> {
+fn scaled(
+    params: &BakeParams,
+    baked: &Baked,
+    coarser: &[usize],
+    bytes: &[u8],
+    (written, before): (f64, u64),
+) -> Result<Estimate, Failure> {
     let asset = &baked.asset;
     let counts: Vec<usize> = asset.points.iter().map(|l| l.positions.len()).collect();
-    let growth = growth_per_level(&counts);
-    let finest = counts.last().copied().unwrap_or(0) as f64;
-    let points = counts.iter().skip(2).sum::<usize>() as f64
-        + if counts.len() > 1 { finest * growth } else { 0.0 }
-        + finest * growth * growth;
-    let growth = growth * growth;
+    let growths = Growth::new(&counts, coarser);
+    let growth = growths.finest;
+    let points = growths.points;
     let link_growth = growth.powf(LINKS_POWER);
     let links = asset.transfer.as_ref().map_or(0, |t| t.columns.len()) as f64 * link_growth;
-    let bounce = asset.bounce.as_ref().map_or(0, |b| b.matrix.columns.len())
-        + asset
-            .solution
-            .iter()
-            .flat_map(|s| &s.channels)
-            .map(|c| c.columns.len())
-            .sum::<usize>();
-    let bounce = bounce as f64 * growth.powf(BOUNCE_POWER);
+    let (bounce_level, bounce_receivers) = bounce_levels(counts.len(), params.sender_levels);
+    let clusters = growths.of_level(bounce_level);
+    let (bounce_growth, solution_growth) = (clusters.powf(BOUNCE_POWER), clusters.powf(SOLUTION_POWER));
+    let bounce = asset.bounce.as_ref().map_or(0, |b| b.matrix.columns.len()) as f64 * bounce_growth;
+    let solution = asset.solution.iter().flat_map(|s| &s.channels);
+    let solution = solution.map(|c| c.columns.len()).sum::<usize>() as f64 * solution_growth;
+    let links = links + bounce + solution;
     let elements = asset.cuts.as_ref().map_or(0, |c| c.heights.len()) as f64 * growth;
     let lights = match asset.light_tree.as_ref().map(|t| &t.lights) {
         Some(format::LightSamples::Environment { order }) => order.len(),
@@ -244,25 +291,29 @@ fn scaled(baked: &Baked, bytes: &[u8], written: f64, before: u64) -> Result<Esti
                 "points" => POINT_BYTES * growth,
                 "senders" | "cuts" => growth,
                 "links_transfer" => link_growth,
-                "links_bounce" | "links_solution" => growth.powf(BOUNCE_BYTES_POWER),
+                "links_bounce" => bounce_growth,
+                "links_solution" => solution_growth,
                 _ => 1.0,
             };
     }
     let rows = baked.stats.row_bytes as f64 * growth.powf(ROWS_POWER);
+    let receivers = growths.of_level(bounce_receivers);
+    let bounce_rows = baked.stats.bounce_row_bytes as f64 * receivers * clusters.powf(BOUNCE_ROW_POWER);
     let memory = before as f64
         + MEMORY_PER_POINT * points
-        + MEMORY_PER_LINK * (links + bounce)
+        + MEMORY_PER_LINK * links
         + MEMORY_PER_ELEMENT * elements
         + MEMORY_PER_LIGHT * lights as f64
-        + rows;
+        + rows
+        + bounce_rows;
     let seconds = seconds_of("load")
         + growth * (seconds_of("points") + seconds_of("refine") + seconds_of("cuts") + written)
         // Rows of the solution are as many as clusters, and each as long as the matrix.
-        + growth.powf(1.0 + BOUNCE_POWER) * seconds_of("solve");
+        + clusters.powf(1.0 + SOLUTION_POWER) * seconds_of("solve");
     Ok(Estimate {
         points: points as u64,
         rays: (count("rays") * RAYS * growth) as u64,
-        links: (links + bounce) as u64,
+        links: links as u64,
         seconds,
         bytes: size as u64,
         memory: memory as u64,

@@ -6,7 +6,7 @@ use super::prepare::{
 use super::{Progress, Request, wanted_cuts};
 use crate::cut_sections::{World, cut_part};
 use crate::error::BakeError;
-use crate::refine::{Wanted, most_rays, rows};
+use crate::refine::{RowWatch, Wanted, most_rays, rows};
 use crate::transport::with_refinement;
 use crate::units::Ledger;
 
@@ -66,7 +66,7 @@ pub fn bake_part(
             Portion::Shared => Wanted::coarsest(r, units, r.ranges.total() / 8),
             Portion::Piece { index, of } => Wanted::part(r, units, index, of),
         };
-        progress.stage("refine", Some(0));
+        watch.begin(0);
         rows(r, wanted, stored_vector(params), units, &watch)
     })?;
     if let Some(cuts) = cuts {

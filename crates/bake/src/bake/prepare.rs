@@ -41,6 +41,9 @@ impl Watch<'_> {
 }
 
 impl RowWatch for Watch<'_> {
+    fn begin(&self, most_rays: u64) {
+        self.0.stage("refine", Some(most_rays));
+    }
     fn cast(&self, rays: usize) -> Result<(), BakeError> {
         self.step(rays as u64)
     }
@@ -85,6 +88,24 @@ pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<(Trac
     let (viewpoints, _, _) = viewpoints(&traced, request)?;
     let radius = radius(&traced, request, &viewpoints, Units::none())?.0;
     Ok((traced, radius))
+}
+
+/// Points per level, coarsest first, that a bake would have .
+///
+/// # Errors
+/// As [`bake()`](super::bake()).
+pub fn point_counts(
+    surfaces: &dyn Surfaces,
+    request: &Request,
+    progress: &dyn Progress,
+) -> Result<Vec<usize>, BakeError> {
+    let places = place_points(surfaces, request, Units::none(), progress)?;
+    Ok(places
+        .points
+        .levels
+        .iter()
+        .map(|level| level.points.len())
+        .collect())
 }
 
 pub(super) struct Places {
