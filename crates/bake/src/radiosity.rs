@@ -280,7 +280,7 @@ fn gathered(hits: &[u32], radiosity: &[Vec3]) -> Vec3 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::params::BakeParams;
     use crate::points::distribute;
@@ -294,7 +294,7 @@ mod tests {
     use std::sync::Arc;
 
     /// A hollow implicit ball of radius 1, seen from inside, and its points on three levels.
-    fn hollow(albedo: f32) -> (ImplicitSurface, PointLevels) {
+    pub(crate) fn hollow(albedo: f32) -> (ImplicitSurface, PointLevels) {
         let sdf = Sdf::Sphere {
             center: DVec3::ZERO,
             radius: 1.0,
