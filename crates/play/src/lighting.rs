@@ -47,7 +47,70 @@ fn random_triple(stage: u32, seed: u64, place: usize, light: usize, index: u32) 
     [point.x, point.y, third as f32]
 }
 
-/// Adds `contribution(place, sample)` of one light, where it is not occluded, to `out[place]`, averaged over
+/// Samples that are drawn beforehand of a light that looks the same from everywhere. A map's bright part of some hundred
+/// pixels has each of them some dozens of times.
+const DRAWN: usize = 1 << 14;
+
+/// Samples of one light for many places.
+struct Samples<'a> {
+    lights: &'a LightSet<'a>,
+    light: usize,
+    stage: u32,
+    seed: u64,
+    /// What is drawn once for all places: each takes a run of its own of the sequence, which is evenly spread like all runs
+    /// of it. Drawing from a map costs more than a shadow ray.
+    drawn: Vec<Option<LightSample>>,
+}
+
+impl<'a> Samples<'a> {
+    /// Prepares `samples` of them for each of `places`.
+    fn new(
+        lights: &'a LightSet<'a>,
+        light: usize,
+        (places, samples): (usize, u32),
+        (stage, seed): (u32, u64),
+    ) -> Samples<'a> {
+        let worthwhile = places.saturating_mul(samples as usize) > 2 * DRAWN;
+        let drawn = if lights.is_distant(light) && !lights.is_delta(light) && worthwhile {
+            (0..DRAWN)
+                .into_par_iter()
+                .map(|index| {
+                    lights.sample(
+                        light,
+                        Vec3::ZERO,
+                        random_triple(stage, seed, 0, light, index as u32),
+                    )
+                })
+                .collect()
+        } else {
+            Vec::new()
+        };
+        Samples {
+            lights,
+            light,
+            stage,
+            seed,
+            drawn,
+        }
+    }
+
+    /// The `index`-th sample of a place at `position`.
+    fn at(&self, place: usize, position: Vec3, index: u32) -> Option<LightSample> {
+        let (stage, seed, light) = (self.stage, self.seed, self.light);
+        if self.lights.is_delta(light) {
+            return self.lights.sample(light, position, [0.0; 3]);
+        }
+        if self.drawn.is_empty() {
+            let random = random_triple(stage, seed, place, light, index);
+            return self.lights.sample(light, position, random);
+        }
+        let mut stream = Stream::new(seed, stage ^ ((light as u32) << 8), place as u64);
+        let start = (stream.uniform() * DRAWN as f32) as usize;
+        self.drawn[(start + index as usize) % DRAWN]
+    }
+}
+
+/// Adds `contribution(place, sample)` of one light, where its direction `is_above` the place and not occluded, to `out[place]`, averaged over
 /// `samples` samples (one for lights without extent). Places without a hit get nothing.
 fn add_light<D, P>(
     scene: &TracedScene,
@@ -56,6 +119,7 @@ fn add_light<D, P>(
     hits: &[Option<SurfaceHit>],
     samples: u32,
     (stage, seed): (u32, u64),
+    is_above: impl Fn(usize, Vec3) -> bool + Sync,
     contribution: impl Fn(usize, &LightSample) -> Vec3 + Sync,
     reflection: &Reflection<D, P>,
     out: &mut [Vec3],
@@ -71,42 +135,37 @@ fn add_light<D, P>(
     };
     // Expected samples per steradian of both kinds, over those of the light's own.
     let (own, other) = (samples as f32, reflected as f32);
+    let drawn = Samples::new(lights, light, (out.len(), samples), (stage, seed));
     out.par_chunks_mut(PACKET).enumerate().for_each_init(
         || (Vec::new(), Vec::new(), Vec::new()),
-        |(rays, targets, occluded): &mut (Vec<Ray>, Vec<(usize, Vec3)>, Vec<bool>), (chunk, out)| {
+        |(rays, targets, occluded): &mut (Vec<Ray>, Vec<(usize, LightSample)>, Vec<bool>), (chunk, out)| {
             for index in 0..samples {
                 rays.clear();
                 targets.clear();
                 for local in 0..out.len() {
                     let place = chunk * PACKET + local;
                     let Some(hit) = &hits[place] else { continue };
-                    let random = if samples == 1 && lights.is_delta(light) {
-                        [0.0; 3]
-                    } else {
-                        random_triple(stage, seed, place, light, index)
-                    };
-                    let Some(sample) = lights.sample(light, hit.position, random) else {
+                    let Some(sample) = drawn.at(place, hit.position, index) else {
                         continue;
                     };
-                    let part = contribution(place, &sample);
-                    if part.max_element() > 0.0 {
-                        let weight = if reflected > 0 {
-                            let density = (reflection.density)(place, sample.direction);
-                            1.0 / (1.0 + other * density / (own * sample.pdf))
-                        } else {
-                            1.0
-                        };
+                    if sample.radiance_over_pdf.max_element() > 0.0 && is_above(place, sample.direction) {
                         rays.push(shadow_ray(scene, hit, &sample));
-                        targets.push((local, part * (weight / own)));
+                        targets.push((local, sample));
                     }
                 }
                 occluded.clear();
                 occluded.resize(rays.len(), false);
                 scene.occluded_packet(rays, occluded);
-                for (&(local, part), &dark) in targets.iter().zip(occluded.iter()) {
-                    if !dark {
-                        out[local] += part;
-                    }
+                // What is reflected is asked last: a reflection can cost as much as a shadow ray, and many see nothing.
+                for ((local, sample), _) in targets.iter().zip(occluded.iter()).filter(|(_, dark)| !**dark) {
+                    let place = chunk * PACKET + local;
+                    let weight = if reflected > 0 {
+                        let density = (reflection.density)(place, sample.direction);
+                        1.0 / (1.0 + other * density / (own * sample.pdf))
+                    } else {
+                        1.0
+                    };
+                    out[*local] += contribution(place, sample) * (weight / own);
                 }
             }
             for index in 0..reflected {
@@ -176,6 +235,11 @@ pub fn irradiance_at(
     out: &mut [Vec3],
 ) {
     let spread = lights.is_delta(light) && footprint > 0.0;
+    let is_above = |place: usize, direction: Vec3| {
+        hits[place]
+            .as_ref()
+            .is_some_and(|hit| hit.normal.dot(direction) > 0.0 && hit.geometric_normal.dot(direction) > 0.0)
+    };
     let contribution = |place: usize, sample: &LightSample| {
         hits[place].as_ref().map_or(Vec3::ZERO, |hit| {
             let cosine = hit.normal.dot(sample.direction);
@@ -208,6 +272,7 @@ pub fn irradiance_at(
         hits,
         samples,
         (STAGE_POINTS, seed),
+        is_above,
         contribution,
         &reflection,
         out,
@@ -227,6 +292,11 @@ pub fn reflected_at(
     seed: u64,
     out: &mut [Vec3],
 ) {
+    let is_above = |place: usize, direction: Vec3| {
+        points[place].as_ref().is_some_and(|point| {
+            point.shading_normal.dot(direction) > 0.0 && point.geometric_normal.dot(direction) > 0.0
+        })
+    };
     let contribution = |place: usize, sample: &LightSample| {
         points[place].as_ref().map_or(Vec3::ZERO, |point| {
             let cosine = point.shading_normal.dot(sample.direction);
@@ -252,6 +322,7 @@ pub fn reflected_at(
         hits,
         samples,
         (STAGE_PIXELS, seed),
+        is_above,
         contribution,
         &reflection,
         out,

@@ -476,6 +476,14 @@ impl<'a> LightSet<'a> {
         )
     }
 
+    /// Whether a light looks the same from everywhere: its samples do not depend on the place.
+    pub fn is_distant(&self, light: usize) -> bool {
+        matches!(
+            self.lights[light].shape,
+            Shape::Directional { .. } | Shape::Environment(_) | Shape::SunSky { .. }
+        )
+    }
+
     /// Whether a light is the scene's own emissive surfaces, which rays meet.
     pub fn is_emissive(&self, light: usize) -> bool {
         matches!(self.lights[light].shape, Shape::Emissive { .. })
