@@ -39,12 +39,16 @@ struct Reflection<D, P> {
 
 /// The `index`-th random triple of a place: evenly spread over a place's samples, shifted from place to place.
 fn random_triple(stage: u32, seed: u64, place: usize, light: usize, index: u32) -> [f32; 3] {
-    let mut stream = Stream::new(seed, stage ^ ((light as u32) << 8), place as u64);
+    let mut stream = random_stream(stage, seed, place, light);
     let start = Vec2::new(stream.uniform(), stream.uniform());
     let point = r2(index, start);
     // The third number picks a triangle or the sun: the golden ratio's own sequence.
     let third = (f64::from(stream.uniform()) + f64::from(index) * 0.618_033_988_749_894_8).fract();
     [point.x, point.y, third as f32]
+}
+
+fn random_stream(stage: u32, seed: u64, place: usize, light: usize) -> Stream {
+    Stream::new(seed, stage ^ ((light as u32) << 8), place as u64)
 }
 
 /// Samples that are drawn beforehand of a light that looks the same from everywhere. A map's bright part of some hundred
@@ -74,13 +78,8 @@ impl<'a> Samples<'a> {
         let drawn = if lights.is_distant(light) && !lights.is_delta(light) && worthwhile {
             (0..DRAWN)
                 .into_par_iter()
-                .map(|index| {
-                    lights.sample(
-                        light,
-                        Vec3::ZERO,
-                        random_triple(stage, seed, 0, light, index as u32),
-                    )
-                })
+                .map(|index| random_triple(stage, seed, 0, light, index as u32))
+                .map(|random| lights.sample(light, Vec3::ZERO, random))
                 .collect()
         } else {
             Vec::new()
@@ -104,13 +103,14 @@ impl<'a> Samples<'a> {
             let random = random_triple(stage, seed, place, light, index);
             return self.lights.sample(light, position, random);
         }
-        let mut stream = Stream::new(seed, stage ^ ((light as u32) << 8), place as u64);
+        let mut stream = random_stream(stage, seed, place, light);
         let start = (stream.uniform() * DRAWN as f32) as usize;
         self.drawn[(start + index as usize) % DRAWN]
     }
 }
 
-/// Adds `contribution(place, sample)` of one light, where its direction `is_above` the place and not occluded, to `out[place]`, averaged over
+/// Adds `contribution(place, sample)` of one light, where its direction `is_above` the place and not occluded, to
+/// `out[place]`, averaged over
 /// `samples` samples (one for lights without extent). Places without a hit get nothing.
 fn add_light<D, P>(
     scene: &TracedScene,
@@ -176,6 +176,9 @@ fn add_light<D, P>(
                     let Some((direction, density)) = (reflection.draw)(place, random) else {
                         continue;
                     };
+                    if !is_above(place, direction) {
+                        continue;
+                    }
                     let ray = ray_from(hit, direction);
                     let met = scene.closest_hit(&ray);
                     light_met(
@@ -243,10 +246,7 @@ pub fn irradiance_at(
     let contribution = |place: usize, sample: &LightSample| {
         hits[place].as_ref().map_or(Vec3::ZERO, |hit| {
             let cosine = hit.normal.dot(sample.direction);
-            let above = hit.geometric_normal.dot(sample.direction) > 0.0;
-            if !above || cosine <= 0.0 {
-                Vec3::ZERO
-            } else if spread && sample.distance.is_finite() {
+            if spread && sample.distance.is_finite() {
                 sample.radiance_over_pdf * cosine_over(footprint, sample.distance, cosine)
             } else {
                 sample.radiance_over_pdf * cosine
@@ -300,9 +300,6 @@ pub fn reflected_at(
     let contribution = |place: usize, sample: &LightSample| {
         points[place].as_ref().map_or(Vec3::ZERO, |point| {
             let cosine = point.shading_normal.dot(sample.direction);
-            if cosine <= 0.0 {
-                return Vec3::ZERO;
-            }
             bsdf::eval(point, views[place], sample.direction) * sample.radiance_over_pdf * cosine
         })
     };
@@ -332,6 +329,64 @@ pub fn reflected_at(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::many_lights::tests::{level, matt, sky, traced};
+    use relight_scene::light::LightKind;
+    use relight_scene::light_set::{LightRig, NoEmitters};
+
+    /// Truth: the integral of radiance times cosine over the map, pixel by pixel. Tolerance: three standard errors of the few
+    /// places' mean, from their own spread. Samples drawn for all places together must spread no more than a place's own.
+    #[test]
+    fn a_sky_lights_a_floor_alike_whether_samples_are_drawn_for_each_place_or_for_all() {
+        let scene = traced(vec![level(1.0, 0.0, 0)], vec![matt(0.5, 0.0)]);
+        let tracks = [sky()];
+        let rig = LightRig::new(&NoEmitters, &tracks).unwrap();
+        let lights = rig.at(0.0);
+        let samples = 8;
+        let lit = |side: usize| -> Vec<f64> {
+            let at = |k: usize| 1.8 * ((k as f32 + 0.5) / side as f32 - 0.5);
+            let down = |i: usize| Ray {
+                origin: Vec3::new(at(i % side), 1.0, at(i / side)),
+                direction: Vec3::NEG_Y,
+                t_min: 0.0,
+                t_max: f32::INFINITY,
+            };
+            let hits: Vec<_> = (0..side * side).map(|i| scene.closest_hit(&down(i))).collect();
+            let mut out = vec![Vec3::ZERO; hits.len()];
+            irradiance_at(&scene, &lights, 0, &hits, 0.0, samples, 1, &mut out);
+            out.iter().map(|e| f64::from(e.x)).collect()
+        };
+        let LightKind::Environment { map, .. } = &tracks[0].kind else {
+            unreachable!("a sky is an environment")
+        };
+        // Far finer than the map's pixels.
+        let (columns, rows) = (512, 256);
+        let mut truth = 0.0;
+        for row in 0..rows / 2 {
+            let v = (f64::from(row) + 0.5) / f64::from(rows);
+            let (sin, cos) = (std::f64::consts::PI * v).sin_cos();
+            let angle =
+                sin * std::f64::consts::PI / f64::from(rows) * std::f64::consts::TAU / f64::from(columns);
+            for column in 0..columns {
+                let u = (column as f32 + 0.5) / columns as f32;
+                truth += f64::from(map.at([u, v as f32]).x) * cos * angle;
+            }
+        }
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let spread =
+            |values: &[f64]| mean(&values.iter().map(|e| (e - truth).powi(2)).collect::<Vec<_>>()).sqrt();
+        let (few, many) = (lit(40), lit(100));
+        assert!(few.len() * 8 <= 2 * DRAWN && many.len() * 8 > 2 * DRAWN);
+        let tolerance = 3.0 * spread(&few) / (few.len() as f64).sqrt();
+        assert!(tolerance < 0.03 * truth, "{tolerance} of {truth}");
+        assert!((mean(&few) - truth).abs() < tolerance, "{} {truth}", mean(&few));
+        assert!((mean(&many) - truth).abs() < tolerance, "{} {truth}", mean(&many));
+        assert!(
+            spread(&many) < 1.2 * spread(&few),
+            "{} {}",
+            spread(&many),
+            spread(&few)
+        );
+    }
 
     /// Truth: a lamp of 1 W/sr above a plane sends 2π down, however near it hangs. A square lattice of points, each for its
     /// square; the mean over places of the lamp between them is the integral over the plane. Tolerance: what lies beyond

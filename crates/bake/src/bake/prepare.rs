@@ -90,7 +90,7 @@ pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<(Trac
     Ok((traced, radius))
 }
 
-/// Points per level, coarsest first, that a bake would have .
+/// Points per level, coarsest first, that a bake has.
 ///
 /// # Errors
 /// As [`bake()`](super::bake()).
