@@ -51,7 +51,7 @@ fn random_stream(stage: u32, seed: u64, place: usize, light: usize) -> Stream {
     Stream::new(seed, stage ^ ((light as u32) << 8), place as u64)
 }
 
-/// Samples that are drawn beforehand of a light that looks the same from everywhere. A map's bright part of some hundred
+/// Samples that are drawn beforehand of a light that comes from all around. A map's bright part of some hundred
 /// pixels has each of them some dozens of times.
 const DRAWN: usize = 1 << 14;
 
@@ -75,7 +75,7 @@ impl<'a> Samples<'a> {
         (stage, seed): (u32, u64),
     ) -> Samples<'a> {
         let worthwhile = places.saturating_mul(samples as usize) > 2 * DRAWN;
-        let drawn = if lights.is_distant(light) && !lights.is_delta(light) && worthwhile {
+        let drawn = if lights.is_distant(light) && worthwhile {
             (0..DRAWN)
                 .into_par_iter()
                 .map(|index| random_triple(stage, seed, 0, light, index as u32))
@@ -110,8 +110,7 @@ impl<'a> Samples<'a> {
 }
 
 /// Adds `contribution(place, sample)` of one light, where its direction `is_above` the place and not occluded, to
-/// `out[place]`, averaged over
-/// `samples` samples (one for lights without extent). Places without a hit get nothing.
+/// `out[place]`, averaged over `samples` samples (one for lights without extent). Places without a hit get nothing.
 fn add_light<D, P>(
     scene: &TracedScene,
     lights: &LightSet,

@@ -476,11 +476,11 @@ impl<'a> LightSet<'a> {
         )
     }
 
-    /// Whether a light looks the same from everywhere: its samples do not depend on the place.
+    /// Whether a light comes from all around, as [`LightTrack::is_distant`] has it: its samples do not depend on the place.
     pub fn is_distant(&self, light: usize) -> bool {
         matches!(
             self.lights[light].shape,
-            Shape::Directional { .. } | Shape::Environment(_) | Shape::SunSky { .. }
+            Shape::Environment(_) | Shape::SunSky { .. }
         )
     }
 
