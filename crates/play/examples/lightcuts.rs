@@ -69,8 +69,11 @@ impl Clock {
     }
 }
 
-/// Light evaluations that every light at every pixel may take: a second or two.
-const BUDGET: f64 = 4e6;
+/// Light evaluations that every light at every pixel may take: some seconds.
+const BUDGET: f64 = 2e7;
+
+/// Trees that the errors of [`Study::doubt`] are means of.
+const SEEDS: u64 = 4;
 
 struct Study<'a> {
     scene: &'a TracedScene,
@@ -142,17 +145,22 @@ impl Study<'_> {
 
     fn scaling(&self, counts: &[u32], virtuals: bool) -> Result<(), Box<dyn Error>> {
         println!(
-            "| lights | build s | cuts s | nodes | rays | limited | image for all | cuts µs/px | all µs/px | × | \
+            "| lights | doubt | build s | cuts s | nodes | rays | limited | image for all | cuts µs/px | all µs/px | × | \
              packets × | rays of all | Ward µs/px | Ward rays | within 2 % | mean error | rms |"
         );
-        println!("{}", "| --- ".repeat(17) + "|");
-        for &count in counts {
+        println!("{}", "| --- ".repeat(18) + "|");
+        let both = [f32::INFINITY, LightcutSettings::default().doubt];
+        for (&count, doubt) in counts.iter().flat_map(|count| both.map(|doubt| (count, doubt))) {
+            let settings = LightcutSettings {
+                doubt,
+                ..Self::settings()
+            };
             let points = self.points(count, virtuals);
             let start = Clock::start();
             let clusters = lightcuts::trees(self.scene, &points, false, 0);
             let built = start.seconds();
             let start = Clock::start();
-            let (_, full) = self.cuts(&points, &clusters, self.size, &Self::settings())?;
+            let (_, full) = self.cuts(&points, &clusters, self.size, &settings)?;
             let seconds = start.seconds();
 
             let pixels = (self.size.width * self.size.height) as f64;
@@ -167,7 +175,7 @@ impl Study<'_> {
             let mut last = None;
             for _ in 0..3 {
                 let start = Clock::start();
-                let cuts = self.cuts(&points, &clusters, small, &Self::settings())?;
+                let cuts = self.cuts(&points, &clusters, small, &settings)?;
                 by_cuts.push(start.seconds() * 1e6 / pixels);
                 let all = |packets| -> Result<_, Box<dyn Error>> {
                     let settings = PointsSettings {
@@ -203,7 +211,7 @@ impl Study<'_> {
             let error = Difference::between(&image, &reference);
             let full_pixels = (self.size.width * self.size.height) as f64;
             println!(
-                "| {} | {built:.2} | {seconds:.2} | {:.0} | {:.0} | {:.2} % | {}x{} | {cuts:.1} | {all:.1} | {:.1} | {:.1} | {:.0} | \
+                "| {} | {doubt} | {built:.2} | {seconds:.2} | {:.0} | {:.0} | {:.2} % | {}x{} | {cuts:.1} | {all:.1} | {:.1} | {:.1} | {:.0} | \
                  {ward:.1} | {:.0} | {:.2} % | {:+.3} % | {:.3} % |",
                 points.len(),
                 full.nodes as f64 / full_pixels,
@@ -349,7 +357,10 @@ impl Study<'_> {
         let pixels = (self.size.width * self.size.height) as f64;
         for &count in counts {
             let points = self.points(count, false);
-            let clusters = lightcuts::trees(self.scene, &points, false, 0);
+            // Representatives are drawn once for all pixels: other seeds say what of an error is theirs.
+            let trees: Vec<LightClusters> = (0..SEEDS)
+                .map(|seed| lightcuts::trees(self.scene, &points, false, seed))
+                .collect();
             let settings = PointsSettings {
                 spp: 1,
                 seed: 0,
@@ -370,18 +381,27 @@ impl Study<'_> {
                     doubt,
                     ..Self::settings()
                 };
+                let [mut nodes, mut rays, mut within, mut mean, mut squares] = [0.0; 5];
                 let start = Clock::start();
-                let (image, stats) = self.cuts(&points, &clusters, self.size, &settings)?;
-                let seconds = start.seconds();
-                let error = Difference::between(&image, &reference);
+                for clusters in &trees {
+                    let (image, stats) = self.cuts(&points, clusters, self.size, &settings)?;
+                    let error = Difference::between(&image, &reference);
+                    nodes += stats.nodes as f64 / pixels;
+                    rays += stats.shadow_rays as f64 / pixels;
+                    within += error.within;
+                    mean += error.mean;
+                    squares += error.rms * error.rms;
+                }
+                let n = SEEDS as f64;
                 println!(
-                    "| {} | {doubt} | {:.0} | {:.0} | {seconds:.2} | {:.2} % | {:+.3} % | {:.3} % |",
+                    "| {} | {doubt} | {:.0} | {:.0} | {:.2} | {:.2} % | {:+.3} % | {:.3} % |",
                     points.len(),
-                    stats.nodes as f64 / pixels,
-                    stats.shadow_rays as f64 / pixels,
-                    100.0 * error.within,
-                    100.0 * error.mean,
-                    100.0 * error.rms,
+                    nodes / n,
+                    rays / n,
+                    start.seconds() / n,
+                    100.0 * within / n,
+                    100.0 * mean / n,
+                    100.0 * (squares / n).sqrt(),
                 );
             }
         }

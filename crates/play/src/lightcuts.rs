@@ -14,6 +14,7 @@
 mod blocks;
 pub(crate) mod cut;
 mod gather;
+mod hidden;
 mod sample;
 mod tightness;
 
@@ -64,7 +65,7 @@ impl Default for LightcutSettings {
         LightcutSettings {
             spp: 4,
             error_ratio: 0.02,
-            doubt: 0.07,
+            doubt: 0.05,
             max_nodes: 1000,
             seed: 0,
             light_layers: false,

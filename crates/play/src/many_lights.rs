@@ -183,6 +183,11 @@ impl PointLights {
         i >= self.direct
     }
 
+    /// Whether shadow rays end at the lights: those to spherical lights end where they meet the sphere.
+    pub(crate) fn rays_end_at_lights(&self) -> bool {
+        self.spheres.is_empty()
+    }
+
     /// Adds a light unless it is dark or beyond what f32 holds.
     fn push(&mut self, light: PointLight, source: u32, end: End) {
         if light.intensity.is_finite() && light.intensity.max_element() > 0.0 {

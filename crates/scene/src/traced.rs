@@ -9,6 +9,7 @@
 //! triangle's front is always where its vertices run counter-clockwise in world space.
 
 mod lookup;
+mod occluders;
 mod prepare;
 #[cfg(test)]
 mod tests;
@@ -21,9 +22,11 @@ use crate::scene::{Mesh, Scene};
 use crate::surface::{SurfaceHit, Surfaces};
 use crate::texture::DecodedTexture;
 use glam::{Mat3A, Vec3};
-use std::sync::Arc;
+use occluders::Occluders;
+use std::sync::{Arc, OnceLock};
 
 pub(crate) use lookup::Corner;
+pub use occluders::{BULGE, FlatPiece};
 
 /// How materials are evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,6 +105,17 @@ pub struct TracedScene {
     emissive: Arc<[u32]>,
     /// All instances are opaque.
     opaque: bool,
+    /// Made when first asked for.
+    occluders: Arc<OnceLock<Occluders>>,
+}
+
+/// What stops a ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// A triangle that no ray passes.
+    Opaque(u32),
+    /// A triangle that other rays pass.
+    Other,
 }
 
 impl TracedScene {
@@ -259,6 +273,35 @@ impl TracedScene {
         };
         let point = surface_point(&self.bvh, &hit);
         self.hit_on(&hit, &point, |_| front)
+    }
+
+    /// What stops a ray, not always what it meets first: `None` where [`Surfaces::occluded`] says no.
+    pub fn stop(&self, ray: &Ray) -> Option<Stop> {
+        if self.opaque {
+            let hit = self.bvh.some_hit_where(ray, |_| true)?;
+            return Some(Stop::Opaque(hit.triangle));
+        }
+        let hit = self.bvh.some_hit_where(ray, |hit| self.stops(ray, hit))?;
+        Some(if self.traced_instance(hit.triangle).opaque {
+            Stop::Opaque(hit.triangle)
+        } else {
+            Stop::Other
+        })
+    }
+
+    /// Calls `with` with the largest known flat and convex piece of opaque surface that an opaque triangle is part of.
+    pub fn with_flat_piece<R>(&self, triangle: u32, with: impl FnOnce(FlatPiece<'_>) -> R) -> R {
+        match self
+            .occluders
+            .get_or_init(|| Occluders::new(self))
+            .piece(triangle)
+        {
+            Some(piece) => with(piece),
+            None => with(FlatPiece {
+                corners: &self.triangle_positions(triangle),
+                slack: 0.0,
+            }),
+        }
     }
 
     fn traced_instance(&self, triangle: u32) -> &TracedInstance {

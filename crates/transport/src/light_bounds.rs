@@ -9,7 +9,7 @@
 
 use crate::light_clusters::{ClusterEmission, ClusterNode};
 use crate::sampling::Frame;
-use glam::Vec3;
+use glam::{Mat3A, Vec3, Vec3A};
 
 /// What a bound is loosened by, relatively: sums of a dozen f32 roundings.
 const LOOSE: f32 = 1.0 + 4e-6;
@@ -20,9 +20,9 @@ const SINE_ROUNDING: f32 = 1.5e-6;
 #[derive(Clone, Copy, Debug)]
 pub struct LightBox {
     /// Middle.
-    pub centre: Vec3,
+    pub centre: Vec3A,
     /// Half extents, not negative.
-    pub half: Vec3,
+    pub half: Vec3A,
     /// All vectors in it are unit vectors.
     pub unit: bool,
 }
@@ -30,24 +30,36 @@ pub struct LightBox {
 /// A unit axis and all that equation 4 needs of it, to be used with many boxes.
 #[derive(Clone, Copy, Debug)]
 pub struct Axis {
-    frame: Frame,
-    sizes: [Vec3; 3],
+    /// To a frame whose third axis it is.
+    local_from_world: Mat3A,
+    /// The same with all elements' sizes.
+    sizes: Mat3A,
 }
 
 impl Axis {
     /// Of a unit vector.
     #[inline]
     pub fn new(direction: Vec3) -> Axis {
-        let frame = Frame::around(direction);
+        let Frame {
+            tangent: t,
+            bitangent: b,
+            normal: n,
+        } = Frame::around(direction);
+        let local_from_world = Mat3A::from_cols(
+            Vec3A::new(t.x, b.x, n.x),
+            Vec3A::new(t.y, b.y, n.y),
+            Vec3A::new(t.z, b.z, n.z),
+        );
         Axis {
-            sizes: [frame.tangent.abs(), frame.bitangent.abs(), frame.normal.abs()],
-            frame,
+            local_from_world,
+            sizes: local_from_world.abs(),
         }
     }
 
     /// The unit vector itself.
     pub fn direction(&self) -> Vec3 {
-        self.frame.normal
+        let m = &self.local_from_world;
+        Vec3::new(m.x_axis.z, m.y_axis.z, m.z_axis.z)
     }
 }
 
@@ -65,9 +77,9 @@ impl LightBox {
     #[inline]
     pub fn new(node: &ClusterNode, emission: ClusterEmission, x: Vec3) -> LightBox {
         let unit = emission == ClusterEmission::Directional;
-        let origin = if unit { Vec3::ZERO } else { x };
+        let origin = if unit { Vec3A::ZERO } else { x.into() };
         // Differences first: near a light far from the origin the digits are in them.
-        let (low, high) = (node.low - origin, node.high - origin);
+        let (low, high) = (Vec3A::from(node.low) - origin, Vec3A::from(node.high) - origin);
         LightBox {
             centre: (low + high) * 0.5,
             half: (high - low) * 0.5,
@@ -78,25 +90,21 @@ impl LightBox {
     /// Smallest squared length of a vector in it.
     #[inline]
     pub fn nearest_squared(&self) -> f32 {
-        (self.centre.abs() - self.half).max(Vec3::ZERO).length_squared()
+        (self.centre.abs() - self.half).max(Vec3A::ZERO).length_squared()
     }
 
     /// Smallest angle with the axis, equation 4.
     #[inline]
     pub fn angle(&self, axis: &Axis) -> Angle {
-        let centre =
-            [axis.frame.tangent, axis.frame.bitangent, axis.frame.normal].map(|v| v.dot(self.centre));
-        let half = axis.sizes.map(|v| v.dot(self.half));
-        let height = centre[2] + half[2];
-        let across2 = if height >= 0.0 {
-            let x = (centre[0].abs() - half[0]).max(0.0);
-            let y = (centre[1].abs() - half[1]).max(0.0);
-            x * x + y * y
+        let centre = axis.local_from_world * self.centre;
+        let half = axis.sizes * self.half;
+        let height = centre.z + half.z;
+        let across = if height >= 0.0 {
+            (centre.abs() - half).max(Vec3A::ZERO)
         } else {
-            let x = centre[0].abs() + half[0];
-            let y = centre[1].abs() + half[1];
-            x * x + y * y
+            centre.abs() + half
         };
+        let across2 = across.x * across.x + across.y * across.y;
         let length = (across2 + height * height).sqrt();
         let (mut cos, mut sin) = (height / length, across2.sqrt() / length);
         if length.is_nan() || length <= 0.0 || length == f32::INFINITY {

@@ -2,14 +2,15 @@
 //!
 //! Source: Walter et al. 2005, section 3, "Choosing lightcuts", and section 5 (clamping of virtual lights).
 
+use super::hidden::hides;
 use crate::direct::reflected;
 use crate::lighting::cosine_over;
 use crate::many_lights::{PointLights, clamp_limit, clamped};
 use glam::{DVec3, Vec3};
 use relight_scene::bsdf::bounds::ReflectionBound;
 use relight_scene::shading::ShadingPoint;
-use relight_scene::surface::{SurfaceHit, Surfaces};
-use relight_scene::traced::TracedScene;
+use relight_scene::surface::SurfaceHit;
+use relight_scene::traced::{Stop, TracedScene};
 use relight_transport::light_bounds::{Axis, LightBox, geometric_bound};
 use relight_transport::light_clusters::LightClusters;
 use relight_transport::point_light::Emission;
@@ -47,6 +48,15 @@ impl<'a> Receiver<'a> {
         self
     }
 
+    /// A node's lights as seen from here.
+    fn sees(&self, clusters: &LightClusters, node: u32) -> LightBox {
+        LightBox::new(
+            &clusters.nodes[node as usize],
+            clusters.emission(node),
+            self.hit.position,
+        )
+    }
+
     /// Most that a node's lights can be reflected by, in all and the largest channel: radiance. Infinite near a
     /// cluster, 0 where none of its light is reflected.
     #[inline]
@@ -78,41 +88,67 @@ pub(crate) struct Lit<'a> {
     pub max_nodes: usize,
 }
 
+/// A light's effect on a receiver.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Term {
+    /// Radiance per unit of the light's intensity: M G V of the paper's equation 1.
+    pub radiance: Vec3,
+    /// The opaque triangle that hides it; `None` also where it sends nothing for other reasons.
+    hidden_by: Option<u32>,
+}
+
+impl Term {
+    const DARK: Term = Term {
+        radiance: Vec3::ZERO,
+        hidden_by: None,
+    };
+}
+
 impl Lit<'_> {
-    /// Radiance by light `i` per unit of its intensity, shadow ray included: M G V of the paper's equation 1.
-    pub fn term(&self, i: u32, receiver: &Receiver<'_>, shadow_rays: &mut u64) -> Vec3 {
+    /// What light `i` gives, shadow ray included.
+    pub fn term(&self, i: u32, receiver: &Receiver<'_>, shadow_rays: &mut u64) -> Term {
         let Receiver { hit, point, wo, .. } = *receiver;
         let light = &self.points.lights[i as usize];
         let Some(arrival) = light.arrival(hit.position) else {
-            return Vec3::ZERO;
+            return Term::DARK;
         };
         let reflected = reflected(point, wo, arrival.direction);
         let stands_for_more = receiver.footprint > 0.0;
         if reflected == Vec3::ZERO || stands_for_more && hit.geometric_normal.dot(arrival.direction) <= 0.0 {
-            return Vec3::ZERO;
+            return Term::DARK;
         }
         let Some(ray) = self.points.shadow_ray(i as usize, hit) else {
-            return Vec3::ZERO;
+            return Term::DARK;
         };
         *shadow_rays += 1;
-        if self.scene.occluded(&ray) {
-            return Vec3::ZERO;
+        if let Some(stop) = self.scene.stop(&ray) {
+            let sure = self.points.rays_end_at_lights();
+            return Term {
+                radiance: Vec3::ZERO,
+                hidden_by: match stop {
+                    Stop::Opaque(triangle) if sure => Some(triangle),
+                    _ => None,
+                },
+            };
         }
+        let mut radiance = reflected * arrival.factor;
         if stands_for_more && light.emission != Emission::Directional {
             let distance = hit.position.distance(light.position);
             let cosine = point.shading_normal.dot(arrival.direction);
-            let spread = cosine_over(receiver.footprint, distance, cosine) / cosine;
-            return reflected * (arrival.factor * spread);
+            radiance *= cosine_over(receiver.footprint, distance, cosine) / cosine;
         }
-        reflected * arrival.factor
+        Term {
+            radiance,
+            hidden_by: None,
+        }
     }
 
     /// Equation 2: a cluster's light, all of it as its representative's.
     #[inline]
-    pub fn estimate(&self, node: u32, term: Vec3) -> Vec3 {
+    pub fn estimate(&self, node: u32, term: Term) -> Vec3 {
         let intensity = self.clusters.nodes[node as usize].intensity;
         // In f64: an intensity of 1e20 near by would overflow on the way.
-        let radiance = (term.as_dvec3() * intensity.as_dvec3()).as_vec3();
+        let radiance = (term.radiance.as_dvec3() * intensity.as_dvec3()).as_vec3();
         if radiance.is_finite() {
             radiance
         } else {
@@ -123,7 +159,7 @@ impl Lit<'_> {
 
 impl Lit<'_> {
     /// A node's estimate; virtual lights that stand alone are clamped to `limit`.
-    pub fn clamped(&self, node: u32, term: Vec3, limit: f32) -> Vec3 {
+    pub fn clamped(&self, node: u32, term: Term, limit: f32) -> Vec3 {
         let radiance = self.estimate(node, term);
         let light = self.clusters.nodes[node as usize].representative as usize;
         if self.points.is_virtual(light) && self.clusters.children(node).is_none() {
@@ -146,8 +182,8 @@ pub(crate) struct CutNode {
     pub root: u32,
     /// Place among [`Cut::slots`], if they are kept.
     pub slot: u32,
-    /// What [`Lit::term`] is for the representative.
-    pub term: Vec3,
+    /// Of the representative.
+    pub term: Term,
 }
 
 impl PartialEq for CutNode {
@@ -175,6 +211,15 @@ pub(crate) struct Slot {
     pub node: u32,
     /// Place of the first child; 0 of nodes on the cut, and of those that can send nothing.
     pub children: u32,
+}
+
+/// What a node knows from the one above it.
+#[derive(Clone, Copy, Default)]
+struct Above {
+    /// The representative's term, if they share it.
+    known: Option<Term>,
+    /// What hides the other's representative.
+    hidden_by: Option<u32>,
 }
 
 /// What is left of the doubt about a node for its children, at least: less than the half that their light is, so that a
@@ -212,7 +257,8 @@ impl Cut {
         self.total = DVec3::ZERO;
         self.size = lit.clusters.roots.len();
         for (root, start) in lit.clusters.roots.iter().enumerate() {
-            let node = self.look(lit, receiver, start.node, root as u32, None, shadow_rays);
+            let above = Above::default();
+            let node = self.look(lit, receiver, start.node, root as u32, above, shadow_rays);
             self.put(lit, node);
         }
         let mut largest = self.total.max_element();
@@ -233,8 +279,11 @@ impl Cut {
             let representative = lit.clusters.nodes[top.node as usize].representative;
             let [mut a, mut b] = children.map(|child| {
                 let shared = lit.clusters.nodes[child as usize].representative == representative;
-                let known = shared.then_some(top.term);
-                self.look(lit, receiver, child, top.root, known, shadow_rays)
+                let above = Above {
+                    known: shared.then_some(top.term),
+                    hidden_by: top.term.hidden_by,
+                };
+                self.look(lit, receiver, child, top.root, above, shadow_rays)
             });
             let before = lit.estimate(top.node, top.term);
             let after = lit.estimate(a.node, a.term) + lit.estimate(b.node, b.term);
@@ -265,48 +314,59 @@ impl Cut {
             .sum();
     }
 
-    /// A node's estimate and bound; `known` is its representative's term.
+    /// A node's estimate and bound.
     fn look(
         &mut self,
         lit: &Lit<'_>,
         receiver: &Receiver<'_>,
         node: u32,
         root: u32,
-        known: Option<Vec3>,
+        above: Above,
         shadow_rays: &mut u64,
     ) -> CutNode {
         let slot = self.slots.len() as u32;
         if self.keep {
             self.slots.push(Slot { node, children: 0 });
         }
-        let leaf = lit.clusters.children(node).is_none();
-        let error = if leaf {
-            0.0
-        } else {
-            receiver.node_bound(lit.clusters, node)
-        };
-        // What can send nothing needs no ray.
-        let term = if !leaf && error <= 0.0 {
-            Vec3::ZERO
-        } else {
-            let representative = lit.clusters.nodes[node as usize].representative;
-            known.unwrap_or_else(|| lit.term(representative, receiver, shadow_rays))
-        };
-        CutNode {
-            error,
+        let mut looked = CutNode {
+            error: 0.0,
             doubt: 0.0,
             node,
             root,
             slot,
-            term,
+            term: Term::DARK,
+        };
+        let leaf = lit.clusters.children(node).is_none();
+        if !leaf {
+            looked.error = receiver.node_bound(lit.clusters, node);
+            // What can send nothing needs no ray.
+            if looked.error <= 0.0 {
+                return looked;
+            }
         }
+        let hidden = |by: Option<u32>| {
+            by.is_some_and(|triangle| {
+                let seen = receiver.sees(lit.clusters, node);
+                hides(lit.scene, triangle, receiver.hit, &seen)
+            })
+        };
+        if hidden(above.hidden_by) {
+            looked.error = 0.0;
+            return looked;
+        }
+        let representative = lit.clusters.nodes[node as usize].representative;
+        looked.term = (above.known).unwrap_or_else(|| lit.term(representative, receiver, shadow_rays));
+        if above.known.is_none() && !leaf && hidden(looked.term.hidden_by) {
+            looked.error = 0.0;
+        }
+        looked
     }
 
     fn put(&mut self, lit: &Lit<'_>, node: CutNode) {
         self.total += lit.estimate(node.node, node.term).as_dvec3();
         if node.error > 0.0 {
             self.heap.push(node);
-        } else if node.term != Vec3::ZERO {
+        } else if node.term.radiance != Vec3::ZERO {
             self.leaves.push(node);
         }
     }

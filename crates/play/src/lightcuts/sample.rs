@@ -4,7 +4,7 @@
 //! interpolate, cluster-evaluate and refine, with their three exceptions.
 
 use super::View;
-use super::cut::{Cut, Lit, Receiver, Slot};
+use super::cut::{Cut, Lit, Receiver, Slot, Term};
 use crate::many_lights::clamp_limit;
 use glam::Vec3;
 use relight_scene::bsdf;
@@ -137,7 +137,7 @@ struct Visit {
     root: u32,
     /// Evaluate, whatever the samples say (third exception), with the representative's term where it is known.
     evaluate: bool,
-    known: Option<Vec3>,
+    known: Option<Term>,
     places: [Place; MOST_SAMPLES],
 }
 

@@ -160,7 +160,12 @@ impl TriangleBvh {
 
     /// Whether the ray hits anything that `accept` takes; rays pass through the rest (alpha masks).
     pub fn any_hit_where(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> bool {
-        self.traverse::<true>(ray, accept).is_some()
+        self.some_hit_where(ray, accept).is_some()
+    }
+
+    /// Some hit that `accept` takes, not always the closest.
+    pub fn some_hit_where(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> Option<Hit> {
+        self.traverse::<true>(ray, accept)
     }
 
     /// Whether each of `rays` hits anything: `occluded[i]` is what [`any_hit`](Self::any_hit) returns for `rays[i]`.

@@ -30,6 +30,7 @@ pub(super) fn prepare(scene: Arc<Scene>, shading: Shading) -> Result<TracedScene
         textures,
         emissive: Arc::default(),
         opaque,
+        occluders: Arc::default(),
     };
     traced.emissive = emissive(&traced);
     Ok(traced)

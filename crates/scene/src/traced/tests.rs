@@ -7,7 +7,7 @@ use crate::sequence::Sequence;
 use crate::surface::{ray_between, ray_between_hits, ray_from};
 use glam::{Affine2, Affine3A, Mat3, Quat, Vec2, Vec4};
 
-fn scene(
+pub(super) fn scene(
     meshes: Vec<Mesh>,
     instances: Vec<Instance>,
     materials: Vec<Material>,
@@ -29,7 +29,7 @@ fn scene(
     })
 }
 
-fn place(world_from_mesh: Affine3A) -> Instance {
+pub(super) fn place(world_from_mesh: Affine3A) -> Instance {
     Instance {
         mesh: 0,
         world_from_mesh,
@@ -37,7 +37,7 @@ fn place(world_from_mesh: Affine3A) -> Instance {
 }
 
 /// A matt material of the given base colour.
-fn matt(base_color: Vec4) -> Material {
+pub(super) fn matt(base_color: Vec4) -> Material {
     Material {
         base_color,
         metallic: 0.0,
