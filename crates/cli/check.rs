@@ -3,6 +3,7 @@
 mod asset;
 mod bounces;
 mod case;
+mod fineness;
 mod fresh;
 mod furnaces;
 mod geometry;
@@ -96,6 +97,7 @@ fn suite() -> Vec<Case> {
     [
         furnaces::cases(),
         bounces::cases(),
+        fineness::cases(),
         scales::cases(),
         lights::cases(),
         geometry::cases(),

@@ -62,6 +62,16 @@ pub fn coarse() -> BakeParams {
 impl Stage {
     /// A small path-traced frame of a scene under some lights, seen by its first camera.
     pub fn traced(&self, scene: &TracedScene, tracks: &[LightTrack]) -> Result<Layers, String> {
+        self.traced_with(scene, tracks, 64)
+    }
+
+    /// As [`Stage::traced`] with so many paths per pixel.
+    pub fn traced_with(
+        &self,
+        scene: &TracedScene,
+        tracks: &[LightTrack],
+        spp: u32,
+    ) -> Result<Layers, String> {
         self.at("play: path");
         let emitters = SceneEmitters::new(scene);
         let lights = LightSet::new(&emitters, tracks, 0.0).map_err(|e| e.to_string())?;
@@ -74,7 +84,7 @@ impl Stage {
             progress: &|_, _| {},
         };
         let settings = PathSettings {
-            spp: 64,
+            spp,
             ..PathSettings::default()
         };
         let camera = scene.scene().cameras[0].at(0.0);
