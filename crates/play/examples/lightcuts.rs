@@ -28,7 +28,7 @@ use relight_scene::image::{Layers, metrics};
 use relight_scene::light_set::{LightSet, SceneEmitters};
 use relight_scene::rays::Ray;
 use relight_scene::sequence::read_sequence;
-use relight_scene::surface::Surfaces;
+use relight_scene::surface::{Surfaces, ray_end};
 use relight_scene::traced::{Shading, TracedScene};
 use relight_transport::light_clusters::{BuildSettings, LightClusters, build};
 use std::error::Error;
@@ -285,7 +285,7 @@ impl Study<'_> {
                             break;
                         }
                         left -= f64::from(radiance);
-                        if let Some(ray) = points.shadow_ray(i, &hit) {
+                        if let Some(ray) = points.shadow_ray(i, &ray_end(&hit)) {
                             rays += 1.0;
                             if !self.scene.occluded(&ray) {
                                 found += f64::from(radiance);

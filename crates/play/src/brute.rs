@@ -14,7 +14,7 @@ use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
 use relight_scene::light_set::LightSet;
 use relight_scene::rays::Ray;
-use relight_scene::surface::Surfaces;
+use relight_scene::surface::{Surfaces, ray_end};
 use relight_scene::traced::TracedScene;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -154,7 +154,7 @@ pub fn render_points(
                     reached.clear();
                     for i in first..(first + TOGETHER).min(points.len()) {
                         if let Some(radiance) = points.unoccluded(i, &hit, &point, wo)
-                            && let Some(ray) = points.shadow_ray(i, &hit)
+                            && let Some(ray) = points.shadow_ray(i, &ray_end(&hit))
                         {
                             rays.push(ray);
                             reached.push((i, radiance));

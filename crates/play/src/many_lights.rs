@@ -19,9 +19,9 @@ pub(crate) mod tests;
 use crate::direct::reflected;
 use glam::Vec3;
 use relight_scene::light_set::{LightForm, LightSet};
-use relight_scene::rays::{Ray, SurfacePoint};
+use relight_scene::rays::{self, Ray, SurfacePoint};
 use relight_scene::shading::ShadingPoint;
-use relight_scene::surface::{SurfaceHit, ray_between, ray_between_surfaces, ray_from};
+use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
 use relight_transport::point_light::{Emission, PointLight};
 
@@ -212,28 +212,34 @@ impl PointLights {
         (radiance.is_finite() && radiance != Vec3::ZERO).then_some(radiance)
     }
 
-    /// The shadow ray from a hit to light `i`: it meets neither the surface that it starts on nor one that the light
+    /// The shadow ray from a point of a surface to light `i`: it meets neither the surface that it starts on nor one that the light
     /// lies on. `None` from where the light is not seen whatever is in between: inside of a spherical light.
-    pub fn shadow_ray(&self, i: usize, hit: &SurfaceHit) -> Option<Ray> {
+    pub fn shadow_ray(&self, i: usize, from: &SurfacePoint) -> Option<Ray> {
         let light = &self.lights[i];
         if light.emission == Emission::Directional {
-            return Some(ray_from(hit, -light.axis));
+            let direction = -light.axis;
+            return Some(Ray {
+                origin: rays::offset_origin(from.position, from.normal, direction, from.clearance),
+                direction,
+                t_min: 0.0,
+                t_max: f32::INFINITY,
+            });
         }
         match self.ends[i] {
-            End::Free => Some(ray_between(hit, light.position)),
+            End::Free => Some(rays::shadow_ray_to_point(from, light.position)),
             End::Surface { clearance } => {
                 let target = SurfacePoint {
                     position: light.position,
                     normal: light.axis,
                     clearance,
                 };
-                Some(ray_between_surfaces(hit, &target))
+                Some(rays::shadow_ray(from, &target))
             }
             End::Sphere(sphere) => {
                 let Sphere { center, radius } = self.spheres[sphere as usize];
-                let from = hit.position.as_dvec3();
-                let towards = light.position.as_dvec3() - from;
-                let to_center = center.as_dvec3() - from;
+                let start = from.position.as_dvec3();
+                let towards = light.position.as_dvec3() - start;
+                let to_center = center.as_dvec3() - start;
                 let squared = f64::from(radius) * f64::from(radius);
                 // |from + t towards − center| = radius, the nearer t, without cancellation.
                 let outside = to_center.length_squared() - squared;
@@ -245,7 +251,7 @@ impl PointLights {
                     .max(0.0)
                     .sqrt();
                 let t = (outside / (along + root)).clamp(0.0, 1.0);
-                Some(ray_between(hit, (from + towards * t).as_vec3()))
+                Some(rays::shadow_ray_to_point(from, (start + towards * t).as_vec3()))
             }
         }
     }

@@ -108,24 +108,35 @@ pub(crate) fn see(
     sums: &mut PixelSum,
 ) -> Option<SurfaceHit> {
     let hit = scene.closest_hit(ray);
+    met(scene, lights, ray, hit.as_ref(), sums);
+    hit
+}
+
+/// Adds what an eye ray that ends at `hit` shows without any reflection, as [`see`] does.
+pub(crate) fn met(
+    scene: &TracedScene,
+    lights: &LightSet<'_>,
+    ray: &Ray,
+    hit: Option<&SurfaceHit>,
+    sums: &mut PixelSum,
+) {
     light_met(
         scene,
         lights,
         ray.origin,
         ray.direction,
-        hit.as_ref(),
+        hit,
         |light, radiance, _| {
             sums.add(Some(light), 0, radiance);
         },
     );
-    if let Some(hit) = &hit {
+    if let Some(hit) = hit {
         let point = scene.shading_point(hit);
         if scene.material(hit.primitive).unlit {
             sums.add(None, 0, point.emission);
         }
         sums.add_surface(scene.albedo(hit), point.shading_normal, hit.t);
     }
-    hit
 }
 
 struct Tracer<'a> {

@@ -26,10 +26,11 @@ mod view;
 
 use crate::layers::{Cancelled, RenderSize, Watch, render_tiles};
 use crate::many_lights::{PointLights, clamp_limit};
-use crate::path::{eye_ray, see};
+use crate::path::{eye_ray, met};
 use crate::sampler::Sampler;
 use glam::Vec3;
-use incident::{Gather, Job};
+use incident::{Gather, Job, Place};
+use rayon::prelude::*;
 use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
 use relight_scene::light_set::LightSet;
@@ -71,7 +72,8 @@ impl Default for PixelcutsSettings {
             spp: 1,
             // Figure 6's caption.
             clusters: 2048,
-            trees: 16,
+            // The paper has 16; more than 4 gain nothing (docs/pixelcuts.md).
+            trees: 4,
             degree: MAX_DEGREE,
             filter: true,
             flat: true,
@@ -173,6 +175,7 @@ pub fn render(
         mean,
         degree: settings.degree.min(MAX_DEGREE),
         flat: settings.flat,
+        places: view.points.par_iter().map(Place::new).collect(),
         limits: Vec::new(),
         seed: settings.seed,
         watch,
@@ -194,6 +197,8 @@ pub fn render(
         let reflected = shade::reflected(&view, &incident[0], gather.degree, settings.filter);
         total.iter_mut().zip(reflected).for_each(|(t, r)| *t += r);
         gather.limits = total.into_iter().map(|t| clamp_limit(t, points.clamp)).collect();
+        (gather.places.par_iter_mut().zip(&view.points).zip(&gather.limits))
+            .for_each(|((place, point), &limit)| place.limited(point, limit));
         stats.shadow_rays = 0;
         stats.clusters = 0;
         stats.times = PixelcutsTimes {
@@ -241,8 +246,16 @@ pub fn render(
         let pixel = (y * size.width + x) as u64;
         for sample in 0..spp {
             let mut sampler = Sampler::new(settings.seed, pixel, sample);
-            see(scene, lights, &eye_ray(camera, size, x, y, &mut sampler), sums);
-            if let Some(point) = view.at(x, y, sample) {
+            let point = view.at(x, y, sample);
+            let hit = point.map(|point| &view.points[point].hit);
+            met(
+                scene,
+                lights,
+                &eye_ray(camera, size, x, y, &mut sampler),
+                hit,
+                sums,
+            );
+            if let Some(point) = point {
                 for part in &parts {
                     // Without light layers the light's index is not used.
                     let light = part.source.map(|source| source as usize);

@@ -90,8 +90,8 @@ struct Item {
 
 impl PixelTree {
     /// A tree over pixels with finite positions and normals, its boxes rotated by `rotation`; `normal_scale` is how
-    /// many metres a normal's difference of 1 counts for.
-    pub fn new(pixels: &[TreePixel], rotation: Mat3, normal_scale: f32) -> PixelTree {
+    /// many metres a normal's difference of 1 counts for. What has at most `leaf` pixels is not split.
+    pub fn new(pixels: &[TreePixel], rotation: Mat3, normal_scale: f32, leaf: usize) -> PixelTree {
         let mut items: Vec<Item> = pixels
             .par_iter()
             .enumerate()
@@ -107,8 +107,11 @@ impl PixelTree {
             .collect();
         let mut nodes = Vec::new();
         if !items.is_empty() {
-            nodes.reserve(2 * items.len());
-            build(&mut items, 0, ALIKE * normal_scale, &mut nodes);
+            let split = Splitting {
+                alike: ALIKE * normal_scale,
+                leaf: leaf.max(1),
+            };
+            build(&mut items, 0, &split, &mut nodes);
         }
         PixelTree {
             nodes,
@@ -118,8 +121,16 @@ impl PixelTree {
     }
 }
 
+/// What stays the same for a tree.
+struct Splitting {
+    /// [`ALIKE`] times the normals' scale.
+    alike: f32,
+    /// Most pixels of what is not split.
+    leaf: usize,
+}
+
 /// Appends the subtree of `items`, which start at `first` in the order.
-fn build(items: &mut [Item], first: u32, alike: f32, nodes: &mut Vec<PixelNode>) {
+fn build(items: &mut [Item], first: u32, splitting: &Splitting, nodes: &mut Vec<PixelNode>) {
     let (mut low, mut high) = ([f32::INFINITY; 6], [f32::NEG_INFINITY; 6]);
     let (mut plain, mut glossy) = (true, false);
     for item in items.iter() {
@@ -139,12 +150,12 @@ fn build(items: &mut [Item], first: u32, alike: f32, nodes: &mut Vec<PixelNode>)
         end: first + items.len() as u32,
         skip: 0,
         size: 1,
-        flat: plain && (3..6).all(|k| side(k) <= alike),
+        flat: plain && (3..6).all(|k| side(k) <= splitting.alike),
         glossy,
     });
     let longest = (1..6).fold(0, |best, k| if side(k) > side(best) { k } else { best });
-    // One pixel, several in one place, or nothing that can be told apart.
-    if items.len() < 2 || side(longest).is_nan() || side(longest) <= 0.0 {
+    // Few pixels, several in one place, or nothing that can be told apart.
+    if items.len() <= splitting.leaf || side(longest).is_nan() || side(longest) <= 0.0 {
         return;
     }
     // Rounding may put the middle on the upper side, where everything would be below it.
@@ -153,19 +164,19 @@ fn build(items: &mut [Item], first: u32, alike: f32, nodes: &mut Vec<PixelNode>)
     let (left, right) = items.split_at_mut(split);
     let split = first + split as u32;
     if left.len() + right.len() < TASK {
-        build(left, first, alike, nodes);
+        build(left, first, splitting, nodes);
         nodes[at].skip = (nodes.len() - at) as u32;
-        build(right, split, alike, nodes);
+        build(right, split, splitting, nodes);
     } else {
         let (a, b) = rayon::join(
             || {
-                let mut nodes = Vec::with_capacity(2 * left.len());
-                build(left, first, alike, &mut nodes);
+                let mut nodes = Vec::with_capacity(2 * left.len() / splitting.leaf);
+                build(left, first, splitting, &mut nodes);
                 nodes
             },
             || {
-                let mut nodes = Vec::with_capacity(2 * right.len());
-                build(right, split, alike, &mut nodes);
+                let mut nodes = Vec::with_capacity(2 * right.len() / splitting.leaf);
+                build(right, split, splitting, &mut nodes);
                 nodes
             },
         );

@@ -9,7 +9,7 @@ use crate::many_lights::{PointLights, clamp_limit, clamped};
 use glam::{DVec3, Vec3};
 use relight_scene::bsdf::bounds::ReflectionBound;
 use relight_scene::shading::ShadingPoint;
-use relight_scene::surface::SurfaceHit;
+use relight_scene::surface::{SurfaceHit, ray_end};
 use relight_scene::traced::{Stop, TracedScene};
 use relight_transport::light_bounds::{Axis, LightBox, geometric_bound};
 use relight_transport::light_clusters::LightClusters;
@@ -117,7 +117,7 @@ impl Lit<'_> {
         if reflected == Vec3::ZERO || stands_for_more && hit.geometric_normal.dot(arrival.direction) <= 0.0 {
             return Term::DARK;
         }
-        let Some(ray) = self.points.shadow_ray(i as usize, hit) else {
+        let Some(ray) = self.points.shadow_ray(i as usize, &ray_end(hit)) else {
             return Term::DARK;
         };
         *shadow_rays += 1;

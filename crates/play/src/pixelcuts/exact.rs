@@ -4,10 +4,13 @@
 //! more than its share of the mean incident light.
 
 use super::Part;
-use super::view::View;
+use super::view::{Point, View};
 use crate::many_lights::PointLights;
+use glam::Vec3;
 use rayon::prelude::*;
-use relight_scene::surface::Surfaces;
+use relight_scene::bsdf::{Incident, integrate};
+use relight_scene::rays::Ray;
+use relight_scene::surface::{Surfaces, ray_end};
 use relight_scene::traced::TracedScene;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -77,27 +80,85 @@ pub(super) fn evaluate(
             continue;
         }
         part.radiance.par_iter_mut().zip(&view.points).for_each_init(
-            || (Vec::new(), Vec::new(), vec![false; own.len()]),
-            |(rays, reached, occluded), (radiance, point)| {
-                rays.clear();
-                reached.clear();
+            Arriving::default,
+            |arriving, (radiance, point)| {
+                arriving.clear();
                 for &i in &own {
-                    if let Some(light) = points.unoccluded(i, &point.hit, &point.shading, point.wo)
-                        && let Some(ray) = points.shadow_ray(i, &point.hit)
-                    {
-                        rays.push(ray);
-                        reached.push(light);
-                    }
+                    arriving.add(points, i, point);
                 }
-                scene.occluded_packet(rays, &mut occluded[..rays.len()]);
-                shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
-                for (light, occluded) in reached.iter().zip(occluded.iter()) {
-                    if !occluded {
-                        *radiance += *light;
-                    }
+                shadow_rays.fetch_add(arriving.rays.len() as u64, Ordering::Relaxed);
+                let reflected = arriving.reflected(scene, point);
+                // What f32 cannot hold is dropped, as by all integrators.
+                if reflected.is_finite() {
+                    *radiance += reflected;
                 }
             },
         );
     }
     shadow_rays.into_inner()
+}
+
+/// Light that arrives at a point but for what is in between, structure of arrays.
+#[derive(Default)]
+struct Arriving {
+    rays: Vec<Ray>,
+    direction: [Vec<f32>; 3],
+    flux: [Vec<f32>; 3],
+    occluded: Vec<bool>,
+    weight: Vec<f32>,
+}
+
+impl Arriving {
+    fn clear(&mut self) {
+        self.rays.clear();
+        self.direction
+            .iter_mut()
+            .chain(&mut self.flux)
+            .for_each(Vec::clear);
+    }
+
+    fn add(&mut self, points: &PointLights, i: usize, point: &Point) {
+        let light = &points.lights[i];
+        let Some(arrival) = light.arrival(point.hit.position) else {
+            return;
+        };
+        let shading = &point.shading;
+        if shading.shading_normal.dot(arrival.direction) <= 0.0
+            || shading.geometric_normal.dot(arrival.direction) <= 0.0
+        {
+            return;
+        }
+        // In f64: an intensity of 1e20 near by would overflow on the way.
+        let flux = (light.intensity.as_dvec3() * f64::from(arrival.factor)).as_vec3();
+        if !flux.is_finite() {
+            return;
+        }
+        let Some(ray) = points.shadow_ray(i, &ray_end(&point.hit)) else {
+            return;
+        };
+        self.rays.push(ray);
+        for k in 0..3 {
+            self.direction[k].push(arrival.direction[k]);
+            self.flux[k].push(flux[k]);
+        }
+    }
+
+    /// Radiance towards the eye.
+    fn reflected(&mut self, scene: &TracedScene, point: &Point) -> Vec3 {
+        self.occluded.clear();
+        self.occluded.resize(self.rays.len(), false);
+        scene.occluded_packet(&self.rays, &mut self.occluded);
+        self.weight.clear();
+        self.weight
+            .extend(self.occluded.iter().map(|&o| if o { 0.0 } else { 1.0 }));
+        if self.weight.iter().all(|&weight| weight == 0.0) {
+            return Vec3::ZERO;
+        }
+        let incident = Incident {
+            direction: [0, 1, 2].map(|k| self.direction[k].as_slice()),
+            weight: &self.weight,
+            flux: [0, 1, 2].map(|k| self.flux[k].as_slice()),
+        };
+        integrate(&point.shading, point.wo, &incident)
+    }
 }

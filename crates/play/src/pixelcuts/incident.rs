@@ -1,13 +1,15 @@
 //! Incident light at all points by cuts of pixel trees.
 
-use super::view::View;
+use super::view::{Point, View};
 use super::{PixelcutsStats, REFINED, group, lap, stage, stopped};
 use crate::direct::reflected;
 use crate::layers::{Cancelled, Watch};
 use crate::many_lights::{PointLights, clamped};
 use glam::{Mat3, Quat, Vec3};
 use rayon::prelude::*;
-use relight_scene::surface::Surfaces;
+use relight_scene::bsdf::bounds::ReflectionBound;
+use relight_scene::rays::SurfacePoint;
+use relight_scene::surface::{Surfaces, ray_end};
 use relight_scene::traced::TracedScene;
 use relight_transport::pixel_scatter::{Run, scatter, stride};
 use relight_transport::pixel_tree::{CutLight, CutLimits, PixelTree, choose_cut};
@@ -19,6 +21,8 @@ use std::time::Instant;
 /// Metres that a normal's difference of 1 counts for in a tree, as a share of the diagonal: some five times the size of
 /// a cluster, so that walls are told apart first.
 const NORMAL_SCALE: f32 = 0.1;
+/// Leaves of a tree for each cluster that the largest cut may have, at least.
+const PER_FINEST: u64 = 3;
 /// Clusters of the lights that are in memory at once, some 40 bytes each, before refinement.
 const BATCH: usize = 1 << 20;
 
@@ -31,10 +35,36 @@ pub(super) struct Gather<'a> {
     pub mean: f64,
     pub degree: usize,
     pub flat: bool,
-    /// Per point the most that a virtual light may give, radiance; empty: no limit.
+    /// What is asked of each of the view's points.
+    pub places: Vec<Place>,
+    /// Per point the most that a virtual light may give, reflected radiance; empty: no limit.
     pub limits: Vec<f32>,
     pub seed: u64,
     pub watch: &'a Watch<'a>,
+}
+
+/// What sending asks of a point, in one place: points are visited at random.
+pub(super) struct Place {
+    end: SurfacePoint,
+    shading_normal: Vec3,
+    /// Incident light, largest channel, that cannot be reflected as more than the limit.
+    unlimited: f32,
+}
+
+impl Place {
+    pub fn new(point: &Point) -> Place {
+        Place {
+            end: ray_end(&point.hit),
+            shading_normal: point.shading.shading_normal,
+            unlimited: f32::INFINITY,
+        }
+    }
+
+    /// With a limit on what virtual lights may give, reflected radiance.
+    pub fn limited(&mut self, point: &Point, limit: f32) {
+        let most = ReflectionBound::new(&point.shading, point.wo).bound(|_| (1.0, 0.0));
+        self.unlimited = limit / most.max_element();
+    }
 }
 
 /// How fine.
@@ -78,7 +108,9 @@ impl Gather<'_> {
                 continue;
             }
             let rotation = rotation(&mut Stream::new(self.seed, stage::ROTATION, u64::from(tree)));
-            let tree = PixelTree::new(&pixels, rotation, self.view.diagonal * NORMAL_SCALE);
+            let finest = u64::from(job.clusters) * u64::from(REFINED) * PER_FINEST;
+            let leaf = (pixels.len() as u64 / finest) as usize;
+            let tree = PixelTree::new(&pixels, rotation, self.view.diagonal * NORMAL_SCALE, leaf);
             let mut place = vec![0u32; tree.order.len()];
             tree.order
                 .iter()
@@ -155,8 +187,8 @@ impl Gather<'_> {
             );
             run.start = node.first;
             if run.light != Vec3::ZERO {
-                let hit = &self.view.points[tree.order[chosen as usize] as usize].hit;
-                match self.points.shadow_ray(i, hit) {
+                let place = &self.places[tree.order[chosen as usize] as usize];
+                match self.points.shadow_ray(i, &place.end) {
                     Some(ray) => {
                         rays.push(ray);
                         rayed.push(runs.len());
@@ -192,13 +224,13 @@ impl Gather<'_> {
             cosine: 0.0,
             harmonics: false,
         };
-        let place = &self.view.points[point];
-        let Some(arrival) = light.arrival(place.hit.position) else {
+        let place = &self.places[point];
+        let Some(arrival) = light.arrival(place.end.position) else {
             return run;
         };
-        let cosine = place.shading.shading_normal.dot(arrival.direction);
+        let cosine = place.shading_normal.dot(arrival.direction);
         // From behind it reaches no surface.
-        if place.hit.geometric_normal.dot(arrival.direction) <= 0.0 || (flat && cosine <= 0.0) {
+        if place.end.normal.dot(arrival.direction) <= 0.0 || (flat && cosine <= 0.0) {
             return run;
         }
         let irradiance = light.intensity.as_dvec3() * f64::from(arrival.factor);
@@ -206,10 +238,10 @@ impl Gather<'_> {
         if job.coarse && light.emission != Emission::Directional {
             share = (self.mean / irradiance.max_element()).min(1.0);
         }
-        if let Some(&limit) = self.limits.get(point)
-            && self.points.is_virtual(i)
-        {
-            let toll = reflected(&place.shading, place.wo, arrival.direction).as_dvec3() * irradiance;
+        if self.points.is_virtual(i) && irradiance.max_element() > f64::from(place.unlimited) {
+            let Point { shading, wo, .. } = &self.view.points[point];
+            let limit = self.limits[point];
+            let toll = reflected(shading, *wo, arrival.direction).as_dvec3() * irradiance;
             let radiance = toll.as_vec3();
             let largest = radiance.max_element();
             if largest > 0.0 {

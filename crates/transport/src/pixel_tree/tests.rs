@@ -40,7 +40,7 @@ const SPOT: Emission = Emission::Spot {
 #[test]
 fn every_node_holds_its_pixels_and_nothing_else() {
     let pixels = pixels(20_000);
-    let tree = PixelTree::new(&pixels, turned(), 0.2);
+    let tree = PixelTree::new(&pixels, turned(), 0.2, 1);
     let mut seen = vec![false; pixels.len()];
     tree.order
         .iter()
@@ -74,7 +74,7 @@ fn every_node_holds_its_pixels_and_nothing_else() {
 
 #[test]
 fn cuts_take_every_pixel_once_in_order_and_keep_to_their_size() {
-    let tree = PixelTree::new(&pixels(5000), turned(), 0.2);
+    let tree = PixelTree::new(&pixels(5000), turned(), 0.2, 1);
     let mut cut = Vec::new();
     for emission in [Emission::Omni, Emission::Oriented, SPOT, Emission::Directional] {
         for (clusters, most) in [(1, 10), (64, 640), (64, 70), (5000, 5000), (100_000, 1_000_000)] {
@@ -110,7 +110,7 @@ fn a_random_cut_refines_in_proportion_to_pixels() {
         pixel.position = Vec3::splat(5.0) + 0.01 * pixel.position;
         pixel.normal = Vec3::Z;
     }
-    let tree = PixelTree::new(&pixels, Mat3::IDENTITY, 0.2);
+    let tree = PixelTree::new(&pixels, Mat3::IDENTITY, 0.2, 1);
     let light = CutLight::new(&lamp(Emission::Directional), tree.rotation, 1.0);
     let limits = CutLimits {
         clusters: 400,
@@ -171,10 +171,10 @@ fn what_is_sent_to_a_box_varies_by_no_more_than_is_said() {
 
 #[test]
 fn pixels_in_one_place_none_and_one_make_trees() {
-    assert!(PixelTree::new(&[], Mat3::IDENTITY, 1.0).nodes.is_empty());
+    assert!(PixelTree::new(&[], Mat3::IDENTITY, 1.0, 1).nodes.is_empty());
     let one = pixels(1);
     for pixels in [one.clone(), vec![one[0]; 1000]] {
-        let tree = PixelTree::new(&pixels, turned(), 1.0);
+        let tree = PixelTree::new(&pixels, turned(), 1.0, 1);
         assert_eq!((tree.nodes.len(), tree.order.len()), (1, pixels.len()));
         let mut cut = Vec::new();
         let light = CutLight::new(&lamp(Emission::Omni), tree.rotation, 1.0);
