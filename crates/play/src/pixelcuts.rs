@@ -90,6 +90,8 @@ impl Default for PixelcutsSettings {
 const REFINED: u32 = 10;
 /// The first pass, which finds what virtual lights are clamped by, has so many times fewer clusters.
 const COARSER: u32 = 8;
+/// Highest degree of its harmonics: it says how bright a place is, not more.
+const CLAMP_DEGREE: usize = 1;
 
 /// Milliseconds of the stages of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -173,7 +175,6 @@ pub fn render(
         points,
         view: &view,
         mean,
-        degree: settings.degree.min(MAX_DEGREE),
         flat: settings.flat,
         places: view.points.par_iter().map(Place::new).collect(),
         limits: Vec::new(),
@@ -187,6 +188,7 @@ pub fn render(
             trees: 1,
             // Nothing exceeds it: no refinement.
             threshold: 1.0,
+            degree: settings.degree.min(CLAMP_DEGREE),
             coarse: true,
         };
         let incident = gather.incident(&job, &approximate, &[|_: u32| true], &mut stats)?;
@@ -194,7 +196,7 @@ pub fn render(
         for part in &parts {
             total.iter_mut().zip(&part.radiance).for_each(|(t, r)| *t += *r);
         }
-        let reflected = shade::reflected(&view, &incident[0], gather.degree, settings.filter);
+        let reflected = shade::reflected(&view, &incident[0], job.degree, false);
         total.iter_mut().zip(reflected).for_each(|(t, r)| *t += r);
         gather.limits = total.into_iter().map(|t| clamp_limit(t, points.clamp)).collect();
         (gather.places.par_iter_mut().zip(&view.points).zip(&gather.limits))
@@ -214,6 +216,7 @@ pub fn render(
             clusters: settings.clusters.max(1),
             trees: settings.trees.max(1),
             threshold: settings.threshold,
+            degree: settings.degree.min(MAX_DEGREE),
             coarse: false,
         };
         let belongs: Vec<_> = parts
@@ -230,7 +233,7 @@ pub fn render(
         clock = Instant::now();
         for (part, incident) in parts.iter_mut().zip(&incident) {
             if !incident.is_empty() {
-                let reflected = shade::reflected(&view, incident, gather.degree, settings.filter);
+                let reflected = shade::reflected(&view, incident, job.degree, settings.filter);
                 part.radiance
                     .iter_mut()
                     .zip(reflected)

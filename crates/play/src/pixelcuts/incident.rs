@@ -33,7 +33,6 @@ pub(super) struct Gather<'a> {
     pub view: &'a View,
     /// Mean incident light, largest channel, W/m².
     pub mean: f64,
-    pub degree: usize,
     pub flat: bool,
     /// What is asked of each of the view's points.
     pub places: Vec<Place>,
@@ -72,6 +71,8 @@ pub(super) struct Job {
     pub clusters: u32,
     pub trees: u32,
     pub threshold: f32,
+    /// Highest degree of the harmonics.
+    pub degree: usize,
     /// For the clamp: lights count for at most the mean incident light.
     pub coarse: bool,
 }
@@ -93,7 +94,7 @@ impl Gather<'_> {
         belongs: &[impl Fn(u32) -> bool],
         stats: &mut PixelcutsStats,
     ) -> Result<Vec<Vec<f32>>, Cancelled> {
-        let stride = stride(self.degree);
+        let stride = stride(job.degree);
         let mut incident: Vec<Vec<f32>> = belongs.iter().map(|_| Vec::new()).collect();
         let pixels = self.view.tree_pixels();
         let mut row = Vec::new();
@@ -137,7 +138,7 @@ impl Gather<'_> {
                     }
                     let runs: Vec<Vec<Run>> = sent.into_iter().map(|sent| sent.runs).collect();
                     lap(&mut clock, &mut stats.times.cuts);
-                    scatter(&runs, self.degree, &mut row);
+                    scatter(&runs, job.degree, &mut row);
                     lap(&mut clock, &mut stats.times.scatter);
                 }
                 incident
@@ -258,7 +259,7 @@ impl Gather<'_> {
         if flat {
             // Where there are harmonics, too, what they get wrong of the cosine.
             let known = if run.harmonics {
-                harmonic_cosine(cosine, self.degree)
+                harmonic_cosine(cosine, job.degree)
             } else {
                 0.0
             };
