@@ -283,7 +283,7 @@ fn many_lights(full: bool) -> Vec<Setting> {
         &["512"]
     };
     all.extend(clusters.iter().map(|k| of("pixelcuts", &[("--clusters", k)])));
-    let trees: &[&str] = if full { &["1", "4", "64"] } else { &["4"] };
+    let trees: &[&str] = if full { &["1", "16", "64"] } else { &["16"] };
     all.extend(trees.iter().map(|l| of("pixelcuts", &[("--trees", l)])));
     all
 }
