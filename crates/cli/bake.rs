@@ -24,6 +24,7 @@ use relight_scene::gltf::{ImportOptions, LightUnits, import};
 use relight_scene::image::write_atomically;
 use relight_scene::scene::Scene;
 use relight_scene::sequence::{Sequence, read_sequence};
+use relight_scene::surface_scene::read_meshed;
 use relight_scene::traced::Shading;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -114,11 +115,18 @@ fn read(args: &BakeArgs, console: &Console) -> Result<Read, Failure> {
     })
 }
 
+/// How files end that describe surfaces instead of holding triangles.
+const DESCRIPTION: &str = ".scene.json";
+
 /// Reads a scene and the hash of its file.
 ///
 /// # Errors
 /// The file cannot be read or is no scene that can be baked.
 pub fn read_scene(path: &Path, units: Units) -> Result<(Arc<Scene>, u64), Failure> {
+    if path.to_string_lossy().ends_with(DESCRIPTION) {
+        let (scene, bytes) = read_meshed(path)?;
+        return Ok((Arc::new(scene), format::content_hash(&bytes)));
+    }
     let options = ImportOptions {
         light_units: match units {
             Units::Spec => LightUnits::Spec,

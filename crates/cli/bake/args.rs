@@ -21,7 +21,8 @@ ray_tracing: thread-seconds in rays / threads), bytes (per section raw and store
 those rays at the bake's own pace), and with --resume units (all, reused).
 Of --dry-run: points, rays, links, seconds, bytes, memory_bytes, smallest_memory_limit. Of --plan: units.")]
 pub struct BakeArgs {
-    /// Scene to bake: .glb or .gltf.
+    /// Scene to bake: .glb or .gltf, or .scene.json, which describes boxes, implicit surfaces and isosurfaces of volumes
+    /// (data/README.md); they become triangles.
     #[arg(value_name = "SCENE", required_unless_present_any = ["unit", "merge"])]
     pub scene: Option<PathBuf>,
     /// Asset to write; an existing one is replaced when the new one is complete.

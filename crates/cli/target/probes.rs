@@ -48,9 +48,11 @@ const FREE: f32 = 0.5;
 const TAN_HALF_VFOV: f32 = 0.577;
 /// Frames that are looked at: first, middle and last.
 const FRAMES: u32 = 3;
-/// Samples a pixel of a half's first pass, and the most of a half.
+/// Samples a pixel of a half's first pass, and the most of a half where all windows see something.
 const FIRST_PASS: u32 = 32;
 const MOST: u32 = 256;
+/// Windows that see nothing cost next to nothing: the fewer do, the more samples, up to so many times as many.
+const MOST_TIMES: f32 = 32.0;
 /// Stage number of the random stream.
 const STAGE: u32 = 12;
 
@@ -61,6 +63,8 @@ pub struct Places {
     windows: Vec<(u32, Camera)>,
     /// Where a lamp would light what is seen.
     lamp: Vec3,
+    /// Share of the windows that see something in their middle.
+    seen: f32,
 }
 
 impl Places {
@@ -88,10 +92,10 @@ impl Places {
             };
             windows.push((frame, window(&traced, base, &mut s)));
         }
-        let seen = windows
-            .iter()
-            .any(|(_, camera)| distance(&traced, camera.position, camera.forward).is_some());
-        if !seen {
+        let sees =
+            |(_, camera): &&(u32, Camera)| distance(&traced, camera.position, camera.forward).is_some();
+        let seen = windows.iter().filter(sees).count() as f32 / windows.len() as f32;
+        if seen == 0.0 {
             return Err(
                 anyhow::anyhow!("no camera sees anything by which --target-error could judge").into(),
             );
@@ -104,6 +108,7 @@ impl Places {
             scene: traced,
             windows,
             lamp,
+            seen,
         })
     }
 
@@ -207,6 +212,7 @@ impl Probes {
         console: &Console,
     ) -> Result<Probes, Failure> {
         let mut halves: [Vec<[f64; 3]>; 2] = Default::default();
+        let most = MOST as f32 * places.seen.recip().min(MOST_TIMES);
         let mut spp = 0;
         let (mut reference, mut floor);
         loop {
@@ -241,7 +247,7 @@ impl Probes {
                 2 * spp,
                 100.0 * floor.sqrt()
             ));
-            if floor <= target * target || spp >= MOST {
+            if floor <= target * target || spp as f32 >= most {
                 break;
             }
         }

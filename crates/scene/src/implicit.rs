@@ -9,7 +9,9 @@
 //! a chord shorter than that. Everything is relative to the bounds: scaling by a power of two changes no decision.
 
 use crate::rays::Ray;
+use crate::scene::Mesh;
 use crate::surface::{ClippedRay, SurfaceHit, Surfaces};
+use crate::surface_nets::Field;
 use glam::{DVec3, Vec3};
 
 /// Steps are this share of the value.
@@ -71,6 +73,9 @@ pub enum Sdf {
         of: Vec<Sdf>,
     },
 }
+
+/// Cells of a mesh along the longest side of the bounds: triangles of a hundredth of the shape.
+const MESH_CELLS: f64 = 96.0;
 
 /// Signed distance, or an estimate of it, in metres: negative inside.
 pub fn distance(sdf: &Sdf, p: DVec3) -> f64 {
@@ -141,6 +146,25 @@ impl ImplicitSurface {
         }
     }
 
+    /// Triangles of it, in cells of a share of the longest side of its bounds; `material` is theirs.
+    pub fn mesh(&self, material: u32) -> Mesh {
+        let extent = self.high - self.low;
+        let cells = (extent / extent.max_element() * MESH_CELLS).ceil().as_uvec3();
+        Field {
+            low: self.low,
+            high: self.high,
+            nodes: cells + 1,
+            value: &|p| distance(&self.sdf, p),
+            gradient: &|p| self.gradient(p),
+        }
+        .mesh(material)
+    }
+
+    /// What it reflects: Lambert's albedo, linear RGB.
+    pub fn color(&self) -> Vec3 {
+        self.albedo
+    }
+
     /// Distance in metres at which the ray changes sides.
     fn crossing(&self, ray: &ClippedRay) -> Option<f64> {
         let least = self.diagonal * LEAST_STEP;
@@ -168,7 +192,7 @@ impl ImplicitSurface {
     fn gradient(&self, p: DVec3) -> DVec3 {
         let h = self.diagonal * GRADIENT_STEP;
         let along = |axis: DVec3| distance(&self.sdf, p + axis * h) - distance(&self.sdf, p - axis * h);
-        DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
+        DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z)) / (2.0 * h)
     }
 }
 

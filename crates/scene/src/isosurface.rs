@@ -8,7 +8,9 @@
 
 use crate::implicit::bisect;
 use crate::rays::Ray;
+use crate::scene::Mesh;
 use crate::surface::{ClippedRay, SurfaceHit, Surfaces};
+use crate::surface_nets::Field;
 use glam::{DVec3, UVec3, Vec3};
 
 /// Most samples that a volume may have: 2²⁸ bytes are a cube of 645 samples a side.
@@ -116,6 +118,37 @@ impl Isosurface {
         };
         surface.check_border()?;
         Ok(surface)
+    }
+
+    /// Triangles of it, in the cells between its samples; `material` is theirs.
+    pub fn mesh(&self, material: u32) -> Mesh {
+        let (low, high) = self.domain();
+        let last = (self.size - 2).as_dvec3();
+        // The cell that holds a place, and where in it.
+        let within = |p: DVec3| {
+            let at = self.sample_from_world(p);
+            let cell = at.floor().clamp(DVec3::ZERO, last);
+            (cell.as_uvec3(), at - cell)
+        };
+        Field {
+            low,
+            high,
+            nodes: self.size,
+            value: &|p| {
+                let (cell, local) = within(p);
+                self.cell(cell).value(local)
+            },
+            gradient: &|p| {
+                let (cell, local) = within(p);
+                self.smooth_gradient(cell, local)
+            },
+        }
+        .mesh(material)
+    }
+
+    /// What it reflects: Lambert's albedo, linear RGB.
+    pub fn color(&self) -> Vec3 {
+        self.albedo
     }
 
     fn check_border(&self) -> Result<(), VolumeError> {
@@ -285,6 +318,18 @@ impl Isosurface {
 }
 
 impl Cell {
+    /// At local coordinates.
+    fn value(&self, p: DVec3) -> f64 {
+        let [one, x, y, z, xy, yz, zx, xyz] = self.c;
+        one + x * p.x
+            + y * p.y
+            + z * p.z
+            + xy * p.x * p.y
+            + yz * p.y * p.z
+            + zx * p.z * p.x
+            + xyz * p.element_product()
+    }
+
     /// The polynomial along `start + direction · s`, in s.
     fn along(&self, start: DVec3, direction: DVec3) -> Cubic {
         let [one, x, y, z, xy, yz, zx, xyz] = self.c;

@@ -28,6 +28,7 @@ pub mod sequence;
 pub mod shading;
 pub mod sky;
 pub mod surface;
+pub mod surface_nets;
 pub mod surface_scene;
 pub mod texture;
 pub mod traced;

@@ -178,12 +178,98 @@ enum SdfForm {
     },
 }
 
+/// What a description describes.
+struct Described {
+    camera: CameraTrack,
+    boxes: Scene,
+    implicits: Vec<(String, ImplicitSurface)>,
+    volumes: Vec<(String, Isosurface)>,
+    /// All that was read, one file after the other.
+    bytes: Vec<u8>,
+}
+
 /// Reads a description and the volumes it names, relative to its own place.
 ///
 /// # Errors
 /// See [`SurfaceSceneError`]; unknown keys are errors, so that typos cannot pass.
 pub fn read_surface_scene(path: &Path) -> Result<SurfaceScene, SurfaceSceneError> {
-    let bytes = read_bounded(path, MAX_DESCRIPTION_BYTES)?;
+    let described = read(path)?;
+    let mut parts = Vec::new();
+    if !described.boxes.meshes.is_empty() {
+        let traced = TracedScene::new(Arc::new(described.boxes), Shading::Lambert).map_err(|source| {
+            SurfaceSceneError::Boxes {
+                file: path.into(),
+                source,
+            }
+        })?;
+        parts.push(Part {
+            name: "boxes".into(),
+            primitives: traced.triangle_count() as u32,
+            surfaces: Box::new(traced),
+        });
+    }
+    let mut single = |name: String, surfaces| {
+        parts.push(Part {
+            name,
+            surfaces,
+            primitives: 1,
+        });
+    };
+    for (name, surface) in described.implicits {
+        single(name, Box::new(surface));
+    }
+    for (name, surface) in described.volumes {
+        single(name, Box::new(surface));
+    }
+    let check = Checker { file: path };
+    let surfaces = Composite::new(parts)
+        .ok_or_else(|| check.error("boxes", "more than 2^32 primitives; leave some out"))?;
+    Ok(SurfaceScene {
+        surfaces,
+        camera: described.camera,
+    })
+}
+
+/// Reads a description as [`read_surface_scene`] does and makes triangles of all surfaces. Returns the bytes of all its
+/// files, too, one after the other.
+///
+/// # Errors
+/// See [`SurfaceSceneError`].
+pub fn read_meshed(path: &Path) -> Result<(Scene, Vec<u8>), SurfaceSceneError> {
+    let described = read(path)?;
+    let mut scene = described.boxes;
+    for (name, surface) in &described.implicits {
+        push(&mut scene, name, surface.color(), |material| {
+            surface.mesh(material)
+        });
+    }
+    for (name, surface) in &described.volumes {
+        push(&mut scene, name, surface.color(), |material| {
+            surface.mesh(material)
+        });
+    }
+    scene.cameras = vec![described.camera];
+    Ok((scene, described.bytes))
+}
+
+/// Adds a matt mesh where it stands.
+fn push(scene: &mut Scene, name: &str, albedo: Vec3, mesh: impl FnOnce(u32) -> Mesh) {
+    let index = scene.meshes.len() as u32;
+    scene.meshes.push(mesh(index));
+    scene.instances.push(Instance {
+        mesh: index,
+        world_from_mesh: Affine3A::IDENTITY,
+    });
+    scene.materials.push(Material {
+        name: name.to_owned(),
+        base_color: albedo.extend(1.0),
+        metallic: 0.0,
+        ..Material::default()
+    });
+}
+
+fn read(path: &Path) -> Result<Described, SurfaceSceneError> {
+    let mut bytes = read_bounded(path, MAX_DESCRIPTION_BYTES)?;
     let description: Description =
         serde_json::from_slice(&bytes).map_err(|source| SurfaceSceneError::Form {
             file: path.into(),
@@ -198,38 +284,33 @@ pub fn read_surface_scene(path: &Path) -> Result<SurfaceScene, SurfaceSceneError
         return Err(check.error("relight_scene", &found));
     }
     let camera = camera(&check, &description.camera)?;
-    let mut parts = Vec::new();
-    if !description.boxes.is_empty() {
-        parts.push(boxes(&check, &description.boxes)?);
-    }
-    for (at, form) in description.implicits.iter().enumerate() {
+    let boxes = boxes(&check, &description.boxes)?;
+    let (mut implicits, mut volumes) = (Vec::new(), Vec::new());
+    for (at, form) in description.implicits.into_iter().enumerate() {
         let place = format!("implicits[{at}] ('{}')", form.name);
         let bounds = check.bounds(&place, form.bounds)?;
         let albedo = check.albedo(&place, form.albedo)?;
         let sdf = sdf(&check, &format!("{place}.sdf"), &form.sdf)?;
-        parts.push(Part {
-            name: form.name.clone(),
-            surfaces: Box::new(ImplicitSurface::new(sdf, bounds, albedo)),
-            primitives: 1,
-        });
+        implicits.push((form.name, ImplicitSurface::new(sdf, bounds, albedo)));
     }
-    for (at, form) in description.volumes.iter().enumerate() {
+    for (at, form) in description.volumes.into_iter().enumerate() {
         let place = format!("volumes[{at}] ('{}')", form.name);
         let bounds = check.bounds(&place, form.bounds)?;
         let albedo = check.albedo(&place, form.albedo)?;
         let file = check.sibling(&place, &form.file)?;
         let samples = read_bounded(&file, MAX_VOLUME_BYTES)?;
+        bytes.extend_from_slice(&samples);
         let surface = Isosurface::new(UVec3::from(form.size), samples, form.level, bounds, albedo)
             .map_err(|source| SurfaceSceneError::Volume { file, source })?;
-        parts.push(Part {
-            name: form.name.clone(),
-            surfaces: Box::new(surface),
-            primitives: 1,
-        });
+        volumes.push((form.name, surface));
     }
-    let surfaces = Composite::new(parts)
-        .ok_or_else(|| check.error("boxes", "more than 2^32 primitives; leave some out"))?;
-    Ok(SurfaceScene { surfaces, camera })
+    Ok(Described {
+        camera,
+        boxes,
+        implicits,
+        volumes,
+        bytes,
+    })
 }
 
 fn read_bounded(file: &Path, limit: u64) -> Result<Vec<u8>, SurfaceSceneError> {
@@ -329,7 +410,7 @@ fn camera(check: &Checker<'_>, form: &CameraForm) -> Result<CameraTrack, Surface
         ));
     }
     Ok(CameraTrack {
-        name: String::new(),
+        name: "Camera".into(),
         position: Animated::Constant(check.finite("camera.position", form.position)?),
         look_at: Animated::Constant(check.finite("camera.look_at", form.look_at)?),
         up: Animated::Constant(check.finite("camera.up", form.up)?),
@@ -403,8 +484,8 @@ fn sdf(check: &Checker<'_>, place: &str, form: &SdfForm) -> Result<Sdf, SurfaceS
     })
 }
 
-/// All boxes as one mesh scene.
-fn boxes(check: &Checker<'_>, forms: &[BoxForm]) -> Result<Part, SurfaceSceneError> {
+/// All boxes as one scene.
+fn boxes(check: &Checker<'_>, forms: &[BoxForm]) -> Result<Scene, SurfaceSceneError> {
     let mut scene = Scene {
         meshes: Vec::new(),
         instances: Vec::new(),
@@ -423,30 +504,11 @@ fn boxes(check: &Checker<'_>, forms: &[BoxForm]) -> Result<Part, SurfaceSceneErr
         let place = format!("boxes[{at}] ('{}')", form.name);
         let (low, high) = check.bounds(&place, [form.min, form.max])?;
         let albedo = check.albedo(&place, form.albedo)?;
-        let index = at as u32;
-        scene.meshes.push(box_mesh(low, high, index));
-        scene.instances.push(Instance {
-            mesh: index,
-            world_from_mesh: Affine3A::IDENTITY,
-        });
-        scene.materials.push(Material {
-            name: form.name.clone(),
-            base_color: albedo.extend(1.0),
-            metallic: 0.0,
-            ..Material::default()
+        push(&mut scene, &form.name, albedo, |material| {
+            box_mesh(low, high, material)
         });
     }
-    let traced =
-        TracedScene::new(Arc::new(scene), Shading::Lambert).map_err(|source| SurfaceSceneError::Boxes {
-            file: check.file.into(),
-            source,
-        })?;
-    let primitives = traced.triangle_count() as u32;
-    Ok(Part {
-        name: "boxes".into(),
-        surfaces: Box::new(traced),
-        primitives,
-    })
+    Ok(scene)
 }
 
 /// Twelve triangles that face outwards.
