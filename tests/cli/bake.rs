@@ -121,14 +121,14 @@ fn given_lights_decide_what_is_left_out() {
 
     // What was left out is asked for: an error that names the way out.
     let frame = folder.path().join("f.exr");
-    let text = crate::stage::complaint(relight().arg("play").arg(&asset).arg("-o").arg(&frame), 1);
+    let text = complaint(relight().arg("play").arg(&asset).arg("-o").arg(&frame), 1);
     assert!(text.contains("--lights"), "{text}");
     let emissive = sequence(
         folder.path(),
         "e.json",
         r#"{"relight_sequence": 1, "lights": [{"name": "glow", "type": "emissive"}]}"#,
     );
-    let text = crate::stage::complaint(
+    let text = complaint(
         relight()
             .arg("play")
             .arg(&asset)
