@@ -3,10 +3,12 @@
 //! Neighbouring triangles of one plane are joined as long as their outline stays convex, so that a wall of a thousand
 //! triangles is one piece. Joined edges are removed as in Hertel and Mehlhorn 1983, longest first, which makes quads
 //! of triangles, then strips, then rectangles.
+//!
+//! All of it on one thread: pieces are made when a worker of a pool first asks, and a pool's own work within that could
+//! make the worker ask again while it waits.
 
 use super::TracedScene;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Sine of the angle that normals of one plane may differ by.
@@ -137,7 +139,7 @@ impl Pieces {
                 edges.extend([(a, b), (b, c), (c, a)].map(|(u, v)| (u.min(v), u.max(v), u < v, triangle)));
             }
         }
-        edges.par_sort_unstable();
+        edges.sort_unstable();
         let mut joints: Vec<((i64, [i64; 3]), Joint)> = edges
             .chunk_by(|x, y| (x.0, x.1) == (y.0, y.1))
             .filter_map(|edge| {
@@ -152,7 +154,7 @@ impl Pieces {
             })
             .collect();
         // Stable: what is alike stays in the order of its numbers.
-        joints.par_sort_by_key(|&(order, _)| order);
+        joints.sort_by_key(|&(order, _)| order);
         joints.into_iter().map(|(_, joint)| joint).collect()
     }
 
