@@ -3,7 +3,7 @@
 //! Source: Walter et al. 2005. All lights become lights without extent ([`crate::many_lights`]); trees over them hold
 //! clusters ([`relight_transport::light_clusters`]), and every eye ray's point gets the coarsest cut through them whose
 //! nodes' error bounds ([`relight_transport::light_bounds`], [`relight_scene::bsdf::bounds`]) are each at most a share
-//! of the light there.
+//! of the light there. Clusters that are hidden for sure (`hidden`) have no error.
 //!
 //! Lights that shine directly and virtual lights are trees apart, so that layers add up, and with light layers every
 //! source has its own; the error is relative to all light together.

@@ -212,8 +212,8 @@ impl PointLights {
         (radiance.is_finite() && radiance != Vec3::ZERO).then_some(radiance)
     }
 
-    /// The shadow ray from a point of a surface to light `i`: it meets neither the surface that it starts on nor one that the light
-    /// lies on. `None` from where the light is not seen whatever is in between: inside of a spherical light.
+    /// The shadow ray from a point of a surface to light `i`: it meets neither the surface that it starts on nor one that
+    /// the light lies on. `None` from where the light is not seen whatever is in between: inside of a spherical light.
     pub fn shadow_ray(&self, i: usize, from: &SurfacePoint) -> Option<Ray> {
         let light = &self.lights[i];
         if light.emission == Emission::Directional {
