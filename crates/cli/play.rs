@@ -13,7 +13,7 @@ use crate::target;
 use crate::words;
 use clap::{Args, ValueEnum};
 use relight_play::edited::Editor;
-use relight_play::lightcuts::worthwhile;
+use relight_play::lightcuts::{AT_PIXELS, worthwhile};
 use relight_play::load::{Loaded, check_camera, check_kept, load};
 use relight_scene::camera::CameraTrack;
 use relight_scene::image::preview::tone_mapped;
@@ -232,7 +232,7 @@ pub fn play(
 
     let by_cuts = by_cuts(integrator, args, &loaded, sequence);
     let many = !args.layers.contains(&LayerName::Lights)
-        && worthwhile(&rig.at(range.first.into()), PIXEL_LIGHT_SAMPLES);
+        && worthwhile(&rig.at(range.first.into()), PIXEL_LIGHT_SAMPLES, AT_PIXELS);
     console.note(choice(integrator, by_cuts, many, &loaded));
     if let Some(line) = target::line(loaded.estimates.as_ref()) {
         console.note(format!("Error: {line}."));

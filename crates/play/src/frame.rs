@@ -8,7 +8,7 @@ use crate::cuts::illumination::Illumination;
 use crate::cuts::shade::{Fragments, ShadeStats, irradiance_at_sites, shade};
 use crate::cuts::sites::FragmentSites;
 use crate::cuts::{SitePlaces, VisibilityCuts};
-use crate::lightcuts::{self, LightcutStats, ManyLights};
+use crate::lightcuts::{self, AT_PIXELS, AT_POINTS, LightcutStats, ManyLights};
 use crate::lighting;
 use crate::reconstruct;
 use crate::shot::Shot;
@@ -288,8 +288,8 @@ impl Player {
         sums: &mut Sums,
         times: &mut FrameTimes,
     ) -> Option<Lightcuts> {
-        let points = lightcuts::worthwhile(lights, settings.point_samples);
-        let pixels = lightcuts::worthwhile(lights, settings.pixel_samples);
+        let points = lightcuts::worthwhile(lights, settings.point_samples, AT_POINTS);
+        let pixels = lightcuts::worthwhile(lights, settings.pixel_samples, AT_PIXELS);
         if !points && !pixels {
             return None;
         }

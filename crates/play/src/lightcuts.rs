@@ -37,7 +37,7 @@ use relight_scene::traced::TracedScene;
 use relight_transport::light_clusters::{BuildSettings, LightClusters, build};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-pub use gather::{CROSSOVER, ManyLights, worthwhile};
+pub use gather::{AT_PIXELS, AT_POINTS, Crossover, ManyLights, worthwhile};
 pub use sample::ReconstructionStats;
 pub use tightness::{Tightness, bound_tightness};
 

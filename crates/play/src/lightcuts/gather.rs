@@ -1,7 +1,7 @@
 //! Direct light of many lights at given places: points of the basis and fragments of a shot.
 //!
 //! The twin of [`crate::lighting`] for frames with so many lights that a shadow ray for each costs more than a cut
-//! ([`CROSSOVER`]).
+//! ([`worthwhile`]).
 
 use super::cut::{Cut, Lit, Receiver};
 use super::{LightcutSettings, LightcutStats, trees};
@@ -15,13 +15,18 @@ use relight_scene::traced::TracedScene;
 use relight_transport::light_clusters::LightClusters;
 use std::f32::consts::PI;
 
-/// Shadow rays per place that lights would take one by one, above which lightcuts take less time
-/// (docs/lightcuts.md).
-pub const CROSSOVER: u64 = 400;
+/// Shadow rays per place that lights would take one by one, above which lightcuts take less time (docs/lightcuts.md).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crossover(u64);
+
+/// At points of the basis, whose cuts have no doubt.
+pub const AT_POINTS: Crossover = Crossover(300);
+/// At pixels.
+pub const AT_PIXELS: Crossover = Crossover(850);
 
 /// Whether a place would send more shadow rays to the lights themselves, `samples` to each with extent, than are worth
 /// it.
-pub fn worthwhile(lights: &LightSet<'_>, samples: u32) -> bool {
+pub fn worthwhile(lights: &LightSet<'_>, samples: u32, crossover: Crossover) -> bool {
     let shines = |light: Vec3| u64::from(light != Vec3::ZERO);
     let rays = |light: usize| match lights.form(light) {
         LightForm::Dark => 0,
@@ -29,7 +34,7 @@ pub fn worthwhile(lights: &LightSet<'_>, samples: u32) -> bool {
         LightForm::Directional { irradiance, .. } => shines(irradiance),
         _ => u64::from(samples),
     };
-    (0..lights.len()).map(rays).sum::<u64>() > CROSSOVER
+    (0..lights.len()).map(rays).sum::<u64>() > crossover.0
 }
 
 /// Places per parallel task.
@@ -197,7 +202,7 @@ mod tests {
         let emitters = SceneEmitters::new(&scene);
         let rig = LightRig::new(&emitters, &tracks).unwrap();
         let lights = rig.at(0.0);
-        assert!(worthwhile(&lights, 1));
+        assert!(worthwhile(&lights, 1, AT_POINTS));
         for footprint in [0.0, 0.01] {
             let truth = irradiance_one_by_one(&scene, &lights, &places, footprint);
             let (found, stats) =
@@ -227,7 +232,7 @@ mod tests {
         };
         let tracks: Vec<_> = (0..1000)
             .map(|i| {
-                if i < CROSSOVER as usize {
+                if i < AT_POINTS.0 as usize {
                     bulb(Vec3::ZERO, 1.0)
                 } else {
                     light("dark", dark.clone())
@@ -237,10 +242,10 @@ mod tests {
         let emitters = SceneEmitters::new(&scene);
         let count = |lamps: &[_]| {
             let rig = LightRig::new(&emitters, lamps).unwrap();
-            worthwhile(&rig.at(0.0), 8)
+            worthwhile(&rig.at(0.0), 8, AT_POINTS)
         };
         assert!(!count(&tracks));
-        let shining = &tracks[..CROSSOVER as usize];
+        let shining = &tracks[..AT_POINTS.0 as usize];
         assert!(count(&[shining, &tracks[..1]].concat()), "one more");
     }
 }
