@@ -3,6 +3,7 @@
 use super::case::{Case, Measure, Measured};
 use super::shapes::{LAMP, point, room};
 use super::stage::{SIZE, Stage, mean, quick};
+use glam::Vec3;
 use relight_bake::params::BakeParams;
 use relight_bake::{Request, coarse_radius};
 use relight_scene::traced::{Shading, TracedScene};
@@ -23,10 +24,8 @@ fn light_is_kept(stage: &Stage, factor: f32) -> Measured {
     let traced = TracedScene::new(Arc::new(room()), Shading::Lambert).map_err(|e| e.to_string())?;
     let layers = stage.traced_with(&traced, &lamp, SPP)?;
     let truth = layers.rgb("indirect").unwrap_or_default().pixels;
-    let truth = truth
-        .iter()
-        .map(|p| f64::from(p[0]) + f64::from(p[1]) + f64::from(p[2]));
-    let truth = truth.sum::<f64>() / (layers.width * layers.height) as f64;
+    let truth: Vec<Vec3> = truth.into_iter().map(Vec3::from).collect();
+    let truth = mean(&truth).element_sum();
     let plain = quick();
     let request = Request {
         scene: Arc::new(room()),

@@ -21,7 +21,7 @@ use glam::Vec3;
 use relight_scene::light_set::{LightForm, LightSet};
 use relight_scene::rays::{self, Ray, SurfacePoint};
 use relight_scene::shading::ShadingPoint;
-use relight_scene::surface::SurfaceHit;
+use relight_scene::surface::{SurfaceHit, ray_from_end};
 use relight_scene::traced::TracedScene;
 use relight_transport::point_light::{Emission, PointLight};
 
@@ -217,13 +217,7 @@ impl PointLights {
     pub fn shadow_ray(&self, i: usize, from: &SurfacePoint) -> Option<Ray> {
         let light = &self.lights[i];
         if light.emission == Emission::Directional {
-            let direction = -light.axis;
-            return Some(Ray {
-                origin: rays::offset_origin(from.position, from.normal, direction, from.clearance),
-                direction,
-                t_min: 0.0,
-                t_max: f32::INFINITY,
-            });
+            return Some(ray_from_end(from, -light.axis));
         }
         match self.ends[i] {
             End::Free => Some(rays::shadow_ray_to_point(from, light.position)),

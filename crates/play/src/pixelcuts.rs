@@ -177,7 +177,6 @@ pub fn render(
         mean,
         flat: settings.flat,
         places: view.points.par_iter().map(Place::new).collect(),
-        limits: Vec::new(),
         seed: settings.seed,
         watch,
     };
@@ -198,9 +197,9 @@ pub fn render(
         }
         let reflected = shade::reflected(&view, &incident[0], job.degree, false);
         total.iter_mut().zip(reflected).for_each(|(t, r)| *t += r);
-        gather.limits = total.into_iter().map(|t| clamp_limit(t, points.clamp)).collect();
-        (gather.places.par_iter_mut().zip(&view.points).zip(&gather.limits))
-            .for_each(|((place, point), &limit)| place.limited(point, limit));
+        (gather.places.par_iter_mut().zip(&view.points).zip(total)).for_each(|((place, point), total)| {
+            place.limited(point, clamp_limit(total, points.clamp));
+        });
         stats.shadow_rays = 0;
         stats.clusters = 0;
         stats.times = PixelcutsTimes {

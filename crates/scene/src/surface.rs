@@ -49,9 +49,13 @@ pub trait Surfaces: Sync {
 /// A ray from a hit into `direction`, without end, that does not meet the surface it starts on. It starts on the
 /// side of the surface that `direction` points to; t counts in units of the direction's length.
 pub fn ray_from(hit: &SurfaceHit, direction: Vec3) -> Ray {
-    let error = hit.position_error.max_element();
+    ray_from_end(&ray_end(hit), direction)
+}
+
+/// As [`ray_from`] from where rays start at the hit.
+pub fn ray_from_end(end: &SurfacePoint, direction: Vec3) -> Ray {
     Ray {
-        origin: rays::offset_origin(hit.position, hit.geometric_normal, direction, error),
+        origin: rays::offset_origin(end.position, end.normal, direction, end.clearance),
         direction,
         t_min: 0.0,
         t_max: f32::INFINITY,
@@ -67,12 +71,6 @@ pub fn ray_between(hit: &SurfaceHit, target: Vec3) -> Ray {
 /// A ray from one hit to another that meets neither surface. Its direction is the difference of its ends.
 pub fn ray_between_hits(from: &SurfaceHit, to: &SurfaceHit) -> Ray {
     rays::shadow_ray(&ray_end(from), &ray_end(to))
-}
-
-/// A ray from a hit to a point on another surface that meets neither surface. Its direction is the difference of its
-/// ends.
-pub fn ray_between_surfaces(from: &SurfaceHit, to: &SurfacePoint) -> Ray {
-    rays::shadow_ray(&ray_end(from), to)
 }
 
 /// Where rays that start or end at a hit do so.

@@ -277,16 +277,20 @@ impl TracedScene {
 
     /// What stops a ray, not always what it meets first: `None` where [`Surfaces::occluded`] says no.
     pub fn stop(&self, ray: &Ray) -> Option<Stop> {
-        if self.opaque {
-            let hit = self.bvh.some_hit_where(ray, |_| true)?;
-            return Some(Stop::Opaque(hit.triangle));
-        }
-        let hit = self.bvh.some_hit_where(ray, |hit| self.stops(ray, hit))?;
-        Some(if self.traced_instance(hit.triangle).opaque {
+        let hit = self.stopping_hit(ray)?;
+        Some(if self.opaque || self.traced_instance(hit.triangle).opaque {
             Stop::Opaque(hit.triangle)
         } else {
             Stop::Other
         })
+    }
+
+    fn stopping_hit(&self, ray: &Ray) -> Option<Hit> {
+        if self.opaque {
+            self.bvh.some_hit_where(ray, |_| true)
+        } else {
+            self.bvh.some_hit_where(ray, |hit| self.stops(ray, hit))
+        }
     }
 
     /// Calls `with` with the largest known flat and convex piece of opaque surface that an opaque triangle is part of.
@@ -397,11 +401,7 @@ impl Surfaces for TracedScene {
     }
 
     fn occluded(&self, ray: &Ray) -> bool {
-        if self.opaque {
-            self.bvh.any_hit(ray)
-        } else {
-            self.bvh.any_hit_where(ray, |hit| self.stops(ray, hit))
-        }
+        self.stopping_hit(ray).is_some()
     }
 
     fn occluded_packet(&self, rays: &[Ray], occluded: &mut [bool]) {

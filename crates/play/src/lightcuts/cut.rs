@@ -49,6 +49,7 @@ impl<'a> Receiver<'a> {
     }
 
     /// A node's lights as seen from here.
+    #[inline]
     fn sees(&self, clusters: &LightClusters, node: u32) -> LightBox {
         LightBox::new(
             &clusters.nodes[node as usize],
@@ -63,7 +64,7 @@ impl<'a> Receiver<'a> {
     pub fn node_bound(&self, clusters: &LightClusters, node: u32) -> f32 {
         let emission = clusters.emission(node);
         let cluster = &clusters.nodes[node as usize];
-        let seen = LightBox::new(cluster, emission, self.hit.position);
+        let seen = self.sees(clusters, node);
         let geometric = geometric_bound(cluster, emission, &seen);
         if geometric <= 0.0 {
             return 0.0;

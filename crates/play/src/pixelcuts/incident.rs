@@ -36,8 +36,6 @@ pub(super) struct Gather<'a> {
     pub flat: bool,
     /// What is asked of each of the view's points.
     pub places: Vec<Place>,
-    /// Per point the most that a virtual light may give, reflected radiance; empty: no limit.
-    pub limits: Vec<f32>,
     pub seed: u64,
     pub watch: &'a Watch<'a>,
 }
@@ -46,7 +44,9 @@ pub(super) struct Gather<'a> {
 pub(super) struct Place {
     end: SurfacePoint,
     shading_normal: Vec3,
-    /// Incident light, largest channel, that cannot be reflected as more than the limit.
+    /// Most that a virtual light may give, reflected radiance.
+    limit: f32,
+    /// Incident light, largest channel, that cannot be reflected as more than that.
     unlimited: f32,
 }
 
@@ -55,6 +55,7 @@ impl Place {
         Place {
             end: ray_end(&point.hit),
             shading_normal: point.shading.shading_normal,
+            limit: f32::INFINITY,
             unlimited: f32::INFINITY,
         }
     }
@@ -62,6 +63,7 @@ impl Place {
     /// With a limit on what virtual lights may give, reflected radiance.
     pub fn limited(&mut self, point: &Point, limit: f32) {
         let most = ReflectionBound::new(&point.shading, point.wo).bound(|_| (1.0, 0.0));
+        self.limit = limit;
         self.unlimited = limit / most.max_element();
     }
 }
@@ -241,12 +243,11 @@ impl Gather<'_> {
         }
         if self.points.is_virtual(i) && irradiance.max_element() > f64::from(place.unlimited) {
             let Point { shading, wo, .. } = &self.view.points[point];
-            let limit = self.limits[point];
             let toll = reflected(shading, *wo, arrival.direction).as_dvec3() * irradiance;
             let radiance = toll.as_vec3();
             let largest = radiance.max_element();
             if largest > 0.0 {
-                share *= f64::from(clamped(radiance, limit).max_element() / largest);
+                share *= f64::from(clamped(radiance, place.limit).max_element() / largest);
             }
         }
         let incoming = (irradiance * share).as_vec3();
