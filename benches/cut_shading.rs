@@ -15,6 +15,7 @@ use relight_format as format;
 use relight_play::cuts::illumination::Illumination;
 use relight_play::cuts::shade::{Fragments, ShadeStats, shade};
 use relight_play::load::{Loaded, load};
+use relight_play::reflections::FIXED_RAYS;
 use relight_play::shot::{Shot, expose};
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::light_set::{LightRig, NoEmitters};
@@ -115,7 +116,7 @@ fn shot(loaded: &Loaded) -> Shot {
     let camera = loaded.scene.cameras[0].at(0.0);
     let mut shot = expose(&player.scene, &camera, SIZE.0, SIZE.1, 1);
     if let (Some(transfer), Some(cuts)) = (&player.transfer, &player.cuts) {
-        shot.weigh(transfer, &player.scene);
+        shot.weigh(transfer, &player.scene, FIXED_RAYS);
         shot.choose_sites(&cuts.places);
     }
     shot

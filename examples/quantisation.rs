@@ -22,6 +22,7 @@ use relight_format::codec::{cut, octahedral};
 use relight_play::cuts::{SitePlaces, VisibilityCuts};
 use relight_play::frame::{Distant, LightingSettings, Player};
 use relight_play::lighting::irradiance_at;
+use relight_play::reflections::FIXED_RAYS;
 use relight_play::shot::{Shot, expose};
 use relight_play::transfer::Transfer;
 use relight_scene::animated::Animated;
@@ -211,7 +212,7 @@ impl Study {
         let camera = self.scene.cameras[0].at(0.0);
         let mut shot = expose(&player.scene, &camera, SIZE, SIZE, 1);
         if let Some(transfer) = &player.transfer {
-            shot.weigh(transfer, &player.scene);
+            shot.weigh(transfer, &player.scene, FIXED_RAYS);
         }
         shot
     }

@@ -16,6 +16,7 @@ use relight_play::layers::{RenderSize, Watch};
 use relight_play::load::Loaded;
 use relight_play::path::{self, PathSettings};
 use relight_play::pixelcuts;
+use relight_play::reflections::{FIXED_RAYS, MOVING_RAYS};
 use relight_play::shot::{Shot, expose};
 use relight_play::views;
 use relight_scene::camera::Camera;
@@ -183,7 +184,8 @@ impl Session<'_> {
             let exposed = milliseconds(start);
             let start = Instant::now();
             if let Some(transfer) = &player.transfer {
-                shot.weigh(transfer, &player.scene);
+                let rays = if self.fixed { FIXED_RAYS } else { MOVING_RAYS };
+                shot.weigh(transfer, &player.scene, rays);
             }
             if let (Some(cuts), true) = (&player.cuts, self.by_cuts != ByCuts::Nothing) {
                 shot.choose_sites(&cuts.places);

@@ -7,6 +7,7 @@ use relight_data_generate::glb::Glb;
 use relight_format::{self as format, Asset};
 use relight_play::frame::{LightingSettings, Lit};
 use relight_play::load::{Loaded, load};
+use relight_play::reflections::FIXED_RAYS;
 use relight_play::shot::{Shot, expose};
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::light::LightTrack;
@@ -66,7 +67,7 @@ pub fn shot(loaded: &Loaded, size: usize) -> Shot {
     let camera = loaded.scene.cameras[0].at(0.0);
     let mut shot = expose(&loaded.player.scene, &camera, size, size, 1);
     let player = &loaded.player;
-    shot.weigh(player.transfer.as_ref().unwrap(), &player.scene);
+    shot.weigh(player.transfer.as_ref().unwrap(), &player.scene, FIXED_RAYS);
     shot
 }
 

@@ -6,6 +6,7 @@ use super::stage::{SIZE, Stage, coarse, difference, sane, seeds_apart};
 use glam::Vec3;
 use relight_format as format;
 use relight_play::frame::Lit;
+use relight_play::reflections::FIXED_RAYS;
 use relight_scene::scene::Scene;
 use relight_scene::traced::Shading;
 
@@ -158,7 +159,7 @@ fn cameras(stage: &Stage) -> Measured {
         let camera = camera(eye, target, vfov).at(0.0);
         let mut shot = relight_play::shot::expose(&loaded.player.scene, &camera, SIZE, SIZE, 4);
         if let Some(transfer) = &loaded.player.transfer {
-            shot.weigh(transfer, &loaded.player.scene);
+            shot.weigh(transfer, &loaded.player.scene, FIXED_RAYS);
         }
         let lit = stage.lit(&loaded, &shot, &[point(LAMP, 1.0)])?;
         measures.extend(sane(&lit).into_iter().map(|m| Measure {

@@ -10,6 +10,7 @@ use relight_play::frame::{LightingSettings, Lit};
 use relight_play::layers::{RenderSize, Watch};
 use relight_play::load::{Loaded, from_asset};
 use relight_play::path::{PathSettings, render};
+use relight_play::reflections::FIXED_RAYS;
 use relight_play::shot::{Shot, expose};
 use relight_scene::image::Layers;
 use relight_scene::light::LightTrack;
@@ -41,6 +42,9 @@ impl Progress for Stage {
 
 /// Pixels along each side of a case's image.
 pub const SIZE: usize = 48;
+
+/// Pixels along each side of a path-traced image.
+pub const TRACED: usize = 24;
 
 /// The preset `draft` less its finest level: small scenes have no more detail.
 pub fn quick() -> BakeParams {
@@ -76,8 +80,8 @@ impl Stage {
         let emitters = SceneEmitters::new(scene);
         let lights = LightSet::new(&emitters, tracks, 0.0).map_err(|e| e.to_string())?;
         let size = RenderSize {
-            width: 24,
-            height: 24,
+            width: TRACED,
+            height: TRACED,
         };
         let watch = Watch {
             cancel: &AtomicBool::new(false),
@@ -133,7 +137,7 @@ impl Stage {
         let mut shot = expose(&loaded.player.scene, &camera, size, size, 1);
         self.at("play: weigh");
         if let Some(transfer) = &loaded.player.transfer {
-            shot.weigh(transfer, &loaded.player.scene);
+            shot.weigh(transfer, &loaded.player.scene, FIXED_RAYS);
         }
         Ok(shot)
     }

@@ -15,6 +15,7 @@ use relight_play::frame::{Distant, LightingSettings};
 use relight_play::layers::{RenderSize, Watch};
 use relight_play::load::from_asset;
 use relight_play::path::{self, PathSettings};
+use relight_play::reflections::FIXED_RAYS;
 use relight_play::shot::{Shot, expose};
 use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::image::FloatImage;
@@ -311,7 +312,7 @@ impl Probes {
             let mut shot = Shot::default();
             shots.for_each(|more| shot.append(more));
             if let Some(transfer) = &player.transfer {
-                shot.weigh(transfer, &player.scene);
+                shot.weigh(transfer, &player.scene, FIXED_RAYS);
             }
             if let (Some(cuts), true) = (&player.cuts, surface || by_directions) {
                 shot.choose_sites(&cuts.places);

@@ -5,6 +5,7 @@
 use glam::Vec3;
 use relight_play::frame::LightingSettings;
 use relight_play::load::load;
+use relight_play::reflections::FIXED_RAYS;
 use relight_play::shot::expose;
 use relight_scene::light_set::{LightRig, SceneEmitters};
 
@@ -19,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let rig = LightRig::new(&emitters, &loaded.scene.sequence.lights)?;
     let mut shot = expose(&player.scene, &camera.at(0.0), 160, 90, 4);
     if let Some(transfer) = &player.transfer {
-        shot.weigh(transfer, &player.scene);
+        shot.weigh(transfer, &player.scene, FIXED_RAYS);
     }
     let settings = LightingSettings {
         pixel_samples: 4,

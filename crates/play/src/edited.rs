@@ -11,9 +11,9 @@
 use crate::cuts::{Lights, reflectances};
 use crate::frame::Player;
 use crate::load::{Loaded, setting};
+use crate::reflections::MOVING_RAYS;
 use crate::shot::Shot;
 use rayon::prelude::*;
-use relight_scene::bsdf;
 use relight_scene::material_edits::{MaterialEdits, MaterialEditsError, read_material_edits};
 use relight_scene::shading::ShadingPoint;
 use relight_scene::traced::TracedSceneError;
@@ -146,7 +146,6 @@ impl Editor {
             points,
             hits,
             directions,
-            albedo,
             ..
         } = &mut *shot;
         points
@@ -165,22 +164,14 @@ impl Editor {
                     *point = again;
                 }
             });
-        // Empty where the shot was not weighed.
-        albedo
-            .par_iter_mut()
-            .zip(&*points)
-            .with_min_len(256)
-            .for_each(|(albedo, point)| {
-                if let Some(point) = point
-                    && moved(point)
-                {
-                    *albedo = bsdf::hemispherical_albedo(point);
-                }
-            });
+        let Some(transfer) = player.transfer.as_ref().filter(|_| !shot.albedo.is_empty()) else {
+            return;
+        };
+        shot.weigh_lobes(transfer, scene, MOVING_RAYS);
         let bends = (0u32..)
             .zip(&self.moves)
             .any(|(i, &m)| m && self.edits.moves_normals(i));
-        if bends && let Some(transfer) = &player.transfer {
+        if bends {
             shot.weigh_components(&transfer.finest);
         }
     }

@@ -1,8 +1,8 @@
 //! One relit frame from an asset: direct light at points and pixels, transfer, reconstruction.
 //!
-//! Source: Lehtinen et al. 2008, section 4. How indirect light on surfaces that are not matt is shaded: the
-//! vector irradiance, dotted with the shading normal, times the surface's total hemispherical reflectance
-//! over π. A glossy surface so reflects the right amount of indirect light, spread like a matt one.
+//! Source: Lehtinen et al. 2008, section 4. How indirect light on surfaces that are not matt is shaded: the matt part
+//! takes the vector irradiance dotted with the shading normal; lobes that matter are followed by rays
+//! ([`crate::reflections`]), others spread their light like the matt part, with the right total.
 
 use crate::cuts::illumination::Illumination;
 use crate::cuts::shade::{Fragments, ShadeStats, irradiance_at_sites, shade};
@@ -11,6 +11,7 @@ use crate::cuts::{SitePlaces, VisibilityCuts};
 use crate::lightcuts::{self, AT_PIXELS, AT_POINTS, LightcutStats, ManyLights};
 use crate::lighting;
 use crate::reconstruct;
+use crate::reflections;
 use crate::shot::Shot;
 use crate::snap::snapped;
 use crate::transfer::{Transfer, TransferStats};
@@ -409,7 +410,10 @@ impl Player {
             let (values, stats) = transfer.indirect_from_direct(&received.points);
             add_times(&stats);
             let start = Instant::now();
-            let radiance = indirect_at(shot, &transfer.finest, &values);
+            let mut radiance = indirect_at(shot, &transfer.finest, &values);
+            let indirect = (values.iter().zip(&transfer.finest.normals)).map(|(e, n)| e.irradiance(*n));
+            let sent = reflections::sent(Some(&received.points), indirect);
+            shot.reflections.add_to(&mut radiance, &sent);
             times.reconstruct += milliseconds(start);
             return (radiance, Some(stats), cut_stats);
         };
@@ -426,6 +430,11 @@ impl Player {
                 *out += first;
             }
         }
+        // The first bounce in lobes is the cuts'.
+        let indirect = (first.iter().zip(&further).zip(&transfer.finest.normals))
+            .map(|((first, further), n)| first.irradiance(*n) + further.irradiance(*n));
+        let sent = reflections::sent(None, indirect);
+        shot.reflections.add_to(&mut radiance, &sent);
         times.reconstruct += milliseconds(start);
         (radiance, Some(stats), cut_stats)
     }

@@ -1,7 +1,7 @@
 //! Asset and lights to images.
 //!
 //! The way of the light: direct [`lighting`] of points and pixels, [`transfer`] of what the points reflect to
-//! all others, [`reconstruct`]ion at the fragments of a [`shot`]; [`frame`] runs them in order. Beside it stand
+//! all others, [`reconstruct`]ion at the fragments of a [`shot`] and [`reflections`] in its glossy ones; [`frame`] runs them in order. Beside it stand
 //! the references: [`path`] traces paths, [`brute`] casts a shadow ray per light; [`many_lights`]
 //! makes points of all lights, and [`pixelcuts`] sends their light to clusters of pixels. [`edited`] changes materials.
 #![forbid(unsafe_code)]
@@ -20,6 +20,7 @@ pub mod many_lights;
 pub mod path;
 pub mod pixelcuts;
 pub mod reconstruct;
+pub mod reflections;
 pub mod sampler;
 pub mod shot;
 mod snap;

@@ -23,22 +23,34 @@ pub fn weights_at(
 ) -> Rows {
     let functions = || FunctionsInOrder::new(finest);
     Rows::build_with(places.len(), finest.len(), functions, |functions, i, row| {
-        let Some(place) = places[i] else { return };
-        let first = row.len();
-        functions.functions_or_nearest_at(place.0, place.1, row);
-        let near = |j: u32| near_parted.get(j as usize).copied().unwrap_or(false);
-        if !row[first..].iter().any(|e| near(e.0)) {
-            return;
-        }
-        let kept: Vec<(u32, f32)> = (row[first..].iter().copied())
-            .filter(|e| !(near(e.0) && is_parted(place, e.0)))
-            .collect();
-        let sum: f32 = kept.iter().map(|e| e.1).sum();
-        if sum > 0.0 {
-            row.truncate(first);
-            row.extend(kept.iter().map(|e| (e.0, e.1 / sum)));
+        if let Some(place) = places[i] {
+            functions_at(functions, place, near_parted, &is_parted, row);
         }
     })
+}
+
+/// Appends a row of [`weights_at`].
+pub(crate) fn functions_at(
+    functions: &mut FunctionsInOrder,
+    place: (Vec3, Vec3),
+    near_parted: &[bool],
+    is_parted: impl Fn((Vec3, Vec3), u32) -> bool,
+    row: &mut Vec<(u32, f32)>,
+) {
+    let first = row.len();
+    functions.functions_or_nearest_at(place.0, place.1, row);
+    let near = |j: u32| near_parted.get(j as usize).copied().unwrap_or(false);
+    if !row[first..].iter().any(|e| near(e.0)) {
+        return;
+    }
+    let kept: Vec<(u32, f32)> = (row[first..].iter().copied())
+        .filter(|e| !(near(e.0) && is_parted(place, e.0)))
+        .collect();
+    let sum: f32 = kept.iter().map(|e| e.1).sum();
+    if sum > 0.0 {
+        row.truncate(first);
+        row.extend(kept.iter().map(|e| (e.0, e.1 / sum)));
+    }
 }
 
 /// Weights of the pixels' rows on the components of vector irradiance: row weight times what the shading normal

@@ -8,6 +8,7 @@
 use crate::cuts::SitePlaces;
 use crate::cuts::sites::FragmentSites;
 use crate::reconstruct;
+use crate::reflections::{self, Reflections};
 use crate::transfer::Transfer;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -45,8 +46,11 @@ pub struct Shot {
     pub components: Vec<Vec3>,
     /// Sites between which each fragment interpolates visibility; empty if no cuts are used.
     pub sites: FragmentSites,
-    /// Total hemispherical reflectance of each fragment.
+    /// Reflectance of each fragment for indirect light that it spreads like something matt: all, or, of fragments whose
+    /// lobe is followed, the matt part.
     pub albedo: Vec<Vec3>,
+    /// What lobes see.
+    pub reflections: Reflections,
     /// Camera position.
     pub eye: Vec3,
 }
@@ -225,8 +229,9 @@ fn append_fragments(pixel: &[Sample], row: &mut Shot) {
 }
 
 impl Shot {
-    /// Finds the finest points' functions and the total reflectance at every fragment, once per shot.
-    pub fn weigh(&mut self, transfer: &Transfer, surfaces: &dyn Surfaces) {
+    /// Finds the finest points' functions, reflectances and what lobes see, once per shot; `rays`: of the widest lobe
+    /// ([`reflections::FIXED_RAYS`]).
+    pub fn weigh(&mut self, transfer: &Transfer, scene: &TracedScene, rays: u32) {
         let finest = &transfer.finest;
         let places: Vec<Option<(Vec3, Vec3)>> = self
             .hits
@@ -236,20 +241,42 @@ impl Shot {
         self.weights = reconstruct::weights_at(finest, &places, &transfer.near_parted, |place, point| {
             let j = point as usize;
             is_parted(
-                surfaces,
+                scene,
                 place,
                 (finest.positions[j], finest.normals[j]),
                 finest.disk_radius,
             )
         });
-        self.albedo = (self.points.par_iter().with_min_len(256))
-            .map(|p| match p {
-                Some(p) if p.lambert => p.diffuse,
-                Some(p) => bsdf::hemispherical_albedo(p),
-                None => Vec3::ZERO,
-            })
-            .collect();
+        self.weigh_lobes(transfer, scene, rays);
         self.weigh_components(finest);
+    }
+
+    /// The part of [`Shot::weigh`] that depends on how surfaces reflect.
+    pub(crate) fn weigh_lobes(&mut self, transfer: &Transfer, scene: &TracedScene, rays: u32) {
+        let (albedo, lobes): (Vec<Vec3>, Vec<u32>) = (self.points.par_iter().zip(&self.directions))
+            .with_min_len(256)
+            .map(|(point, direction)| {
+                let (Some(point), wo) = (point, -*direction) else {
+                    return (Vec3::ZERO, 0);
+                };
+                match reflections::rays(point, wo, rays) {
+                    0 => (bsdf::hemispherical_albedo(point), 0),
+                    rays => (
+                        bsdf::diffuse_reflectance(point, point.shading_normal.dot(wo)),
+                        rays,
+                    ),
+                }
+            })
+            .unzip();
+        self.albedo = albedo;
+        self.reflections = Reflections::new(
+            scene,
+            transfer,
+            &self.hits,
+            &self.points,
+            &self.directions,
+            &lobes,
+        );
     }
 
     /// The part of [`Shot::weigh`] that depends on shading normals.

@@ -40,7 +40,7 @@ use std::f32::consts::{FRAC_1_PI, PI, TAU};
 
 pub use albedo::hemispherical_albedo;
 pub use integrate::{Incident, integrate, irradiance};
-pub use lobe::{Lobe, at_least_as_wide, lobe, spread_by_normals};
+pub use lobe::{Lobe, at_least_as_wide, lobe, spread_by_normals, width_facing};
 pub use phong::{MAX_EXPONENT, exponent_of_alpha};
 
 /// Directions with a smaller cosine count as below the horizon: their light is beyond what f32 resolves, and
@@ -83,6 +83,40 @@ pub fn diffuse_reflectance(point: &ShadingPoint, cos: f32) -> Vec3 {
     albedo::diffuse_limit(point, cos)
 }
 
+/// Share of even light that the specular part reflects towards `wo`, RGB in 0..=1: for GGX within 3e-3, for Phong and Ward
+/// roughly. Zero where there is none, or `wo` is below a horizon.
+pub fn lobe_albedo(point: &ShadingPoint, wo: Vec3) -> Vec3 {
+    let cos = point.shading_normal.dot(wo);
+    let above = cos > MIN_COSINE && point.geometric_normal.dot(wo) > 0.0;
+    if !above || point.lambert {
+        return Vec3::ZERO;
+    }
+    match mixture::Lobe::of(point) {
+        Some(lobe) => lobe.rough_albedo(point, cos),
+        None => albedo::specular(point.f0, point.alpha, cos),
+    }
+}
+
+/// Samples a direction of the specular part alone for light seen from `wo`, and its value × cosine / density; `u` as in
+/// [`sample`]. `None` where [`lobe_albedo`] is zero or the direction is below a horizon.
+pub fn sample_lobe(point: &ShadingPoint, wo: Vec3, u: [f32; 2]) -> Option<(Vec3, Vec3)> {
+    if lobe_albedo(point, wo) == Vec3::ZERO {
+        return None;
+    }
+    if let Some(lobe) = mixture::Lobe::of(point) {
+        let (wi, weight) = lobe.sample_specular(point, wo, u);
+        cosines(point, wo, wi)?;
+        return weight.is_finite().then_some((wi, weight));
+    }
+    let (wi, half) = visible_reflection(point, wo, u);
+    let (cos_o, cos_i) = cosines(point, wo, wi)?;
+    // F G2/G1.
+    let (root_o, root_i) = (smith_root(cos_o, point.alpha), smith_root(cos_i, point.alpha));
+    let masking = cos_i * (cos_o + root_o) / (cos_i * root_o + cos_o * root_i);
+    let fresnel = point.f0 + (Vec3::ONE - point.f0) * (1.0 - half.cos_oh).max(0.0).powi(5);
+    Some((wi, fresnel * masking))
+}
+
 /// Density with which [`sample`] returns `wi`, per solid angle (1/sr).
 pub fn pdf(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> f32 {
     let Some((cos_o, cos_i)) = cosines(point, wo, wi) else {
@@ -117,21 +151,15 @@ pub fn sample(point: &ShadingPoint, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample>
             pdf,
         });
     }
-    let (tangent, bitangent) = n.any_orthonormal_pair();
-    let world = |local: Vec3| tangent * local.x + bitangent * local.y + n * local.z;
     let p_specular = specular_probability(point, cos_o);
     let (wi, half) = if u[2] < p_specular {
-        let local_o = Vec3::new(tangent.dot(wo), bitangent.dot(wo), cos_o);
-        let local_h = sample_visible_normal(local_o, point.alpha, [u[0], u[1]]);
-        let cos_oh = local_o.dot(local_h);
-        let wi = world(local_h * (2.0 * cos_oh) - local_o).normalize();
-        // The sampled half vector itself, not the one recomputed from rounded directions.
-        let sin2_h = local_h.x * local_h.x + local_h.y * local_h.y;
-        (wi, Half { sin2_h, cos_oh })
+        visible_reflection(point, wo, [u[0], u[1]])
     } else {
+        let (tangent, bitangent) = n.any_orthonormal_pair();
         let radius = u[0].sqrt();
         let (sin, cos) = (TAU * u[1]).sin_cos();
-        let wi = world(Vec3::new(radius * cos, radius * sin, (1.0 - u[0]).sqrt())).normalize();
+        let local = Vec3::new(radius * cos, radius * sin, (1.0 - u[0]).sqrt());
+        let wi = (tangent * local.x + bitangent * local.y + n * local.z).normalize();
         (wi, Half::new(n, wo, wi))
     };
     let (cos_o, cos_i) = cosines(point, wo, wi)?;
@@ -143,6 +171,20 @@ pub fn sample(point: &ShadingPoint, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample>
     };
     let weight = f * (cos_i / pdf);
     (pdf > 0.0 && weight.is_finite()).then_some(BsdfSample { wi, weight, pdf })
+}
+
+/// Reflects `wo` in a visible normal of the GGX microsurface.
+fn visible_reflection(point: &ShadingPoint, wo: Vec3, u: [f32; 2]) -> (Vec3, Half) {
+    let n = point.shading_normal;
+    let (tangent, bitangent) = n.any_orthonormal_pair();
+    let local_o = Vec3::new(tangent.dot(wo), bitangent.dot(wo), n.dot(wo));
+    let local_h = sample_visible_normal(local_o, point.alpha, u);
+    let cos_oh = local_o.dot(local_h);
+    let local = local_h * (2.0 * cos_oh) - local_o;
+    let wi = (tangent * local.x + bitangent * local.y + n * local.z).normalize();
+    // The sampled half vector itself, not the one recomputed from rounded directions.
+    let sin2_h = local_h.x * local_h.x + local_h.y * local_h.y;
+    (wi, Half { sin2_h, cos_oh })
 }
 
 /// What the distribution and the Fresnel term need of the half vector.

@@ -120,25 +120,34 @@ struct Row([[f32; 2]; COSINES]);
 
 impl Row {
     fn new(alpha: f32) -> Row {
-        let (row, f) = place(alpha_place(alpha), ROUGHNESSES);
-        let (low, high) = TABLES.specular[row * COSINES..(row + 2) * COSINES].split_at(COSINES);
+        let SpecularRows(low, high, f) = specular_rows(alpha);
         Row(std::array::from_fn(|at| {
             [0, 1].map(|k| low[at][k] * (1.0 - f) + high[at][k] * f)
         }))
     }
 }
 
+/// The two rows of the specular table between which a roughness lies, and the weight of the upper one.
+struct SpecularRows(&'static [[f32; 2]], &'static [[f32; 2]], f32);
+
+fn specular_rows(alpha: f32) -> SpecularRows {
+    let (row, f) = place(alpha_place(alpha), ROUGHNESSES);
+    let (low, high) = TABLES.specular[row * COSINES..(row + 2) * COSINES].split_at(COSINES);
+    SpecularRows(low, high, f)
+}
+
+impl SpecularRows {
+    /// (A, B) at a place between cosines, interpolated.
+    fn at(&self, (column, fc): (usize, f32)) -> [f32; 2] {
+        let SpecularRows(low, high, fr) = *self;
+        let along = |row: &[[f32; 2]], k: usize| row[column][k] * (1.0 - fc) + row[column + 1][k] * fc;
+        [0, 1].map(|k| along(low, k) * (1.0 - fr) + along(high, k) * fr)
+    }
+}
+
 /// (A, B), interpolated.
 fn specular_factors(alpha: f32, cos: f32) -> [f32; 2] {
-    let (row, fr) = place(alpha_place(alpha), ROUGHNESSES);
-    let (column, fc) = place(cosine_place(cos), COSINES);
-    let table = &TABLES.specular;
-    let at = |row: usize, column: usize, k: usize| table[row * COSINES + column][k];
-    [0, 1].map(|k| {
-        let low = at(row, column, k) * (1.0 - fc) + at(row, column + 1, k) * fc;
-        let high = at(row + 1, column, k) * (1.0 - fc) + at(row + 1, column + 1, k) * fc;
-        low * (1.0 - fr) + high * fr
-    })
+    specular_rows(alpha).at(place(cosine_place(cos), COSINES))
 }
 
 /// K, interpolated.
@@ -210,6 +219,27 @@ impl DiffuseScale {
     }
 }
 
+/// A node of the average over cosine-weighted directions.
+struct AverageNode {
+    /// Place between the tables' cosines.
+    column: (usize, f32),
+    /// K there.
+    diffuse: f32,
+    weight: f32,
+}
+
+/// ∫ 2μ f dμ with x = √μ, since f varies near the horizon: ∫ 4x³ f dx, by midpoints.
+static AVERAGE: LazyLock<[AverageNode; AVERAGE_NODES]> = LazyLock::new(|| {
+    std::array::from_fn(|k| {
+        let x = (k as f32 + 0.5) / AVERAGE_NODES as f32;
+        AverageNode {
+            column: place(cosine_place(x * x), COSINES),
+            diffuse: diffuse_factor(x * x),
+            weight: 4.0 * x * x * x / AVERAGE_NODES as f32,
+        }
+    })
+});
+
 /// Share of the light that a point reflects in all, averaged over cosine-weighted directions of arrival: RGB in
 /// 0..=1. The albedo for bounces (design section 6), so that metals and glossy surfaces send light, too.
 ///
@@ -223,13 +253,14 @@ pub fn hemispherical_albedo(point: &ShadingPoint) -> Vec3 {
         return lobe.hemispherical_albedo(point);
     }
     let (mut reflected, mut printed, mut scaled) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
-    for k in 0..AVERAGE_NODES {
-        // ∫ 2μ f dμ with x = √μ, since f varies near the horizon: ∫ 4x³ f dx, by midpoints.
-        let x = (k as f32 + 0.5) / AVERAGE_NODES as f32;
-        let (cos, weight) = (x * x, 4.0 * x * x * x / AVERAGE_NODES as f32);
-        reflected += specular(point.f0, point.alpha, cos) * weight;
-        printed += diffuse_printed(point, cos) * weight;
-        scaled += diffuse_limit(point, cos) * weight;
+    let rows = specular_rows(point.alpha);
+    let all_printed = point.diffuse * (Vec3::ONE - point.f0);
+    for node in &*AVERAGE {
+        let specular = specular_albedo(point.f0, rows.at(node.column));
+        let own = all_printed * node.diffuse;
+        reflected += specular * node.weight;
+        printed += own * node.weight;
+        scaled += limit(own, specular) * node.weight;
     }
     let diffuse = scaled * scaled / printed.max(Vec3::splat(f32::MIN_POSITIVE));
     (reflected + diffuse).clamp(Vec3::ZERO, Vec3::ONE)

@@ -63,18 +63,10 @@ pub fn lobe(point: &ShadingPoint, wo: Vec3) -> Option<Lobe> {
         return None;
     }
     let mirror = phong::mirrored(normal, wo);
-    let (width, rough) = match point.gloss {
+    let rough = match point.gloss {
         Gloss::Ggx => return ggx(point.alpha, cos.min(1.0), normal, mirror),
-        // Gaussian slopes: 90 % within tan θ = √(ln 10) α = 1.52 α of the rougher direction.
-        Gloss::Ward { alpha, .. } => {
-            let alpha = alpha[0].max(alpha[1]);
-            (2.0 * (1.52 * alpha).atan(), alpha)
-        }
-        // cosⁿ⁺¹ = 0.08: 92 %, since the direction below is a little off the middle.
-        Gloss::Phong { exponent } => {
-            let width = 0.08f32.powf(1.0 / (exponent + 1.0)).acos();
-            (width, (2.0 * exponent + 1.0).recip().sqrt())
-        }
+        Gloss::Ward { alpha, .. } => alpha[0].max(alpha[1]),
+        Gloss::Phong { exponent } => (2.0 * exponent + 1.0).recip().sqrt(),
     };
     // A rough lobe is cut off by the horizon, and what is left leans towards the normal (after Lagarde and de
     // Rousiers 2014, section 4.9.3).
@@ -82,8 +74,20 @@ pub fn lobe(point: &ShadingPoint, wo: Vec3) -> Option<Lobe> {
     let direction = normal.lerp(mirror, smooth.clamp(0.0, 1.0)).try_normalize()?;
     Some(Lobe {
         direction,
-        width: width.min(FRAC_PI_2),
+        width: width_facing(point),
     })
+}
+
+/// [`Lobe::width`] of a specular lobe seen from above.
+pub fn width_facing(point: &ShadingPoint) -> f32 {
+    let width = match point.gloss {
+        Gloss::Ggx => nominal_width(point.alpha),
+        // Gaussian slopes: 90 % within tan θ = √(ln 10) α = 1.52 α of the rougher direction.
+        Gloss::Ward { alpha, .. } => 2.0 * (1.52 * alpha[0].max(alpha[1])).atan(),
+        // cosⁿ⁺¹ = 0.08: 92 %, since the direction of the lobe is a little off the middle.
+        Gloss::Phong { exponent } => 0.08f32.powf(1.0 / (exponent + 1.0)).acos(),
+    };
+    width.min(FRAC_PI_2)
 }
 
 /// GGX spreads and leans far towards the normal at grazing views: both from a table.

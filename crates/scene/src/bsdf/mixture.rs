@@ -50,17 +50,37 @@ impl Lobe {
     /// A direction; it may be below a horizon.
     pub(super) fn direction(&self, point: &ShadingPoint, wo: Vec3, u: [f32; 3]) -> Vec3 {
         let normal = point.shading_normal;
-        let u2 = [u[0], u[1]];
         if u[2] < self.chance(point, normal.dot(wo)) {
-            return match self {
-                Lobe::Phong { exponent } => phong::sample(*exponent, normal, wo, u2),
-                Lobe::Ward { alpha, frame } => ward::sample(*alpha, frame, wo, u2),
-            };
+            return self.specular_direction(normal, wo, [u[0], u[1]]);
         }
         let (x, y) = normal.any_orthonormal_pair();
         let (sin, cos) = (TAU * u[1]).sin_cos();
         let radius = u[0].sqrt();
         (x * (radius * cos) + y * (radius * sin) + normal * (1.0 - u[0]).sqrt()).normalize()
+    }
+
+    fn specular_direction(&self, normal: Vec3, wo: Vec3, u: [f32; 2]) -> Vec3 {
+        match self {
+            Lobe::Phong { exponent } => phong::sample(*exponent, normal, wo, u),
+            Lobe::Ward { alpha, frame } => ward::sample(*alpha, frame, wo, u),
+        }
+    }
+
+    /// A direction of the lobe alone, which may be below a horizon, and the lobe's value × cosine / density there.
+    pub(super) fn sample_specular(&self, point: &ShadingPoint, wo: Vec3, u: [f32; 2]) -> (Vec3, Vec3) {
+        let normal = point.shading_normal;
+        let wi = self.specular_direction(normal, wo, u);
+        let (value, density) = self.value_and_density(normal, wo, wi);
+        (wi, point.f0 * (value * normal.dot(wi) / density))
+    }
+
+    /// Rough directional albedo of the lobe.
+    pub(super) fn rough_albedo(&self, point: &ShadingPoint, cos_o: f32) -> Vec3 {
+        let share = match self {
+            Lobe::Phong { exponent } => phong::rough_albedo(*exponent, cos_o),
+            Lobe::Ward { .. } => 1.0,
+        };
+        point.f0 * share
     }
 
     /// Chance of the lobe: its share of the directional albedo, roughly.
@@ -71,11 +91,7 @@ impl Lobe {
         if point.f0 == Vec3::ZERO {
             return 0.0;
         }
-        let share = match self {
-            Lobe::Phong { exponent } => phong::rough_albedo(*exponent, cos_o),
-            Lobe::Ward { .. } => 1.0,
-        };
-        let specular = point.f0.element_sum() * share;
+        let specular = self.rough_albedo(point, cos_o).element_sum();
         // Both keep a chance, so that no weight explodes.
         (specular / (specular + point.diffuse.element_sum())).clamp(0.02, 0.98)
     }

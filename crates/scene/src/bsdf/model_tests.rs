@@ -285,6 +285,32 @@ fn sample_weights_average_to_the_albedo() {
 
 /// The density integrates to at most 1, and to what share of the samples is above the horizon.
 #[test]
+fn samples_of_the_lobe_alone_average_to_what_the_matt_part_leaves() {
+    let ggx = [0.01f32, 0.2, 1.0].map(|alpha| ShadingPoint {
+        alpha,
+        ..point(0.0, 0.4, Gloss::Ggx)
+    });
+    let others = glosses().into_iter().map(|gloss| point(0.3, 0.4, gloss));
+    for point in ggx.into_iter().chain(others) {
+        for cos in [0.2, 0.6, 1.0] {
+            let wo = at_cosine(cos, 0.7);
+            let n = 1 << 14;
+            let mean = |sum: f64| sum / f64::from(n);
+            let lobe = (0..n).filter_map(|i| sample_lobe(&point, wo, [uniform(i, 0), uniform(i, 1)]));
+            let lobe = mean(lobe.map(|(_, weight)| f64::from(weight.x)).sum());
+            let all = (0..n).filter_map(|i| sample(&point, wo, random(i)));
+            let all = mean(all.map(|sample| f64::from(sample.weight.x)).sum());
+            // Weights up to some 1 / 0.02 of few samples of the mixture: 0.01 is three deviations of 16,384.
+            let matt = f64::from(diffuse_reflectance(&point, cos).x);
+            assert!(
+                (lobe + matt - all).abs() < 0.01,
+                "{point:?} {cos}: {lobe} + {matt}, not {all}"
+            );
+        }
+    }
+}
+
+#[test]
 fn densities_integrate_to_the_share_of_samples_above_the_horizon() {
     for gloss in [
         phong(0.0),

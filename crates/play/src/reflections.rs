@@ -1,0 +1,309 @@
+//! What glossy fragments reflect of indirect light, found once per shot: rays of each lobe, and at their ends the
+//! functions of the finest points.
+//!
+//! The vector irradiance of Lehtinen et al. 2008 says how much light arrives, not whence, so that by itself it shades
+//! every surface like a matt one. The points also say what the scene's surfaces send (direct and indirect irradiance,
+//! times reflectance), and a lobe looks at those: final gathering (Reichert 1992; Christensen 2000) restricted to
+//! lobes. Ends that are glossy themselves are followed on; the light that lamps send over them is taken as if they
+//! were matt, as everywhere in transfer.
+//!
+//! All of it is linear in what the points receive, so that a frame costs one sparse product.
+
+use crate::reconstruct::functions_at;
+use crate::sampler::Sampler;
+use crate::transfer::Transfer;
+use glam::Vec3;
+use rayon::prelude::*;
+use relight_scene::bsdf;
+use relight_scene::parting::is_parted;
+use relight_scene::shading::ShadingPoint;
+use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
+use relight_scene::traced::TracedScene;
+use relight_transport::basis::{FunctionsInOrder, NearestPoint};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2};
+
+/// Rays of the widest lobe where the camera stands still.
+pub const FIXED_RAYS: u32 = 32;
+/// The same where every frame casts them anew.
+pub const MOVING_RAYS: u32 = 4;
+
+/// Lobes that matter less are spread like the matt part: their share of the reflected light, times one for a mirror and a
+/// half for the widest, which look much like it.
+const LEAST: f32 = 0.05;
+
+/// Most glossy surfaces one after another.
+const MOST_SURFACES: u32 = 4;
+
+/// Lobes of a shot and what they see. By default of none.
+#[derive(Clone, Debug, Default)]
+pub struct Reflections {
+    /// Fragments with a lobe that is followed, ascending.
+    fragments: Vec<u32>,
+    /// Start of each one's entries, and the end of the last.
+    offsets: Vec<u32>,
+    /// Places in [`sent`] and what each adds to the fragment's radiance, 1/sr.
+    entries: Vec<(u32, Vec3)>,
+}
+
+/// Rays with which to follow a point's lobe seen from `wo` (unit, away from the surface), `most` for the widest; 0 where
+/// spreading its light like the matt part's will do.
+pub fn rays(point: &ShadingPoint, wo: Vec3, most: u32) -> u32 {
+    let lobe = bsdf::lobe_albedo(point, wo);
+    if lobe == Vec3::ZERO {
+        return 0;
+    }
+    let matt = bsdf::diffuse_reflectance(point, point.shading_normal.dot(wo));
+    let share = (lobe / (lobe + matt).max(Vec3::splat(f32::MIN_POSITIVE))).max_element();
+    let width = bsdf::width_facing(point) / FRAC_PI_2;
+    if share * (1.0 - 0.5 * width) < LEAST {
+        return 0;
+    }
+    ((most as f32 * share * width).ceil() as u32).max(1)
+}
+
+/// What the finest points get: direct and indirect irradiance together, then indirect alone.
+pub fn sent(direct: Option<&[Vec3]>, indirect: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
+    let indirect: Vec<Vec3> = indirect.collect();
+    let mut sent = match direct {
+        Some(direct) => direct.iter().zip(&indirect).map(|(d, i)| *d + *i).collect(),
+        None => indirect.clone(),
+    };
+    sent.extend(indirect);
+    sent
+}
+
+impl Reflections {
+    /// Follows the lobes of fragments: their surfaces, BRDFs and unit directions from the eye. `rays`: of each lobe
+    /// ([`rays`]).
+    pub fn new(
+        scene: &TracedScene,
+        transfer: &Transfer,
+        hits: &[Option<SurfaceHit>],
+        points: &[Option<ShadingPoint>],
+        directions: &[Vec3],
+        rays: &[u32],
+    ) -> Reflections {
+        /// Fragments per task.
+        const TASK: usize = 64;
+        let fragments: Vec<u32> = (0u32..).zip(rays).filter(|f| *f.1 > 0).map(|f| f.0).collect();
+        if fragments.is_empty() {
+            return Reflections::default();
+        }
+        let nearest = NearestPoint::new(&transfer.finest);
+        let follower = || Follower {
+            scene,
+            transfer,
+            functions: FunctionsInOrder::new(&transfer.finest),
+            nearest: &nearest,
+            end: Vec::new(),
+            found: Vec::new(),
+        };
+        /// Ends of the fragments' entries within a task, and the entries.
+        type Task = (Vec<u32>, Vec<(u32, Vec3)>);
+        let tasks: Vec<Task> = fragments
+            .par_chunks(TASK)
+            .map_init(follower, |follower, fragments| {
+                let (mut ends, mut entries) = (Vec::new(), Vec::new());
+                for &f in fragments {
+                    let at = f as usize;
+                    if let (Some(hit), Some(point)) = (&hits[at], &points[at]) {
+                        for ray in 0..rays[at] {
+                            let sampler = Sampler::new(0, f.into(), ray);
+                            follower.follow(hit, point, -directions[at], rays[at], sampler);
+                        }
+                        follower.take(&mut entries);
+                    }
+                    ends.push(entries.len() as u32);
+                }
+                (ends, entries)
+            })
+            .collect();
+        let mut all = Reflections {
+            fragments,
+            offsets: vec![0],
+            entries: Vec::with_capacity(tasks.iter().map(|t| t.1.len()).sum()),
+        };
+        for (ends, entries) in tasks {
+            let start = all.entries.len() as u32;
+            all.offsets.extend(ends.into_iter().map(|end| start + end));
+            all.entries.extend(entries);
+        }
+        all
+    }
+
+    /// Adds what the lobes reflect to the radiance of the fragments; `sent`: see [`sent`].
+    pub fn add_to(&self, radiance: &mut [Vec3], sent: &[Vec3]) {
+        let lobes: Vec<Vec3> = (0..self.fragments.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|i| {
+                let entries = &self.entries[self.offsets[i] as usize..self.offsets[i + 1] as usize];
+                entries
+                    .iter()
+                    .map(|&(at, weight)| sent[at as usize] * weight)
+                    .sum()
+            })
+            .collect();
+        for (&fragment, lobe) in self.fragments.iter().zip(lobes) {
+            radiance[fragment as usize] += lobe;
+        }
+    }
+}
+
+/// Follows the lobes of one fragment after the other.
+struct Follower<'a> {
+    scene: &'a TracedScene,
+    transfer: &'a Transfer,
+    functions: FunctionsInOrder<'a>,
+    nearest: &'a NearestPoint<'a>,
+    /// Functions at one end.
+    end: Vec<(u32, f32)>,
+    /// What the fragment's rays found so far: places in [`sent`] and what each adds to its radiance.
+    found: Vec<(u32, Vec3)>,
+}
+
+impl Follower<'_> {
+    /// Follows one of a lobe's `rays` over glossy surfaces until it ends on one that is not.
+    fn follow(&mut self, hit: &SurfaceHit, point: &ShadingPoint, wo: Vec3, rays: u32, mut sampler: Sampler) {
+        let (mut hit, mut point, mut wo) = (*hit, *point, wo);
+        let mut throughput = Vec3::splat((rays as f32).recip());
+        for surface in 1..=MOST_SURFACES {
+            let Some((wi, weight)) = bsdf::sample_lobe(&point, wo, sampler.next_2d()) else {
+                return;
+            };
+            let Some(next) = self.scene.closest_hit(&ray_from(&hit, wi)) else {
+                return;
+            };
+            throughput *= weight;
+            (hit, wo) = (next, -wi);
+            point = self.scene.shading_point(&hit).facing(wo);
+            let last = surface == MOST_SURFACES || self::rays(&point, wo, 1) == 0;
+            self.functions_at(&hit, rays);
+            self.add(&point, wo, throughput, last);
+            if last {
+                return;
+            }
+        }
+    }
+
+    /// Finds the functions at an end. Where several rays share the work, the nearest point will do: they blur what it is
+    /// wrong by, and a product with a few functions each costs a frame as many times more.
+    fn functions_at(&mut self, hit: &SurfaceHit, rays: u32) {
+        let Transfer {
+            finest, near_parted, ..
+        } = self.transfer;
+        let place = (hit.position, hit.normal);
+        let parted = |j: u32| {
+            let other = (finest.positions[j as usize], finest.normals[j as usize]);
+            is_parted(self.scene, place, other, finest.disk_radius)
+        };
+        self.end.clear();
+        if rays == 1 {
+            functions_at(
+                &mut self.functions,
+                place,
+                near_parted,
+                |_, j| parted(j),
+                &mut self.end,
+            );
+        } else if let Some(mut j) = self.nearest.at(place.0, place.1) {
+            if near_parted.get(j as usize).copied().unwrap_or(false) {
+                j = self.nearest.at_unparted(place.0, place.1, parted).unwrap_or(j);
+            }
+            self.end.push((j, 1.0));
+        }
+    }
+
+    /// Adds what a surface sends: of direct light always the total reflectance, of indirect light only the matt part's where
+    /// its lobe is followed (not `last`).
+    fn add(&mut self, point: &ShadingPoint, wo: Vec3, throughput: Vec3, last: bool) {
+        let total = bsdf::hemispherical_albedo(point);
+        let points = self.transfer.finest.len() as u32;
+        for &(j, w) in &self.end {
+            let scale = throughput * (w * FRAC_1_PI);
+            self.found.push((j, scale * total));
+            if !last {
+                let matt = bsdf::diffuse_reflectance(point, point.shading_normal.dot(wo));
+                self.found.push((points + j, scale * (matt - total)));
+            }
+        }
+    }
+
+    /// Moves what was found to `entries`, one for each place.
+    fn take(&mut self, entries: &mut Vec<(u32, Vec3)>) {
+        self.found.sort_by_key(|entry| entry.0);
+        let first = entries.len();
+        for (at, weight) in self.found.drain(..) {
+            match entries[first..].last_mut() {
+                Some(last) if last.0 == at => last.1 += weight,
+                _ => entries.push((at, weight)),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::many_lights::tests::{level, matt, traced};
+    use relight_scene::material::Material;
+    use relight_scene::rays::Ray;
+    use relight_scene::traced::Shading;
+
+    /// What a ray from above meets of a floor of this material.
+    fn floor(material: Material, wo: Vec3) -> ShadingPoint {
+        let matt = traced(vec![level(1.0, 0.0, 0)], vec![material]);
+        let scene = TracedScene::new(matt.scene().clone(), Shading::Full).unwrap();
+        let ray = Ray {
+            origin: wo,
+            direction: -wo,
+            t_min: 0.0,
+            t_max: 2.0,
+        };
+        scene.shading_point(&scene.closest_hit(&ray).unwrap()).facing(wo)
+    }
+
+    fn glossy(roughness: f32, metallic: f32) -> Material {
+        Material {
+            roughness,
+            metallic,
+            ..matt(0.5, 0.0)
+        }
+    }
+
+    #[test]
+    fn lobes_are_followed_where_they_matter() {
+        let above = Vec3::new(0.0, 0.8, 0.6);
+        let grazing = Vec3::new(0.0, 0.05, 1.0).normalize();
+        let rays = |roughness, metallic, wo| rays(&floor(glossy(roughness, metallic), wo), wo, 32);
+        // One ray says all about a mirror; the rougher a metal, the more it takes.
+        assert_eq!(rays(0.0, 1.0, above), 1);
+        assert!(rays(0.2, 1.0, above) < rays(0.5, 1.0, above));
+        assert_eq!(rays(1.0, 1.0, above), 32);
+        // 4 % of a rough dielectric's light are spread; a polished one shows its mirror image, most of all at the horizon.
+        assert_eq!(rays(1.0, 0.0, above), 0);
+        assert!(rays(0.3, 0.0, above) > 0);
+        assert!(rays(0.3, 0.0, grazing) > rays(0.3, 0.0, above));
+    }
+
+    #[test]
+    fn a_point_that_shows_nothing_follows_nothing() {
+        let below = Vec3::new(0.0, -1.0, 0.0);
+        let point = floor(glossy(0.0, 1.0), Vec3::Y);
+        assert_eq!(rays(&point, below, 32), 0);
+        let black = ShadingPoint {
+            diffuse: Vec3::ZERO,
+            f0: Vec3::ZERO,
+            lambert: true,
+            ..point
+        };
+        assert_eq!(rays(&black, Vec3::Y, 32), 0);
+    }
+
+    #[test]
+    fn points_send_direct_and_indirect_light_and_then_indirect_alone() {
+        let [a, b] = [Vec3::X, Vec3::Y];
+        assert_eq!(sent(Some(&[a]), [b].into_iter()), [a + b, b]);
+        assert_eq!(sent(None, [b].into_iter()), [b, b]);
+    }
+}
