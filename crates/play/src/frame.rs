@@ -11,7 +11,6 @@ use crate::cuts::{SitePlaces, VisibilityCuts};
 use crate::lightcuts::{self, AT_PIXELS, AT_POINTS, LightcutStats, ManyLights};
 use crate::lighting;
 use crate::reconstruct;
-use crate::reflections;
 use crate::shot::Shot;
 use crate::snap::snapped;
 use crate::transfer::{Transfer, TransferStats};
@@ -412,8 +411,8 @@ impl Player {
             let start = Instant::now();
             let mut radiance = indirect_at(shot, &transfer.finest, &values);
             let indirect = (values.iter().zip(&transfer.finest.normals)).map(|(e, n)| e.irradiance(*n));
-            let sent = reflections::sent(Some(&received.points), indirect);
-            shot.reflections.add_to(&mut radiance, &sent);
+            shot.reflections
+                .add_to(&mut radiance, Some(&received.points), indirect);
             times.reconstruct += milliseconds(start);
             return (radiance, Some(stats), cut_stats);
         };
@@ -433,8 +432,7 @@ impl Player {
         // The first bounce in lobes is the cuts'.
         let indirect = (first.iter().zip(&further).zip(&transfer.finest.normals))
             .map(|((first, further), n)| first.irradiance(*n) + further.irradiance(*n));
-        let sent = reflections::sent(None, indirect);
-        shot.reflections.add_to(&mut radiance, &sent);
+        shot.reflections.add_to(&mut radiance, None, indirect);
         times.reconstruct += milliseconds(start);
         (radiance, Some(stats), cut_stats)
     }

@@ -62,7 +62,7 @@ pub fn rays(point: &ShadingPoint, wo: Vec3, most: u32) -> u32 {
 }
 
 /// What the finest points get: direct and indirect irradiance together, then indirect alone.
-pub fn sent(direct: Option<&[Vec3]>, indirect: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
+fn sent(direct: Option<&[Vec3]>, indirect: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
     let indirect: Vec<Vec3> = indirect.collect();
     let mut sent = match direct {
         Some(direct) => direct.iter().zip(&indirect).map(|(d, i)| *d + *i).collect(),
@@ -131,8 +131,18 @@ impl Reflections {
         all
     }
 
-    /// Adds what the lobes reflect to the radiance of the fragments; `sent`: see [`sent`].
-    pub fn add_to(&self, radiance: &mut [Vec3], sent: &[Vec3]) {
+    /// Adds what the lobes reflect to the radiance of the fragments, from direct and indirect irradiance at the finest
+    /// points; without `direct`, only of what surfaces send of indirect light.
+    pub fn add_to(
+        &self,
+        radiance: &mut [Vec3],
+        direct: Option<&[Vec3]>,
+        indirect: impl Iterator<Item = Vec3>,
+    ) {
+        if self.fragments.is_empty() {
+            return;
+        }
+        let sent = sent(direct, indirect);
         let lobes: Vec<Vec3> = (0..self.fragments.len())
             .into_par_iter()
             .with_min_len(256)
