@@ -9,6 +9,7 @@ use crate::play::{Integrator, LayerName, PlayArgs};
 use crate::signals;
 use crate::words;
 use glam::Vec3;
+use rayon::prelude::*;
 use relight_play::brute::{self, BruteSettings, PointsSettings};
 use relight_play::edited::Editor;
 use relight_play::frame::{Distant, FrameTimes, LightingSettings, Lit};
@@ -288,14 +289,16 @@ impl Session<'_> {
     fn resolved(&self, shot: &Shot, lit: &Lit) -> Layers {
         let mut layers = Layers::new(shot.width, shot.height);
         let mut push = |name: &str, pixels: &[Vec3]| {
-            let pixels: Vec<[f32; 3]> = pixels.iter().map(Vec3::to_array).collect();
+            let pixels: Vec<[f32; 3]> = pixels.par_iter().with_min_len(4096).map(Vec3::to_array).collect();
             layers.push_rgb(name, &pixels);
         };
         let emission = shot.resolve(&lit.emission);
         let direct = shot.resolve(&lit.direct);
         let mut indirect = shot.resolve(&lit.indirect);
-        indirect.iter_mut().for_each(|v| *v = v.max(Vec3::ZERO));
+        (indirect.par_iter_mut().with_min_len(4096)).for_each(|v| *v = v.max(Vec3::ZERO));
         let beauty: Vec<Vec3> = (0..indirect.len())
+            .into_par_iter()
+            .with_min_len(4096)
             .map(|i| emission[i] + direct[i] + indirect[i])
             .collect();
         push(BEAUTY, &beauty);

@@ -8,6 +8,7 @@ use crate::cuts::illumination::Illumination;
 use crate::cuts::shade::{Fragments, ShadeStats, irradiance_at_sites, shade};
 use crate::cuts::sites::FragmentSites;
 use crate::cuts::{SitePlaces, VisibilityCuts};
+use crate::edges;
 use crate::lightcuts::{self, AT_PIXELS, AT_POINTS, LightcutStats, ManyLights};
 use crate::lighting;
 use crate::reconstruct;
@@ -167,7 +168,9 @@ impl Player {
     ) -> (Lit, FrameTimes) {
         let mut times = FrameTimes::default();
         let count = shot.len();
-        let views: Vec<Vec3> = shot.directions.iter().map(|d| -*d).collect();
+        let views: Vec<Vec3> = (shot.directions.par_iter().with_min_len(4096))
+            .map(|d| -*d)
+            .collect();
         let mut lit = Lit {
             emission: vec![Vec3::ZERO; count],
             indirect: vec![Vec3::ZERO; count],
@@ -235,6 +238,9 @@ impl Player {
                 settings.seed,
                 &mut reflected,
             );
+            if !reflected.is_empty() && shadowed.is_delta(light) {
+                edges::smooth(&self.scene, shot, shadowed, light, &mut reflected);
+            }
             times.direct_pixels += milliseconds(start);
             if settings.per_light
                 && let Some(distant) = distant
@@ -494,22 +500,22 @@ fn milliseconds(start: Instant) -> f64 {
 }
 
 fn add(sum: &mut [Vec3], part: &[Vec3]) {
-    sum.iter_mut().zip(part).for_each(|(s, p)| *s += *p);
+    (sum.par_iter_mut().zip(part).with_min_len(4096)).for_each(|(s, p)| *s += *p);
 }
 
 fn add_double(sum: &mut [DVec3], part: &[Vec3]) {
-    sum.iter_mut().zip(part).for_each(|(s, p)| *s += p.as_dvec3());
+    (sum.par_iter_mut().zip(part).with_min_len(4096)).for_each(|(s, p)| *s += p.as_dvec3());
 }
 
 fn rounded(sum: Vec<DVec3>) -> Vec<Vec3> {
-    sum.into_iter().map(|s| s.as_vec3()).collect()
+    (sum.into_par_iter().with_min_len(4096))
+        .map(|s| s.as_vec3())
+        .collect()
 }
 
 fn indirect_at(shot: &Shot, finest: &Level, values: &[VectorIrradiance]) -> Vec<Vec3> {
     let irradiance = reconstruct::irradiance(&shot.weights, &shot.components, finest, values);
-    irradiance
-        .into_iter()
-        .zip(&shot.albedo)
+    (irradiance.into_par_iter().zip(&shot.albedo).with_min_len(4096))
         .map(|(e, albedo)| e * *albedo / PI)
         .collect()
 }

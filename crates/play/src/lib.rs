@@ -10,6 +10,7 @@ pub mod brute;
 pub mod convert;
 pub mod cuts;
 mod direct;
+mod edges;
 pub mod edited;
 pub mod frame;
 pub mod layers;
