@@ -31,6 +31,9 @@ pub const MOVING_RAYS: u32 = 4;
 /// half for the widest, which look much like it.
 const LEAST: f32 = 0.05;
 
+/// A mirror takes one ray in so many of what the widest lobe takes: edges of what it shows cross its pixels, too.
+const LEAST_OF_MOST: u32 = 8;
+
 /// Most glossy surfaces one after another.
 const MOST_SURFACES: u32 = 4;
 
@@ -58,8 +61,13 @@ pub fn rays(point: &ShadingPoint, wo: Vec3, most: u32) -> u32 {
     if share * (1.0 - 0.5 * width) < LEAST {
         return 0;
     }
-    ((most as f32 * share * width).ceil() as u32).max(1)
+    ((most as f32 * share * width).ceil() as u32)
+        .max(most / LEAST_OF_MOST)
+        .max(1)
 }
+
+/// Where a lobe's ray starts: surface, BRDF, and unit direction to the eye.
+pub type Start = (SurfaceHit, ShadingPoint, Vec3);
 
 /// What the finest points get: direct and indirect irradiance together, then indirect alone.
 fn sent(direct: Option<&[Vec3]>, indirect: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
@@ -73,15 +81,13 @@ fn sent(direct: Option<&[Vec3]>, indirect: impl Iterator<Item = Vec3>) -> Vec<Ve
 }
 
 impl Reflections {
-    /// Follows the lobes of fragments: their surfaces, BRDFs and unit directions from the eye. `rays`: of each lobe
-    /// ([`rays`]).
+    /// Follows the lobes of fragments. `rays`: of each lobe ([`rays`]); `starts_of`: where a fragment's rays start, one or
+    /// more places in turn.
     pub fn new(
         scene: &TracedScene,
         transfer: &Transfer,
-        hits: &[Option<SurfaceHit>],
-        points: &[Option<ShadingPoint>],
-        directions: &[Vec3],
         rays: &[u32],
+        starts_of: impl Fn(usize) -> Vec<Start> + Sync,
     ) -> Reflections {
         /// Fragments per task.
         const TASK: usize = 64;
@@ -105,14 +111,12 @@ impl Reflections {
             .map_init(follower, |follower, fragments| {
                 let (mut ends, mut entries) = (Vec::new(), Vec::new());
                 for &f in fragments {
-                    let at = f as usize;
-                    if let (Some(hit), Some(point)) = (&hits[at], &points[at]) {
-                        for ray in 0..rays[at] {
-                            let sampler = Sampler::new(0, f.into(), ray);
-                            follower.follow(hit, point, -directions[at], rays[at], sampler);
-                        }
-                        follower.take(&mut entries);
+                    let rays = rays[f as usize];
+                    let starts = starts_of(f as usize);
+                    for (ray, start) in (0..rays).zip(starts.iter().cycle()) {
+                        follower.follow(*start, rays, Sampler::new(0, f.into(), ray));
                     }
+                    follower.take(&mut entries);
                     ends.push(entries.len() as u32);
                 }
                 (ends, entries)
@@ -174,9 +178,9 @@ struct Follower<'a> {
 
 impl Follower<'_> {
     /// Follows one of a lobe's `rays` over glossy surfaces until it ends on one that is not.
-    fn follow(&mut self, hit: &SurfaceHit, point: &ShadingPoint, wo: Vec3, rays: u32, mut sampler: Sampler) {
-        let (mut hit, mut point, mut wo) = (*hit, *point, wo);
+    fn follow(&mut self, (mut hit, mut point, mut wo): Start, rays: u32, mut sampler: Sampler) {
         let mut throughput = Vec3::splat((rays as f32).recip());
+        let mut blur = 0.0;
         for surface in 1..=MOST_SURFACES {
             let Some((wi, weight)) = bsdf::sample_lobe(&point, wo, sampler.next_2d()) else {
                 return;
@@ -185,10 +189,11 @@ impl Follower<'_> {
                 return;
             };
             throughput *= weight;
+            blur += next.t * bsdf::width_facing(&point);
             (hit, wo) = (next, -wi);
             point = self.scene.shading_point(&hit).facing(wo);
             let last = surface == MOST_SURFACES || self::rays(&point, wo, 1) == 0;
-            self.functions_at(&hit, rays);
+            self.functions_at(&hit, blur);
             self.add(&point, wo, throughput, last);
             if last {
                 return;
@@ -196,9 +201,9 @@ impl Follower<'_> {
         }
     }
 
-    /// Finds the functions at an end. Where several rays share the work, the nearest point will do: they blur what it is
-    /// wrong by, and a product with a few functions each costs a frame as many times more.
-    fn functions_at(&mut self, hit: &SurfaceHit, rays: u32) {
+    /// Finds the functions at an end. Where the lobe blurs what is there over more than a point's distance (`blur`, metres),
+    /// the nearest point will do, and a frame has that many fewer products.
+    fn functions_at(&mut self, hit: &SurfaceHit, blur: f32) {
         let Transfer {
             finest, near_parted, ..
         } = self.transfer;
@@ -208,7 +213,7 @@ impl Follower<'_> {
             is_parted(self.scene, place, other, finest.disk_radius)
         };
         self.end.clear();
-        if rays == 1 {
+        if blur < finest.disk_radius {
             functions_at(
                 &mut self.functions,
                 place,
@@ -286,9 +291,9 @@ mod tests {
         let above = Vec3::new(0.0, 0.8, 0.6);
         let grazing = Vec3::new(0.0, 0.05, 1.0).normalize();
         let rays = |roughness, metallic, wo| rays(&floor(glossy(roughness, metallic), wo), wo, 32);
-        // One ray says all about a mirror; the rougher a metal, the more it takes.
-        assert_eq!(rays(0.0, 1.0, above), 1);
-        assert!(rays(0.2, 1.0, above) < rays(0.5, 1.0, above));
+        // A mirror's few are for edges; the rougher a metal, the more it takes.
+        assert_eq!(rays(0.0, 1.0, above), 32 / LEAST_OF_MOST);
+        assert!(rays(0.3, 1.0, above) < rays(0.5, 1.0, above));
         assert_eq!(rays(1.0, 1.0, above), 32);
         // 4 % of a rough dielectric's light are spread; a polished one shows its mirror image, most of all at the horizon.
         assert_eq!(rays(1.0, 0.0, above), 0);

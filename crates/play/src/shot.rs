@@ -8,7 +8,7 @@
 use crate::cuts::SitePlaces;
 use crate::cuts::sites::FragmentSites;
 use crate::reconstruct;
-use crate::reflections::{self, Reflections};
+use crate::reflections::{self, Reflections, Start};
 use crate::transfer::Transfer;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -304,14 +304,7 @@ impl Shot {
             })
             .unzip();
         self.albedo = albedo;
-        self.reflections = Reflections::new(
-            scene,
-            transfer,
-            &self.hits,
-            &self.points,
-            &self.directions,
-            &lobes,
-        );
+        self.reflections = Reflections::new(scene, transfer, &lobes, |f| self.starts_of(scene, f));
     }
 
     /// The part of [`Shot::weigh`] that depends on shading normals.
@@ -342,6 +335,30 @@ impl Shot {
     pub fn ends_of(&self, scene: &TracedScene, f: usize) -> impl Iterator<Item = SurfaceHit> {
         (self.ends[self.range_of_ends(f)].iter())
             .map(|end| scene.surface_at(end.primitive, end.barycentric, end.front))
+    }
+
+    /// Where rays of a fragment's lobe start: at its rays' ends, or, where none are kept, at the place where it is lit. What a
+    /// curved surface's normal turns by from there turns the shading normal, too.
+    fn starts_of(&self, scene: &TracedScene, f: usize) -> Vec<Start> {
+        let (Some(lit), Some(point)) = (self.hits[f], self.points[f]) else {
+            return Vec::new();
+        };
+        if !self.has_ends(f) {
+            return vec![(lit, point, -self.directions[f])];
+        }
+        let start = |hit: SurfaceHit| {
+            let wo = (self.eye - hit.position).normalize_or_zero();
+            let turned = point.shading_normal + hit.normal - lit.normal;
+            let point = ShadingPoint {
+                position: hit.position,
+                geometric_normal: hit.geometric_normal,
+                normal: hit.normal,
+                shading_normal: turned.try_normalize().unwrap_or(point.shading_normal),
+                ..point
+            };
+            (hit, point.facing(wo), wo)
+        };
+        self.ends_of(scene, f).map(start).collect()
     }
 
     /// Whether [`Shot::ends_of`] has any.
