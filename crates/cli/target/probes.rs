@@ -31,8 +31,11 @@ use relight_transport::random::Stream;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Windows, and pixels across and down in each: small and many, so that they hold what images hold.
+/// Windows that see something in their middle, and pixels across and down in each: small and many, so that they hold what
+/// images hold.
 const WINDOWS: u64 = 72;
+/// Most windows in all, where few see something.
+const MOST_WINDOWS: u64 = 8 * WINDOWS;
 const WINDOW: RenderSize = RenderSize {
     width: 16,
     height: 12,
@@ -52,8 +55,6 @@ const FRAMES: u32 = 3;
 /// Samples a pixel of a half's first pass, and the most of a half where all windows see something.
 const FIRST_PASS: u32 = 32;
 const MOST: u32 = 256;
-/// Windows that see nothing cost next to nothing: the fewer do, the more samples, up to so many times as many.
-const MOST_TIMES: f32 = 32.0;
 /// Stage number of the random stream.
 const STAGE: u32 = 12;
 
@@ -84,19 +85,22 @@ impl Places {
         let track = played(scene, lights);
         let open = in_open_space(&traced, params.seed).0.unwrap_or(Vec3::ZERO);
         let mut windows = Vec::new();
-        for i in 0..WINDOWS {
+        let mut seen = 0;
+        for i in 0..MOST_WINDOWS {
+            if seen == WINDOWS {
+                break;
+            }
             let mut s = Stream::new(params.seed, STAGE, i);
             let frame = (frames - 1) * (i as u32 % FRAMES) / (FRAMES - 1);
             let base = match track {
                 Some(track) => (track.at(frame.into()), track.aspect.unwrap_or(ASPECT)),
                 None => (looking(open, uniform_sphere(two(&mut s))), ASPECT),
             };
-            windows.push((frame, window(&traced, base, &mut s)));
+            let camera = window(&traced, base, &mut s);
+            seen += u64::from(distance(&traced, camera.position, camera.forward).is_some());
+            windows.push((frame, camera));
         }
-        let sees =
-            |(_, camera): &&(u32, Camera)| distance(&traced, camera.position, camera.forward).is_some();
-        let seen = windows.iter().filter(sees).count() as f32 / windows.len() as f32;
-        if seen == 0.0 {
+        if seen == 0 {
             return Err(
                 anyhow::anyhow!("no camera sees anything by which --target-error could judge").into(),
             );
@@ -107,9 +111,9 @@ impl Places {
         };
         Ok(Places {
             scene: traced,
-            windows,
             lamp,
-            seen,
+            seen: seen as f32 / windows.len() as f32,
+            windows,
         })
     }
 
@@ -213,7 +217,9 @@ impl Probes {
         console: &Console,
     ) -> Result<Probes, Failure> {
         let mut halves: [Vec<[f64; 3]>; 2] = Default::default();
-        let most = MOST as f32 * places.seen.recip().min(MOST_TIMES);
+        // Pixels that see nothing add no noise but count in the mean: the more there are, the noisier the others may be, and
+        // the more they are of what is sought.
+        let most = MOST as f32 * places.seen.recip().sqrt();
         let mut spp = 0;
         let (mut reference, mut floor);
         loop {
