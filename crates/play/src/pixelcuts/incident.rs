@@ -177,20 +177,21 @@ impl Gather<'_> {
         );
         let mut runs: Vec<Run> = Vec::with_capacity(cut.len());
         let (mut rays, mut rayed) = (Vec::with_capacity(cut.len()), Vec::with_capacity(cut.len()));
-        for &at in cut.iter() {
+        // Chosen by themselves first: points lie far apart in memory, and are waited for together.
+        let chosen: Vec<u32> = (cut.iter())
+            .map(|&at| {
+                let node = &tree.nodes[at as usize];
+                let pixels = node.end - node.first;
+                let chosen = node.first + ((stream.uniform() * pixels as f32) as u32).min(pixels - 1);
+                tree.order[chosen as usize]
+            })
+            .collect();
+        for (&at, &point) in cut.iter().zip(&chosen) {
             let node = &tree.nodes[at as usize];
-            let pixels = node.end - node.first;
-            let chosen = node.first + ((stream.uniform() * pixels as f32) as u32).min(pixels - 1);
-            let mut run = self.unoccluded(
-                job,
-                i,
-                tree.order[chosen as usize] as usize,
-                node.flat && self.flat,
-                node.glossy,
-            );
+            let mut run = self.unoccluded(job, i, point as usize, node.flat && self.flat, node.glossy);
             run.start = node.first;
             if run.light != Vec3::ZERO {
-                let place = &self.places[tree.order[chosen as usize] as usize];
+                let place = &self.places[point as usize];
                 match self.points.shadow_ray(i, &place.end) {
                     Some(ray) => {
                         rays.push(ray);
