@@ -2,7 +2,7 @@
 //!
 //! Finer receivers than the bounces need serve pixels alone, with the coarser ones that predict them. Where no pixel of
 //! any camera asks for one, its rows need not be gathered: what it reflects is then known from coarser rows, which clusters
-//! average anyway.
+//! average anyway, and so is what only mirrors show.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;

@@ -39,14 +39,19 @@ const MOST_SURFACES: u32 = 4;
 
 /// Lobes of a shot and what they see. By default of none.
 #[derive(Clone, Debug, Default)]
-pub struct Reflections {
-    /// Fragments with a lobe that is followed, ascending.
-    fragments: Vec<u32>,
-    /// Start of each one's entries, and the end of the last.
-    offsets: Vec<u32>,
+pub struct Reflections(Vec<Lobes>);
+
+/// Lobes of some fragments.
+#[derive(Clone, Debug, Default)]
+struct Lobes {
+    /// Each fragment, ascending, and the end of its entries.
+    fragments: Vec<(u32, u32)>,
     /// Places in [`sent`] and what each adds to the fragment's radiance, 1/sr.
     entries: Vec<(u32, Vec3)>,
 }
+
+/// Fragments whose lobes are followed one after the other.
+const TASK: usize = 64;
 
 /// Rays with which to follow a point's lobe seen from `wo` (unit, away from the surface), `most` for the widest; 0 where
 /// spreading its light like the matt part's will do.
@@ -89,8 +94,6 @@ impl Reflections {
         rays: &[u32],
         starts_of: impl Fn(usize) -> Vec<Start> + Sync,
     ) -> Reflections {
-        /// Fragments per task.
-        const TASK: usize = 64;
         let fragments: Vec<u32> = (0u32..).zip(rays).filter(|f| *f.1 > 0).map(|f| f.0).collect();
         if fragments.is_empty() {
             return Reflections::default();
@@ -104,35 +107,23 @@ impl Reflections {
             end: Vec::new(),
             found: Vec::new(),
         };
-        /// Ends of the fragments' entries within a task, and the entries.
-        type Task = (Vec<u32>, Vec<(u32, Vec3)>);
-        let tasks: Vec<Task> = fragments
+        let lobes = fragments
             .par_chunks(TASK)
             .map_init(follower, |follower, fragments| {
-                let (mut ends, mut entries) = (Vec::new(), Vec::new());
+                let mut lobes = Lobes::default();
                 for &f in fragments {
                     let rays = rays[f as usize];
                     let starts = starts_of(f as usize);
                     for (ray, start) in (0..rays).zip(starts.iter().cycle()) {
                         follower.follow(*start, rays, Sampler::new(0, f.into(), ray));
                     }
-                    follower.take(&mut entries);
-                    ends.push(entries.len() as u32);
+                    follower.take(&mut lobes.entries);
+                    lobes.fragments.push((f, lobes.entries.len() as u32));
                 }
-                (ends, entries)
-            })
-            .collect();
-        let mut all = Reflections {
-            fragments,
-            offsets: vec![0],
-            entries: Vec::with_capacity(tasks.iter().map(|t| t.1.len()).sum()),
-        };
-        for (ends, entries) in tasks {
-            let start = all.entries.len() as u32;
-            all.offsets.extend(ends.into_iter().map(|end| start + end));
-            all.entries.extend(entries);
-        }
-        all
+                lobes.entries.shrink_to_fit();
+                lobes
+            });
+        Reflections(lobes.collect())
     }
 
     /// Adds what the lobes reflect to the radiance of the fragments, from direct and indirect irradiance at the finest
@@ -143,23 +134,28 @@ impl Reflections {
         direct: Option<&[Vec3]>,
         indirect: impl Iterator<Item = Vec3>,
     ) {
-        if self.fragments.is_empty() {
+        if self.0.is_empty() {
             return;
         }
         let sent = sent(direct, indirect);
-        let lobes: Vec<Vec3> = (0..self.fragments.len())
-            .into_par_iter()
-            .with_min_len(256)
-            .map(|i| {
-                let entries = &self.entries[self.offsets[i] as usize..self.offsets[i + 1] as usize];
-                entries
-                    .iter()
-                    .map(|&(at, weight)| sent[at as usize] * weight)
-                    .sum()
-            })
-            .collect();
-        for (&fragment, lobe) in self.fragments.iter().zip(lobes) {
-            radiance[fragment as usize] += lobe;
+        let reflected = |lobes: &Lobes| -> Vec<Vec3> {
+            let mut start = 0;
+            (lobes.fragments.iter())
+                .map(|&(_, end)| {
+                    let entries = &lobes.entries[start..end as usize];
+                    start = end as usize;
+                    entries
+                        .iter()
+                        .map(|&(at, weight)| sent[at as usize] * weight)
+                        .sum()
+                })
+                .collect()
+        };
+        let all: Vec<Vec<Vec3>> = self.0.par_iter().with_min_len(4).map(reflected).collect();
+        for (lobes, reflected) in self.0.iter().zip(all) {
+            for ((fragment, _), lobe) in lobes.fragments.iter().zip(reflected) {
+                radiance[*fragment as usize] += lobe;
+            }
         }
     }
 }
