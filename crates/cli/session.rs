@@ -184,15 +184,21 @@ impl Session<'_> {
             let mut shot = expose(&player.scene, camera, self.width, self.height, spp);
             let exposed = milliseconds(start);
             let start = Instant::now();
+            // Before lobes are followed, which depends on what surfaces are like.
+            let moves = self.editor.as_ref().is_some_and(|editor| {
+                editor.reshade(player, &mut shot);
+                editor.moves()
+            });
             if let Some(transfer) = &player.transfer {
-                let rays = if self.fixed { FIXED_RAYS } else { MOVING_RAYS };
+                let rays = if self.fixed && !moves {
+                    FIXED_RAYS
+                } else {
+                    MOVING_RAYS
+                };
                 shot.weigh(transfer, &player.scene, rays);
             }
             if let (Some(cuts), true) = (&player.cuts, self.by_cuts != ByCuts::Nothing) {
                 shot.choose_sites(&cuts.places);
-            }
-            if let Some(editor) = &self.editor {
-                editor.reshade(player, &mut shot);
             }
             let weighed = milliseconds(start);
             let keep = if self.fixed {

@@ -41,10 +41,7 @@ impl SenderField<'_> {
             let there = (level.positions[point as usize], level.normals[point as usize]);
             is_parted(surfaces, (x, normal), there, level.disk_radius)
         };
-        if !self.near_parted.get(nearest as usize).copied().unwrap_or(false) || !parted(nearest) {
-            return nearest;
-        }
-        self.points.at_unparted(x, normal, parted).unwrap_or(nearest)
+        (self.points).on_same_side((x, normal), nearest, self.near_parted, parted)
     }
 }
 

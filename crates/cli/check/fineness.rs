@@ -3,7 +3,6 @@
 use super::case::{Case, Measure, Measured};
 use super::shapes::{LAMP, point, room};
 use super::stage::{SIZE, Stage, mean, quick};
-use glam::Vec3;
 use relight_bake::params::BakeParams;
 use relight_bake::{Request, coarse_radius};
 use relight_scene::traced::{Shading, TracedScene};
@@ -22,10 +21,7 @@ const PER_ROOT_POINT: f64 = 2.0;
 fn light_is_kept(stage: &Stage, factor: f32) -> Measured {
     let lamp = [point(LAMP, 1.0)];
     let traced = TracedScene::new(Arc::new(room()), Shading::Lambert).map_err(|e| e.to_string())?;
-    let layers = stage.traced_with(&traced, &lamp, SPP)?;
-    let truth = layers.rgb("indirect").unwrap_or_default().pixels;
-    let truth: Vec<Vec3> = truth.into_iter().map(Vec3::from).collect();
-    let truth = mean(&truth).element_sum();
+    let truth = mean(&stage.traced_indirect(&traced, &lamp, SPP)?).element_sum();
     let plain = quick();
     let request = Request {
         scene: Arc::new(room()),

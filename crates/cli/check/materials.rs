@@ -125,14 +125,12 @@ fn reflections(stage: &Stage) -> Measured {
         ];
         let scene = scene(parts, Vec3::new(0.5, 0.4, 0.9), Vec3::new(-0.2, -0.1, -0.9));
         let traced = TracedScene::new(Arc::new(scene.clone()), Shading::Full).map_err(|e| e.to_string())?;
-        let layers = stage.traced_with(&traced, &lamp, PATHS)?;
-        let truth = layers.rgb("indirect").unwrap_or_default().pixels;
+        let truth = stage.traced_indirect(&traced, &lamp, PATHS)?;
         let asset = (stage.asset(scene, Shading::Full, &quick())).map_err(|e| e.to_string())?;
         let loaded = stage.through_file(&asset)?;
         let shot = stage.shot(&loaded, TRACED)?;
         let lit = stage.lit(&loaded, &shot, &lamp)?;
         // All that the camera sees is the wall.
-        let truth: Vec<Vec3> = truth.into_iter().map(Vec3::from).collect();
         let squares: f32 = (lit.indirect.iter().zip(&truth))
             .map(|(found, truth)| (*found - *truth).length_squared())
             .sum();

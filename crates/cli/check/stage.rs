@@ -70,12 +70,7 @@ impl Stage {
     }
 
     /// As [`Stage::traced`] with so many paths per pixel.
-    pub fn traced_with(
-        &self,
-        scene: &TracedScene,
-        tracks: &[LightTrack],
-        spp: u32,
-    ) -> Result<Layers, String> {
+    fn traced_with(&self, scene: &TracedScene, tracks: &[LightTrack], spp: u32) -> Result<Layers, String> {
         self.at("play: path");
         let emitters = SceneEmitters::new(scene);
         let lights = LightSet::new(&emitters, tracks, 0.0).map_err(|e| e.to_string())?;
@@ -93,6 +88,18 @@ impl Stage {
         };
         let camera = scene.scene().cameras[0].at(0.0);
         render(scene, &lights, &camera, size, &settings, &watch).map_err(|e| e.to_string())
+    }
+
+    /// Indirect light per pixel of [`Stage::traced_with`].
+    pub fn traced_indirect(
+        &self,
+        scene: &TracedScene,
+        tracks: &[LightTrack],
+        spp: u32,
+    ) -> Result<Vec<Vec3>, String> {
+        let layers = self.traced_with(scene, tracks, spp)?;
+        let pixels = layers.rgb("indirect").unwrap_or_default().pixels;
+        Ok(pixels.into_iter().map(Vec3::from).collect())
     }
 
     /// Says what is being done.

@@ -31,11 +31,11 @@ use relight_transport::random::Stream;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Windows that see something in their middle, and pixels across and down in each: small and many, so that they hold what
-/// images hold.
+/// Windows that see something in their middle: many, so that they hold what images hold.
 const WINDOWS: u64 = 72;
 /// Most windows in all, where few see something.
 const MOST_WINDOWS: u64 = 8 * WINDOWS;
+/// Pixels across and down in each.
 const WINDOW: RenderSize = RenderSize {
     width: 16,
     height: 12,

@@ -135,7 +135,8 @@ impl Editor {
         Ok(())
     }
 
-    /// Evaluates the fragments of materials that move again, with the materials that the player has now.
+    /// Evaluates the fragments of materials that move again, with the materials that the player has now, and, if the shot was
+    /// weighed, what follows from them.
     pub fn reshade(&self, player: &Player, shot: &mut Shot) {
         if !self.moves() {
             return;

@@ -15,7 +15,6 @@ use crate::transfer::Transfer;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::bsdf;
-use relight_scene::parting::is_parted;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::TracedScene;
@@ -24,7 +23,7 @@ use std::f32::consts::{FRAC_1_PI, FRAC_PI_2};
 
 /// Rays of the widest lobe where the camera stands still.
 pub const FIXED_RAYS: u32 = 32;
-/// The same where every frame casts them anew.
+/// The same where every frame casts them anew: the camera or materials move.
 pub const MOVING_RAYS: u32 = 4;
 
 /// Lobes that matter less are spread like the matt part: their share of the reflected light, times one for a mirror and a
@@ -204,23 +203,12 @@ impl Follower<'_> {
             finest, near_parted, ..
         } = self.transfer;
         let place = (hit.position, hit.normal);
-        let parted = |j: u32| {
-            let other = (finest.positions[j as usize], finest.normals[j as usize]);
-            is_parted(self.scene, place, other, finest.disk_radius)
-        };
+        let parted = |place, j| self.transfer.is_parted(self.scene, place, j);
         self.end.clear();
         if blur < finest.disk_radius {
-            functions_at(
-                &mut self.functions,
-                place,
-                near_parted,
-                |_, j| parted(j),
-                &mut self.end,
-            );
-        } else if let Some(mut j) = self.nearest.at(place.0, place.1) {
-            if near_parted.get(j as usize).copied().unwrap_or(false) {
-                j = self.nearest.at_unparted(place.0, place.1, parted).unwrap_or(j);
-            }
+            functions_at(&mut self.functions, place, near_parted, parted, &mut self.end);
+        } else if let Some(j) = self.nearest.at(place.0, place.1) {
+            let j = (self.nearest).on_same_side(place, j, near_parted, |j| parted(place, j));
             self.end.push((j, 1.0));
         }
     }

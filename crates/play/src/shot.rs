@@ -14,7 +14,6 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::bsdf;
 use relight_scene::camera::Camera;
-use relight_scene::parting::is_parted;
 use relight_scene::rays::Ray;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces};
@@ -274,13 +273,7 @@ impl Shot {
             .map(|hit| hit.as_ref().map(|h| (h.position, h.normal)))
             .collect();
         self.weights = reconstruct::weights_at(finest, &places, &transfer.near_parted, |place, point| {
-            let j = point as usize;
-            is_parted(
-                scene,
-                place,
-                (finest.positions[j], finest.normals[j]),
-                finest.disk_radius,
-            )
+            transfer.is_parted(scene, place, point)
         });
         self.weigh_lobes(transfer, scene, rays);
         self.weigh_components(finest);

@@ -5,6 +5,8 @@
 //! product with T (design section 6).
 
 use glam::Vec3;
+use relight_scene::parting::is_parted;
+use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
 use relight_transport::bounce::{self, Solve};
 use relight_transport::links::{Links, SenderLinks};
@@ -119,6 +121,18 @@ impl Transfer {
             bounces,
             solution: None,
         }
+    }
+
+    /// Whether a surface parts a place (position and smooth normal) from a finest point.
+    pub fn is_parted(&self, surfaces: &dyn Surfaces, place: (Vec3, Vec3), point: u32) -> bool {
+        let Level {
+            positions,
+            normals,
+            disk_radius,
+            ..
+        } = &self.finest;
+        let j = point as usize;
+        is_parted(surfaces, place, (positions[j], normals[j]), *disk_radius)
     }
 
     /// Other reflectances at the finest points, one each. A baked solution keeps those that it was solved with.

@@ -86,21 +86,18 @@ pub fn diffuse_reflectance(point: &ShadingPoint, cos: f32) -> Vec3 {
 /// Share of even light that the specular part reflects towards `wo`, RGB in 0..=1: for GGX within 3e-3, for Phong and Ward
 /// roughly. Zero where there is none, or `wo` is below a horizon.
 pub fn lobe_albedo(point: &ShadingPoint, wo: Vec3) -> Vec3 {
-    let cos = point.shading_normal.dot(wo);
-    let above = cos > MIN_COSINE && point.geometric_normal.dot(wo) > 0.0;
-    if !above || point.lambert {
-        return Vec3::ZERO;
-    }
-    match mixture::Lobe::of(point) {
-        Some(lobe) => lobe.rough_albedo(point, cos),
-        None => albedo::specular(point.f0, point.alpha, cos),
+    match (cosine_above(point, wo), mixture::Lobe::of(point)) {
+        (None, _) => Vec3::ZERO,
+        _ if point.lambert => Vec3::ZERO,
+        (Some(cos), Some(lobe)) => lobe.rough_albedo(point, cos),
+        (Some(cos), None) => albedo::specular(point.f0, point.alpha, cos),
     }
 }
 
 /// Samples a direction of the specular part alone for light seen from `wo`, and its value × cosine / density; `u` as in
-/// [`sample`]. `None` where [`lobe_albedo`] is zero or the direction is below a horizon.
+/// [`sample`]. `None` for matt surfaces and where either direction is below a horizon.
 pub fn sample_lobe(point: &ShadingPoint, wo: Vec3, u: [f32; 2]) -> Option<(Vec3, Vec3)> {
-    if lobe_albedo(point, wo) == Vec3::ZERO {
+    if point.lambert || cosine_above(point, wo).is_none() {
         return None;
     }
     if let Some(lobe) = mixture::Lobe::of(point) {
@@ -110,11 +107,10 @@ pub fn sample_lobe(point: &ShadingPoint, wo: Vec3, u: [f32; 2]) -> Option<(Vec3,
     }
     let (wi, half) = visible_reflection(point, wo, u);
     let (cos_o, cos_i) = cosines(point, wo, wi)?;
-    // F G2/G1.
-    let (root_o, root_i) = (smith_root(cos_o, point.alpha), smith_root(cos_i, point.alpha));
-    let masking = cos_i * (cos_o + root_o) / (cos_i * root_o + cos_o * root_i);
-    let fresnel = point.f0 + (Vec3::ONE - point.f0) * (1.0 - half.cos_oh).max(0.0).powi(5);
-    Some((wi, fresnel * masking))
+    Some((
+        wi,
+        fresnel(point.f0, half.cos_oh) * masking(cos_o, cos_i, point.alpha),
+    ))
 }
 
 /// Density with which [`sample`] returns `wi`, per solid angle (1/sr).
@@ -133,10 +129,7 @@ pub fn pdf(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> f32 {
 /// surface reflects nothing or the sampled direction is below a horizon: such a sample contributes nothing.
 pub fn sample(point: &ShadingPoint, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
     let n = point.shading_normal;
-    let cos_o = n.dot(wo);
-    if !(cos_o > MIN_COSINE && point.geometric_normal.dot(wo) > 0.0) {
-        return None;
-    }
+    let cos_o = cosine_above(point, wo)?;
     if point.diffuse == Vec3::ZERO && point.f0 == Vec3::ZERO {
         return None;
     }
@@ -205,18 +198,24 @@ impl Half {
     }
 }
 
-/// Cosines of both directions with the shading normal, or `None` where one is below a horizon.
+/// Cosine of a direction with the shading normal, or `None` where it is below a horizon.
+fn cosine_above(point: &ShadingPoint, direction: Vec3) -> Option<f32> {
+    let cos = point.shading_normal.dot(direction);
+    (cos > MIN_COSINE && point.geometric_normal.dot(direction) > 0.0).then_some(cos)
+}
+
+/// [`cosine_above`] of both directions.
 fn cosines(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> Option<(f32, f32)> {
-    let (cos_o, cos_i) = (point.shading_normal.dot(wo), point.shading_normal.dot(wi));
-    let above = cos_o > MIN_COSINE
-        && cos_i > MIN_COSINE
-        && point.geometric_normal.dot(wo) > 0.0
-        && point.geometric_normal.dot(wi) > 0.0;
-    above.then_some((cos_o, cos_i))
+    cosine_above(point, wo).zip(cosine_above(point, wi))
+}
+
+/// Schlick's term F.
+fn fresnel(f0: Vec3, cos_oh: f32) -> Vec3 {
+    f0 + (Vec3::ONE - f0) * (1.0 - cos_oh).max(0.0).powi(5)
 }
 
 fn reflect(point: &ShadingPoint, cos_o: f32, cos_i: f32, half: &Half) -> Vec3 {
-    let fresnel = point.f0 + (Vec3::ONE - point.f0) * (1.0 - half.cos_oh).max(0.0).powi(5);
+    let fresnel = fresnel(point.f0, half.cos_oh);
     let specular = ggx_distribution(half.sin2_h, point.alpha) * visibility(cos_o, cos_i, point.alpha);
     let mut f = fresnel * specular;
     if point.diffuse != Vec3::ZERO {
@@ -267,6 +266,12 @@ fn smith_root(cos: f32, alpha: f32) -> f32 {
 /// V = G / (4 cos_o cos_i), Smith's height-correlated form.
 fn visibility(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
     0.5 / (cos_i * smith_root(cos_o, alpha) + cos_o * smith_root(cos_i, alpha))
+}
+
+/// G2/G1, both in Smith's height-correlated form: what is left of a visible normal's reflection.
+fn masking(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
+    let (root_o, root_i) = (smith_root(cos_o, alpha), smith_root(cos_i, alpha));
+    cos_i * (cos_o + root_o) / (cos_i * root_o + cos_o * root_i)
 }
 
 /// A normal of the microsurface as seen from `wo`, local space (z = shading normal), by Dupuy and Benyoub,

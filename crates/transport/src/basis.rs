@@ -278,9 +278,26 @@ impl<'a> NearestPoint<'a> {
         best.index().or_else(|| self.beyond_disks(x, normal))
     }
 
+    /// `nearest`, the point nearest to a place, or the next one on the place's side of all walls, if there is one.
+    /// `near_parted`: points that surfaces part from a neighbour, empty where none are; `is_parted` is asked about no others
+    /// at first.
+    #[inline]
+    pub fn on_same_side(
+        &self,
+        (x, normal): (Vec3, Vec3),
+        nearest: u32,
+        near_parted: &[bool],
+        is_parted: impl Fn(u32) -> bool,
+    ) -> u32 {
+        if !near_parted.get(nearest as usize).copied().unwrap_or(false) || !is_parted(nearest) {
+            return nearest;
+        }
+        self.at_unparted(x, normal, is_parted).unwrap_or(nearest)
+    }
+
     /// Of the points whose disks cover a place the nearest that faces the same way and that `is_parted` does not reject.
     #[cold]
-    pub fn at_unparted(&self, x: Vec3, normal: Vec3, is_parted: impl Fn(u32) -> bool) -> Option<u32> {
+    fn at_unparted(&self, x: Vec3, normal: Vec3, is_parted: impl Fn(u32) -> bool) -> Option<u32> {
         let mut near: Vec<(f32, u32)> = (self.disks.covering(x).iter())
             .filter(|entry| entry.normal.dot(normal) > FACING)
             .map(|entry| {

@@ -8,7 +8,7 @@
 //! Errors (tested against quadrature of the BRDF): directional albedos within 3e-3, hemispherical ones within
 //! 1e-2.
 
-use super::{mixture, sample_visible_normal, smith_root};
+use super::{masking, mixture, sample_visible_normal};
 use crate::shading::{MIN_ALPHA, ShadingPoint};
 use glam::Vec3;
 use std::f32::consts::TAU;
@@ -84,9 +84,7 @@ fn specular_integrals(alpha: f32, cos_o: f32) -> [f32; 2] {
         if cos_i <= 0.0 {
             continue;
         }
-        // G2/G1, both in Smith's height-correlated form.
-        let (root_o, root_i) = (smith_root(cos_o, alpha), smith_root(cos_i, alpha));
-        let weight = cos_i * (cos_o + root_o) / (cos_i * root_o + cos_o * root_i);
+        let weight = masking(cos_o, cos_i, alpha);
         let schlick = (1.0 - cos_oh).max(0.0).powi(5);
         sums[0] += f64::from(weight * (1.0 - schlick));
         sums[1] += f64::from(weight * schlick);

@@ -3,7 +3,7 @@
 mod lanes;
 
 use super::albedo::{self, DiffuseScale};
-use super::{FRAC_1_PI, MIN_COSINE, PI, eval, smith_root};
+use super::{FRAC_1_PI, MIN_COSINE, PI, cosine_above, eval, smith_root};
 use crate::shading::{Gloss, ShadingPoint};
 use glam::Vec3;
 use lanes::{LANES, Lanes};
@@ -127,10 +127,7 @@ fn unscaled_from(scale: &DiffuseScale) -> f32 {
 impl<'a> Ggx<'a> {
     /// `None` where the viewer is below a horizon.
     fn new(point: &'a ShadingPoint, wo: Vec3) -> Option<Ggx<'a>> {
-        let cos_o = point.shading_normal.dot(wo);
-        if !(cos_o > MIN_COSINE && point.geometric_normal.dot(wo) > 0.0) {
-            return None;
-        }
+        let cos_o = cosine_above(point, wo)?;
         let scale = (point.diffuse != Vec3::ZERO).then(|| DiffuseScale::new(point));
         Some(Ggx {
             point,

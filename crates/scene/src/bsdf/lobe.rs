@@ -1,7 +1,7 @@
 //! Where a point's specular light comes from: the lobe's mean direction and width, for integrators that sample
 //! light in clusters.
 
-use super::{MIN_COSINE, phong, sample_visible_normal, smith_root};
+use super::{cosine_above, masking, phong, sample_visible_normal};
 use crate::shading::{Gloss, MIN_ALPHA, ShadingPoint};
 use glam::Vec3;
 use std::f32::consts::FRAC_PI_2;
@@ -57,9 +57,8 @@ fn with_slopes(point: &ShadingPoint, change: impl Fn(f32) -> f32) -> ShadingPoin
 /// and views from below a horizon.
 pub fn lobe(point: &ShadingPoint, wo: Vec3) -> Option<Lobe> {
     let normal = point.shading_normal;
-    let cos = normal.dot(wo);
-    let above = cos > MIN_COSINE && point.geometric_normal.dot(wo) > 0.0;
-    if !above || point.lambert || point.f0 == Vec3::ZERO {
+    let cos = cosine_above(point, wo)?;
+    if point.lambert || point.f0 == Vec3::ZERO {
         return None;
     }
     let mirror = phong::mirrored(normal, wo);
@@ -150,9 +149,7 @@ fn extent(alpha: f32, cos_o: f32) -> [f32; 2] {
         let h = sample_visible_normal(wo, alpha, [(k as f32 + 0.5) / QUADRATURE as f32, turn]);
         let wi = h * (2.0 * wo.dot(h)) - wo;
         if wi.z > 0.0 {
-            // G2/G1, as in the albedo's tables.
-            let (root_o, root_i) = (smith_root(cos_o, alpha), smith_root(wi.z, alpha));
-            let weight = wi.z * (cos_o + root_o) / (wi.z * root_o + cos_o * root_i);
+            let weight = masking(cos_o, wi.z, alpha);
             mean += wi * weight;
             samples.push((wi, f64::from(weight)));
         }
