@@ -147,6 +147,7 @@ fn shaded(loaded: &Loaded, shot: &Shot, light: &Illumination) -> ShadeStats {
         sites: &shot.sites,
         points: &shot.points,
         views: &views,
+        narrow: &[],
         matt: true,
     };
     let (radiance, stats) = shade(cuts, light, &fragments);

@@ -11,6 +11,7 @@ use crate::words;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_play::brute::{self, BruteSettings, PointsSettings};
+use relight_play::cuts::own_sites;
 use relight_play::edited::Editor;
 use relight_play::frame::{Distant, FrameTimes, LightingSettings, Lit};
 use relight_play::layers::{RenderSize, Watch};
@@ -199,6 +200,9 @@ impl Session<'_> {
             }
             if let (Some(cuts), true) = (&player.cuts, self.by_cuts != ByCuts::Nothing) {
                 shot.choose_sites(&cuts.places);
+                if self.fixed {
+                    own_sites::give(cuts, &player.scene, &mut shot);
+                }
             }
             let weighed = milliseconds(start);
             let keep = if self.fixed {

@@ -5,6 +5,7 @@ use super::shapes::{LAMP, cuboid, faces, join, matt, panel, point, quad, scene, 
 use super::stage::{SIZE, Stage, TRACED, coarse, mean, quick, sane};
 use glam::{Vec2, Vec3};
 use relight_bake::params::{BakeParams, CutMode, CutParams};
+use relight_play::cuts::own_sites;
 use relight_play::frame::{Distant, LightingSettings};
 use relight_scene::bsdf::hemispherical_albedo;
 use relight_scene::light_set::{LightRig, SceneEmitters};
@@ -180,6 +181,7 @@ fn cuts(stage: &Stage) -> Measured {
     let mut shot = stage.shot(&loaded, SIZE)?;
     if let Some(cuts) = &loaded.player.cuts {
         shot.choose_sites(&cuts.places);
+        own_sites::give(cuts, &loaded.player.scene, &mut shot);
     }
     let emitters = SceneEmitters::new(&loaded.player.scene);
     let tracks = [sky(1.0)];

@@ -7,6 +7,7 @@
 #[cfg(test)]
 mod environment_tests;
 pub mod illumination;
+pub mod own_sites;
 pub mod position_tree;
 pub mod shade;
 pub mod sites;

@@ -348,7 +348,14 @@ impl Player {
         let light = Illumination::new(&flux, most);
         times.illumination_cut += milliseconds(start);
         let start = Instant::now();
-        let (radiance, stats) = shade(cuts, &light, &fragments(shot, views, true));
+        let by_cuts = Fragments {
+            narrow: &shot.reflections.narrow,
+            ..fragments(shot, views, true)
+        };
+        let (mut radiance, stats) = shade(cuts, &light, &by_cuts);
+        (shot.reflections).add_sky_to(&mut radiance, |direction| {
+            lights.iter().map(|light| light.radiance(direction)).sum()
+        });
         times.shade += milliseconds(start);
         let start = Instant::now();
         let irradiance = match &self.transfer {
@@ -384,6 +391,7 @@ impl Player {
             points: &points,
             // What is matt looks the same from everywhere.
             views: &vec![Vec3::Z; points.len()],
+            narrow: &[],
             matt: true,
         };
         shade(cuts, light, &fragments).0
@@ -481,6 +489,7 @@ fn fragments<'a>(shot: &'a Shot, views: &'a [Vec3], matt: bool) -> Fragments<'a>
         sites: &shot.sites,
         points: &shot.points,
         views,
+        narrow: &[],
         matt,
     }
 }

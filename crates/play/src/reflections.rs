@@ -1,5 +1,6 @@
 //! What glossy fragments reflect of indirect light, found once per shot: rays of each lobe, and at their ends the
-//! functions of the finest points.
+//! functions of the finest points. Narrow lobes keep the rays that end nowhere, too: the directions in which they
+//! show the sky.
 //!
 //! The vector irradiance of Lehtinen et al. 2008 says how much light arrives, not whence, so that by itself it shades
 //! every surface like a matt one. The points also say what the scene's surfaces send (direct and indirect irradiance,
@@ -33,20 +34,37 @@ const LEAST: f32 = 0.05;
 /// A mirror takes one ray in so many of what the widest lobe takes: edges of what it shows cross its pixels, too.
 const LEAST_OF_MOST: u32 = 8;
 
+/// What shows the sky, whose lamps are far brighter than walls, takes one in so many.
+const SKY_OF_MOST: u32 = 2;
+
+/// Angular radius, radians, of the widest lobe whose rays show the sky where the camera stands still (α = 0.02); in shares of
+/// this lobes are narrow where fewer rays are cast. Wider ones would be noisy, and visibility cuts resolve them: a lobe so
+/// wide covers some 80 of 32,768 directions.
+const NARROW: f32 = 0.1;
+
 /// Most glossy surfaces one after another.
 const MOST_SURFACES: u32 = 4;
 
 /// Lobes of a shot and what they see. By default of none.
 #[derive(Clone, Debug, Default)]
-pub struct Reflections(Vec<Lobes>);
+pub struct Reflections {
+    lobes: Vec<Lobes>,
+    /// Whether each fragment's lobe is followed and narrow, so that its rays show the sky; empty if none is followed.
+    pub narrow: Vec<bool>,
+}
 
 /// Lobes of some fragments.
 #[derive(Clone, Debug, Default)]
 struct Lobes {
     /// Each fragment, ascending, and the end of its entries.
     fragments: Vec<(u32, u32)>,
+    /// Whether it is narrow wherever its rays start.
+    narrow: Vec<bool>,
     /// Places in [`sent`] and what each adds to the fragment's radiance, 1/sr.
     entries: Vec<(u32, Vec3)>,
+    /// Of narrow lobes the rays that end nowhere: fragment, unit direction, and the share of the radiance from there that the
+    /// fragment reflects.
+    sky: Vec<(u32, Vec3, Vec3)>,
 }
 
 /// Fragments whose lobes are followed one after the other.
@@ -84,13 +102,40 @@ fn sent(direct: Option<&[Vec3]>, indirect: impl Iterator<Item = Vec3>) -> Vec<Ve
     sent
 }
 
+impl Lobes {
+    /// Appends a fragment's lobe, which takes `rays`, or more if they see the sky.
+    fn push(&mut self, follower: &mut Follower, (fragment, rays): (u32, u32), starts: &[Start], most: u32) {
+        let narrow_below = NARROW * most as f32 / FIXED_RAYS as f32;
+        let narrow = (starts.iter()).all(|(_, point, _)| bsdf::width_facing(point) <= narrow_below);
+        let first = self.sky.len();
+        let mut cast = 0;
+        for start in starts.iter().cycle() {
+            let sees_sky = self.sky.len() > first;
+            if cast >= rays && !(sees_sky && cast < most / SKY_OF_MOST) {
+                break;
+            }
+            let missed = follower.follow(*start, Sampler::new(0, fragment.into(), cast));
+            if let (Some((direction, share)), true) = (missed, narrow) {
+                self.sky.push((fragment, direction, share));
+            }
+            cast += 1;
+        }
+        let share = (cast as f32).recip();
+        self.sky[first..].iter_mut().for_each(|ray| ray.2 *= share);
+        follower.take(share, &mut self.entries);
+        self.fragments.push((fragment, self.entries.len() as u32));
+        self.narrow.push(narrow);
+    }
+}
+
 impl Reflections {
-    /// Follows the lobes of fragments. `rays`: of each lobe ([`rays`]); `starts_of`: where a fragment's rays start, one or
-    /// more places in turn.
+    /// Follows the lobes of fragments. `rays`: of each lobe ([`rays`]), `most` for the widest; `starts_of`: where a fragment's
+    /// rays start, one or more places in turn.
     pub fn new(
         scene: &TracedScene,
         transfer: &Transfer,
         rays: &[u32],
+        most: u32,
         starts_of: impl Fn(usize) -> Vec<Start> + Sync,
     ) -> Reflections {
         let fragments: Vec<u32> = (0u32..).zip(rays).filter(|f| *f.1 > 0).map(|f| f.0).collect();
@@ -111,18 +156,34 @@ impl Reflections {
             .map_init(follower, |follower, fragments| {
                 let mut lobes = Lobes::default();
                 for &f in fragments {
-                    let rays = rays[f as usize];
                     let starts = starts_of(f as usize);
-                    for (ray, start) in (0..rays).zip(starts.iter().cycle()) {
-                        follower.follow(*start, rays, Sampler::new(0, f.into(), ray));
-                    }
-                    follower.take(&mut lobes.entries);
-                    lobes.fragments.push((f, lobes.entries.len() as u32));
+                    lobes.push(follower, (f, rays[f as usize]), &starts, most);
                 }
                 lobes.entries.shrink_to_fit();
+                lobes.sky.shrink_to_fit();
                 lobes
             });
-        Reflections(lobes.collect())
+        let lobes: Vec<Lobes> = lobes.collect();
+        let mut narrow = vec![false; rays.len()];
+        for ((fragment, _), is_narrow) in lobes.iter().flat_map(|l| l.fragments.iter().zip(&l.narrow)) {
+            narrow[*fragment as usize] = *is_narrow;
+        }
+        Reflections { lobes, narrow }
+    }
+
+    /// Adds what narrow lobes show of the sky, whose `radiance(direction)` is asked for, to the radiance of the fragments.
+    pub fn add_sky_to(&self, reflected: &mut [Vec3], radiance: impl Fn(Vec3) -> Vec3 + Sync) {
+        let seen: Vec<Vec<Vec3>> = (self.lobes.par_iter().with_min_len(4))
+            .map(|lobes| {
+                let seen = lobes.sky.iter().map(|&(_, direction, _)| radiance(direction));
+                seen.collect()
+            })
+            .collect();
+        for (lobes, seen) in self.lobes.iter().zip(seen) {
+            for (&(fragment, _, share), seen) in lobes.sky.iter().zip(seen) {
+                reflected[fragment as usize] += share * seen;
+            }
+        }
     }
 
     /// Adds what the lobes reflect to the radiance of the fragments, from direct and indirect irradiance at the finest
@@ -133,7 +194,7 @@ impl Reflections {
         direct: Option<&[Vec3]>,
         indirect: impl Iterator<Item = Vec3>,
     ) {
-        if self.0.is_empty() {
+        if self.lobes.is_empty() {
             return;
         }
         let sent = sent(direct, indirect);
@@ -150,8 +211,8 @@ impl Reflections {
                 })
                 .collect()
         };
-        let all: Vec<Vec<Vec3>> = self.0.par_iter().with_min_len(4).map(reflected).collect();
-        for (lobes, reflected) in self.0.iter().zip(all) {
+        let all: Vec<Vec<Vec3>> = self.lobes.par_iter().with_min_len(4).map(reflected).collect();
+        for (lobes, reflected) in self.lobes.iter().zip(all) {
             for ((fragment, _), lobe) in lobes.fragments.iter().zip(reflected) {
                 radiance[*fragment as usize] += lobe;
             }
@@ -172,28 +233,28 @@ struct Follower<'a> {
 }
 
 impl Follower<'_> {
-    /// Follows one of a lobe's `rays` over glossy surfaces until it ends on one that is not.
-    fn follow(&mut self, (mut hit, mut point, mut wo): Start, rays: u32, mut sampler: Sampler) {
-        let mut throughput = Vec3::splat((rays as f32).recip());
+    /// Follows a lobe's ray over glossy surfaces until it ends on one that is not. Returns the direction of one that meets no
+    /// surface, and how much of the light from there it takes to the eye.
+    fn follow(&mut self, (mut hit, mut point, mut wo): Start, mut sampler: Sampler) -> Option<(Vec3, Vec3)> {
+        let mut throughput = Vec3::ONE;
         let mut blur = 0.0;
         for surface in 1..=MOST_SURFACES {
-            let Some((wi, weight)) = bsdf::sample_lobe(&point, wo, sampler.next_2d()) else {
-                return;
-            };
-            let Some(next) = self.scene.closest_hit(&ray_from(&hit, wi)) else {
-                return;
-            };
+            let (wi, weight) = bsdf::sample_lobe(&point, wo, sampler.next_2d())?;
             throughput *= weight;
+            let Some(next) = self.scene.closest_hit(&ray_from(&hit, wi)) else {
+                return (surface == 1).then_some((wi, throughput));
+            };
             blur += next.t * bsdf::width_facing(&point);
             (hit, wo) = (next, -wi);
             point = self.scene.shading_point(&hit).facing(wo);
-            let last = surface == MOST_SURFACES || self::rays(&point, wo, 1) == 0;
+            let last = surface == MOST_SURFACES || rays(&point, wo, 1) == 0;
             self.functions_at(&hit, blur);
             self.add(&point, wo, throughput, last);
             if last {
-                return;
+                break;
             }
         }
+        None
     }
 
     /// Finds the functions at an end. Where the lobe blurs what is there over more than a point's distance (`blur`, metres),
@@ -228,11 +289,12 @@ impl Follower<'_> {
         }
     }
 
-    /// Moves what was found to `entries`, one for each place.
-    fn take(&mut self, entries: &mut Vec<(u32, Vec3)>) {
+    /// Moves what was found, times `share`, to `entries`, one for each place.
+    fn take(&mut self, share: f32, entries: &mut Vec<(u32, Vec3)>) {
         self.found.sort_by_key(|entry| entry.0);
         let first = entries.len();
         for (at, weight) in self.found.drain(..) {
+            let weight = weight * share;
             match entries[first..].last_mut() {
                 Some(last) if last.0 == at => last.1 += weight,
                 _ => entries.push((at, weight)),

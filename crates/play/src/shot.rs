@@ -198,6 +198,7 @@ fn group(pixel: &mut [Sample], footprint: f32) {
                     let off_plane = (a.position - b.position).dot(b.geometric_normal).abs();
                     p.material == q.material
                         && a.normal.dot(b.normal) > SAME_FACING
+                        && (p.lambert || p.shading_normal.dot(q.shading_normal) > SAME_FACING)
                         && off_plane < SAME_PLANE * footprint * a.t.max(b.t)
                         && (p.emission == Vec3::ZERO) == (q.emission == Vec3::ZERO)
                 }
@@ -297,7 +298,7 @@ impl Shot {
             })
             .unzip();
         self.albedo = albedo;
-        self.reflections = Reflections::new(scene, transfer, &lobes, |f| self.starts_of(scene, f));
+        self.reflections = Reflections::new(scene, transfer, &lobes, rays, |f| self.starts_of(scene, f));
     }
 
     /// The part of [`Shot::weigh`] that depends on shading normals.
@@ -330,8 +331,9 @@ impl Shot {
             .map(|end| scene.surface_at(end.primitive, end.barycentric, end.front))
     }
 
-    /// Where rays of a fragment's lobe start: at its rays' ends, or, where none are kept, at the place where it is lit. What a
-    /// curved surface's normal turns by from there turns the shading normal, too.
+    /// Where rays of a fragment's lobe start: at its rays' ends, or, where none are kept, at the place where it is lit. Colours
+    /// are the fragment's, as a mean of more rays; normals and roughness are those of each end, whose mean would
+    /// reflect far less sharply.
     fn starts_of(&self, scene: &TracedScene, f: usize) -> Vec<Start> {
         let (Some(lit), Some(point)) = (self.hits[f], self.points[f]) else {
             return Vec::new();
@@ -341,15 +343,13 @@ impl Shot {
         }
         let start = |hit: SurfaceHit| {
             let wo = (self.eye - hit.position).normalize_or_zero();
-            let turned = point.shading_normal + hit.normal - lit.normal;
             let point = ShadingPoint {
-                position: hit.position,
-                geometric_normal: hit.geometric_normal,
-                normal: hit.normal,
-                shading_normal: turned.try_normalize().unwrap_or(point.shading_normal),
-                ..point
+                base_color: point.base_color,
+                diffuse: point.diffuse,
+                f0: point.f0,
+                ..scene.shading_point(&hit).facing(wo)
             };
-            (hit, point.facing(wo), wo)
+            (hit, point, wo)
         };
         self.ends_of(scene, f).map(start).collect()
     }

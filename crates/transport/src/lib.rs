@@ -24,6 +24,7 @@ pub mod random;
 pub mod sampling;
 pub mod senders;
 pub mod sh;
+pub mod sight;
 pub mod sparse;
 pub mod spectrum;
 pub mod tensor;

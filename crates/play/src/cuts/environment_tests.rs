@@ -75,6 +75,7 @@ fn error(lights: &[LightTrack], frame: f64, radiance: impl Fn(Vec3) -> Vec3 + Sy
             sites: &sites,
             points: &points,
             views: &views,
+            narrow: &[],
             matt: true,
         },
     );

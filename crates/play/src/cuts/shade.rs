@@ -37,6 +37,8 @@ pub struct Fragments<'a> {
     pub points: &'a [Option<ShadingPoint>],
     /// Unit directions to the viewer.
     pub views: &'a [Vec3],
+    /// Those whose lobes something else shades; empty for none.
+    pub narrow: &'a [bool],
     /// Shade surfaces that are matt, too.
     pub matt: bool,
 }
@@ -59,13 +61,23 @@ pub fn shade(cuts: &VisibilityCuts, light: &Illumination, fragments: &Fragments)
                     let Some(point) = points[fragment].as_ref().filter(wanted) else {
                         return Vec3::ZERO;
                     };
+                    let narrow = fragments.narrow.get(fragment) == Some(&true);
+                    if narrow && point.diffuse == Vec3::ZERO {
+                        return Vec3::ZERO;
+                    }
                     if last != Some(sites[i]) {
-                        merged.fill(cuts, light, sites[i]);
+                        merged.fill(cuts, light, fragments.sites, sites[i]);
                         last = Some(sites[i]);
                     }
                     stats.merged_nodes += merged.nodes;
                     stats.fragments += 1;
-                    reflected(&cuts.lights, light, merged, point, views[fragment], &weights[i])
+                    let (view, weights) = (views[fragment], &weights[i]);
+                    if narrow {
+                        merged.interpolate(weights);
+                        bsdf::integrate_diffuse(point, view, &merged.whole.incident())
+                    } else {
+                        reflected(&cuts.lights, light, merged, point, view, weights)
+                    }
                 })
                 .collect();
             (radiance, stats)
@@ -163,7 +175,13 @@ struct Merged {
 }
 
 impl Merged {
-    fn fill(&mut self, cuts: &VisibilityCuts, light: &Illumination, sites: [u32; SITES]) {
+    fn fill(
+        &mut self,
+        cuts: &VisibilityCuts,
+        light: &Illumination,
+        all: &FragmentSites,
+        sites: [u32; SITES],
+    ) {
         let height = cuts.lights.height();
         // A site that is not there sees nothing, and costs nothing: its only node is the root.
         let root = [height];
@@ -175,7 +193,7 @@ impl Merged {
             if site == u32::MAX {
                 nothing
             } else {
-                cuts.cuts.cut(site as usize)
+                all.cut(&cuts.cuts, site)
             }
         };
         let [a, b, c] = sites.map(cut);

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 use relight_scene::surface::SurfaceHit;
+use relight_transport::cuts::{Cut, SiteCuts};
 use relight_transport::sparse::Rows;
 
 /// Sites of a fragment: "three or four are enough" (design section 7). Four gave the same errors, 5 % more nodes and a
@@ -17,6 +18,8 @@ pub struct FragmentSites {
     pub sites: Vec<[u32; SITES]>,
     /// Their weights, which sum to 1; 0 for unused ones.
     pub weights: Vec<[f32; SITES]>,
+    /// Cuts of sites that follow the asset's: those of single fragments ([`super::own_sites`]).
+    pub own: SiteCuts,
 }
 
 impl FragmentSites {
@@ -62,6 +65,16 @@ impl FragmentSites {
             order: found.iter().map(|e| e.2).collect(),
             sites: found.iter().map(|e| e.0).collect(),
             weights: found.iter().map(|e| e.1).collect(),
+            own: SiteCuts::default(),
+        }
+    }
+
+    /// The cut of a site that a fragment has; `cuts` are the asset's.
+    #[inline]
+    pub fn cut<'a>(&'a self, cuts: &'a SiteCuts, site: u32) -> Cut<'a> {
+        match (site as usize).checked_sub(cuts.sites()) {
+            None => cuts.cut(site as usize),
+            Some(own) => self.own.cut(own),
         }
     }
 }

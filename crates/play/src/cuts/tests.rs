@@ -191,6 +191,7 @@ fn errors(world: &World, sigma: f32, most: usize) -> (f64, f64) {
         sites: &sites,
         points: &points,
         views: &views,
+        narrow: &[],
         matt: true,
     };
     let (found, _) = shade(&cuts, &light, &fragments);

@@ -33,6 +33,17 @@ pub fn integrate(point: &ShadingPoint, wo: Vec3, light: &Incident) -> Vec3 {
     }
 }
 
+/// [`integrate`] of the diffuse part alone.
+pub fn integrate_diffuse(point: &ShadingPoint, wo: Vec3, light: &Incident) -> Vec3 {
+    if point.diffuse == Vec3::ZERO || cosine_above(point, wo).is_none() {
+        return Vec3::ZERO;
+    }
+    match Ggx::new(point, wo) {
+        Some(ggx) if !point.lambert && matches!(point.gloss, Gloss::Ggx) => ggx.integrate_diffuse(light),
+        _ => irradiance(point, light) * point.diffuse * FRAC_1_PI,
+    }
+}
+
 /// Σ cosine × weight × flux above both horizons. `direction` may be shorter than 1: a mean of directions gives the mean
 /// of their cosines.
 pub fn irradiance(point: &ShadingPoint, light: &Incident) -> Vec3 {
@@ -142,17 +153,25 @@ impl<'a> Ggx<'a> {
     }
 
     fn integrate(&self, light: &Incident) -> Vec3 {
-        self.lanes(light) - self.overstated(light)
+        let [straight, grazing, diffuse] = self.lanes(light);
+        let f0 = self.point.f0;
+        straight * f0 + (grazing + diffuse * self.diffuse) * (Vec3::ONE - f0) - self.overstated(light)
     }
 
-    /// The sum with s(wi) = 1 everywhere. With the Schlick term k, what is reflected is F D V + (1 − F) c_diff/π for
-    /// F = f0 + (1 − f0) k: three sums over the directions are enough, and no colour has a part in them.
-    fn lanes(&self, light: &Incident) -> Vec3 {
+    fn integrate_diffuse(&self, light: &Incident) -> Vec3 {
+        let [.., diffuse] = self.lanes(light);
+        diffuse * self.diffuse * (Vec3::ONE - self.point.f0) - self.overstated(light)
+    }
+
+    /// Sums with s(wi) = 1 everywhere. With the Schlick term k, what is reflected is F D V + (1 − F) c_diff/π for
+    /// F = f0 + (1 − f0) k: three sums over the directions are enough, of D V, k D V and 1 − k, and no colour has a part
+    /// in them.
+    fn lanes(&self, light: &Incident) -> [Vec3; 3] {
         let point = self.point;
         let (shading, geometric, wo) = (point.shading_normal, point.geometric_normal, self.wo);
         let (cos_o, root_o, alpha2) = (self.cos_o, self.root_o, self.alpha2);
         let one = Lanes::splat(1.0);
-        let [straight, grazing, diffuse] = accumulate(light, |direction, weight| {
+        accumulate(light, |direction, weight| {
             let cosine = dot(direction, shading);
             // Kept positive below the horizon, so that nothing on the way is NaN.
             let cos_i = cosine.at_least(MIN_COSINE);
@@ -184,8 +203,7 @@ impl<'a> Ggx<'a> {
             let specular = received * (length2 * length2) * (0.5 * alpha2 / PI)
                 / (root * root * (cos_i * root_o + root_i * cos_o));
             [specular, specular * schlick, received * (one - schlick)]
-        });
-        straight * point.f0 + (grazing + diffuse * self.diffuse) * (Vec3::ONE - point.f0)
+        })
     }
 
     /// What the diffuse part of directions near the horizon, where s(wi) is below 1, is too large by.
@@ -282,6 +300,15 @@ mod tests {
                 (found - truth).abs().max_element() < bound,
                 "{case}: {found} {truth}"
             );
+            // What is left of the widest lobe when it is taken from the whole.
+            let rough = ShadingPoint { alpha: 1.0, ..point };
+            let black = ShadingPoint {
+                diffuse: Vec3::ZERO,
+                ..rough
+            };
+            let left = one_by_one(&rough, wo, &light) - one_by_one(&black, wo, &light);
+            let matt = integrate_diffuse(&rough, wo, &light);
+            assert!((matt - left).abs().max_element() < bound, "{case}: {matt} {left}");
         }
     }
 }

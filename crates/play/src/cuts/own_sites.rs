@@ -1,0 +1,251 @@
+//! Sites of their own for fragments whose sites disagree, found once per shot.
+//!
+//! Between two sites of which one sees the sky and the other does not, interpolation draws a ramp as wide as they are
+//! apart, whatever really is there: the rim of an arch, the end of a wall. Where a fragment's sites disagree about much of
+//! what it gets of even light, it looks for itself at the lights that they disagree about, from the ends of its rays in
+//! turn, so that its cut is a mean over what its pixel covers.
+
+use super::sites::{FragmentSites, SITES};
+use super::{Directions, NodeView, VisibilityCuts};
+use crate::shot::Shot;
+use rayon::prelude::*;
+use relight_scene::rays::Ray;
+use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
+use relight_scene::traced::TracedScene;
+use relight_transport::cuts::{Cut, Selector, SiteCuts, merge};
+use relight_transport::light_tree::Node;
+use relight_transport::sight::{FIRST_HEIGHT, Sampler, Sight};
+
+/// What a fragment's sites disagree about, as a share of what it gets of even light, from which on it looks for itself.
+const DISAGREE: f32 = 0.15;
+
+/// A fragment that gets less than so much of what the mean one gets counts as if it got that.
+const DARK: f32 = 0.1;
+
+/// Most fragments that look for themselves, those whose sites disagree most: a cut takes one or two kilobytes.
+const MOST: usize = 100_000;
+
+/// Differences of visibility from a fragment's interpolated one, on average over its sites, that count as agreement.
+const ALIKE: f32 = 0.02;
+
+/// σ of own cuts for 32,768 lights, as the bake's default.
+const SIGMA: f32 = 2.0;
+
+/// Fragments that look one after the other.
+const TASK: usize = 64;
+
+/// Gives fragments of a shot whose sites disagree sites of their own. Nothing where lights are not directions.
+pub fn give(cuts: &VisibilityCuts, scene: &TracedScene, shot: &mut Shot) {
+    let Some(directions) = cuts.directions() else {
+        return;
+    };
+    if directions.tree.height < FIRST_HEIGHT {
+        return;
+    }
+    let places = disagreeing(cuts, directions, shot);
+    let leaves = cuts.lights.leaves();
+    let parts: Vec<SiteCuts> = (places.par_chunks(TASK))
+        .map_init(
+            || Looker {
+                cuts,
+                directions,
+                sampler: Sampler::new(leaves, false),
+                selector: Selector::default(),
+                sigma: SIGMA * (leaves as f32 / 32_768.0).sqrt(),
+                nodes: Vec::new(),
+                unsettled: Vec::new(),
+                rays: Vec::new(),
+            },
+            |looker, places| {
+                let mut part = SiteCuts::default();
+                for &place in places {
+                    looker.look(scene, shot, place, &mut part);
+                }
+                part
+            },
+        )
+        .collect();
+    let mut own = SiteCuts::default();
+    own.offsets.push(0);
+    for part in parts {
+        let start = own.heights.len() as u32;
+        own.offsets.extend(part.offsets.iter().map(|end| start + end));
+        own.heights.extend(part.heights);
+        own.values.extend(part.values);
+    }
+    let first = cuts.cuts.sites() as u32;
+    for (k, place) in (0..).zip(places) {
+        let (sites, weights) = (&mut shot.sites.sites[place], &mut shot.sites.weights[place]);
+        (*sites, *weights) = ([u32::MAX; SITES], [0.0; SITES]);
+        (sites[0], weights[0]) = (first + k, 1.0);
+    }
+    shot.sites.own = own;
+}
+
+/// Calls `visit` with each node of the merged cut of a fragment's sites, its interpolated visibility, and by how much the
+/// sites differ from that on average.
+fn interpolated(
+    cuts: &VisibilityCuts,
+    sites: &FragmentSites,
+    place: usize,
+    mut visit: impl FnMut(Node, f32, f32),
+) {
+    let root = [cuts.lights.height()];
+    let nothing = Cut {
+        heights: &root,
+        values: &[0.0],
+    };
+    let weights = &sites.weights[place];
+    let all = sites.sites[place].map(|site| match site {
+        u32::MAX => nothing,
+        site => cuts.cuts.cut(site as usize),
+    });
+    merge(all, |node, seen| {
+        let mean: f32 = weights.iter().zip(seen).map(|(w, v)| w * v).sum();
+        let off = weights.iter().zip(seen).map(|(w, v)| w * (v - mean).abs()).sum();
+        visit(node, mean, off);
+    });
+}
+
+/// Places in the order of the shot's [`FragmentSites`] whose fragments look for themselves, rising.
+fn disagreeing(cuts: &VisibilityCuts, directions: &Directions, shot: &Shot) -> Vec<usize> {
+    let sites = &shot.sites;
+    let height = cuts.lights.height();
+    let even: Vec<(f32, f32)> = (0..sites.order.len())
+        .into_par_iter()
+        .with_min_len(256)
+        .map(|place| {
+            let Some(hit) = shot.hits[sites.order[place] as usize] else {
+                return (0.0, 0.0);
+            };
+            let (mut gets, mut about) = (0.0, 0.0);
+            interpolated(cuts, sites, place, |node, seen, off| {
+                let view = directions.tree.views[node.slot(height)];
+                let share = hit.normal.dot(view.direction).max(0.0) * view.length * node.len() as f32;
+                gets += share * seen;
+                about += share * off;
+            });
+            (gets, about)
+        })
+        .collect();
+    let mean = even.iter().map(|f| f.0).sum::<f32>() / even.len().max(1) as f32;
+    let mut wanted: Vec<(f32, usize)> = (even.iter().enumerate())
+        .map(|(place, (gets, about))| (about / gets.max(DARK * mean), place))
+        .filter(|&(off, _)| off > DISAGREE)
+        .collect();
+    wanted.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    wanted.truncate(MOST);
+    let mut places: Vec<usize> = wanted.into_iter().map(|w| w.1).collect();
+    places.sort_unstable();
+    places
+}
+
+/// Looks from one fragment after the other.
+struct Looker<'a> {
+    cuts: &'a VisibilityCuts,
+    directions: &'a Directions,
+    sampler: Sampler,
+    selector: Selector,
+    sigma: f32,
+    /// The merged cut of the fragment's sites with its interpolated values.
+    nodes: Vec<(Node, f32)>,
+    /// Nodes of height [`FIRST_HEIGHT`] about which the sites disagree, rising.
+    unsettled: Vec<u32>,
+    rays: Vec<Ray>,
+}
+
+impl Looker<'_> {
+    /// Appends the cut of the fragment in `place`.
+    fn look(&mut self, scene: &TracedScene, shot: &Shot, place: usize, out: &mut SiteCuts) {
+        let fragment = shot.sites.order[place] as usize;
+        let mut hits: Vec<SurfaceHit> = shot.ends_of(scene, fragment).collect();
+        if hits.is_empty() {
+            hits.extend(shot.hits[fragment]);
+        }
+        self.interpolate(&shot.sites, place);
+        let views = &self.directions.tree.views;
+        let mut sight = FragmentSight {
+            scene,
+            hits: &hits,
+            leaves: &views[views.len() / 2..],
+            rays: &mut self.rays,
+        };
+        self.sampler.sample_in(self.unsettled.iter().copied(), &mut sight);
+        let sigma = self.sigma * self.mean_seen(&hits).sqrt();
+        let mut unsettled = self.unsettled.iter().peekable();
+        let mut done = 0;
+        for &(node, seen) in &self.nodes {
+            while let Some(&block) = unsettled.next_if(|&&block| block << FIRST_HEIGHT < node.end()) {
+                let start = block << FIRST_HEIGHT;
+                done = start + (1 << FIRST_HEIGHT);
+                let seen = &self.sampler.seen()[start as usize..done as usize];
+                (self.selector).select(seen, sigma, usize::MAX, &mut out.heights, &mut out.values);
+            }
+            if node.first() >= done {
+                out.heights.push(node.height);
+                out.values.push(seen);
+            }
+        }
+        out.offsets.push(out.heights.len() as u32);
+    }
+
+    /// Finds what the sites of the fragment in `place` agree about.
+    fn interpolate(&mut self, sites: &FragmentSites, place: usize) {
+        let (nodes, unsettled) = (&mut self.nodes, &mut self.unsettled);
+        nodes.clear();
+        unsettled.clear();
+        interpolated(self.cuts, sites, place, |node, seen, off| {
+            nodes.push((node, seen));
+            if off > ALIKE {
+                let first = node.first() >> FIRST_HEIGHT;
+                let first = unsettled.last().map_or(first, |&last| first.max(last + 1));
+                unsettled.extend(first..node.end().div_ceil(1 << FIRST_HEIGHT));
+            }
+        });
+    }
+
+    /// Mean visibility of what is above the fragment's horizon, as interpolated.
+    fn mean_seen(&self, hits: &[SurfaceHit]) -> f32 {
+        let Some(hit) = hits.first() else { return 0.0 };
+        let height = self.cuts.lights.height();
+        let (mut above, mut sum) = (0.0, 0.0);
+        for &(node, seen) in &self.nodes {
+            let direction = self.directions.tree.views[node.slot(height)].direction;
+            if hit.geometric_normal.dot(direction) > 0.0 {
+                above += node.len() as f32;
+                sum += node.len() as f32 * seen;
+            }
+        }
+        if above > 0.0 { sum / above } else { 0.0 }
+    }
+}
+
+/// What a fragment sees of the directions, from each of its places in turn.
+struct FragmentSight<'a> {
+    scene: &'a TracedScene,
+    hits: &'a [SurfaceHit],
+    leaves: &'a [NodeView],
+    rays: &'a mut Vec<Ray>,
+}
+
+impl Sight for FragmentSight<'_> {
+    fn factor(&self, light: usize) -> f32 {
+        let direction = self.leaves[light].direction;
+        let above = |hit: &SurfaceHit| hit.geometric_normal.dot(direction) > 0.0;
+        if self.hits.first().is_some_and(above) {
+            1.0
+        } else {
+            f32::NAN
+        }
+    }
+
+    fn occluded(&mut self, lights: &[u32], dark: &mut [bool]) {
+        self.rays.clear();
+        let ray = |&light: &u32| {
+            let hit = &self.hits[light as usize % self.hits.len()];
+            ray_from(hit, self.leaves[light as usize].direction)
+        };
+        self.rays.extend(lights.iter().map(ray));
+        self.scene.occluded_packet(self.rays, dark);
+    }
+}
