@@ -174,3 +174,92 @@ impl Sampler {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIGHTS: usize = 1024;
+
+    /// A place that sees the lights from `edge` on, but for every tenth, which faces away, and the first hundred, which are
+    /// below its horizon.
+    struct Half {
+        edge: u32,
+        asked: Vec<u32>,
+    }
+
+    impl Sight for Half {
+        fn factor(&self, light: usize) -> f32 {
+            match light {
+                ..100 => f32::NAN,
+                _ if light.is_multiple_of(10) => 0.0,
+                _ => light as f32,
+            }
+        }
+
+        fn occluded(&mut self, lights: &[u32], dark: &mut [bool]) {
+            self.asked.extend(lights);
+            for (dark, light) in dark.iter_mut().zip(lights) {
+                *dark = *light < self.edge;
+            }
+        }
+    }
+
+    fn half(edge: u32) -> Half {
+        let asked = Vec::new();
+        Half { edge, asked }
+    }
+
+    fn truth(edge: u32) -> impl Fn(usize) -> f32 {
+        move |light| {
+            let factor = half(edge).factor(light);
+            if light < edge as usize && factor > 0.0 {
+                0.0
+            } else {
+                factor
+            }
+        }
+    }
+
+    fn alike(a: f32, b: f32) -> bool {
+        a == b || (a.is_nan() && b.is_nan())
+    }
+
+    #[test]
+    fn an_edge_is_found_to_the_light_by_a_fraction_of_the_rays() {
+        for edge in [0, 137, 640, 999, 1024] {
+            let mut sampler = Sampler::new(LIGHTS, false);
+            let mut sight = half(edge);
+            let rays = sampler.sample(&mut sight);
+            assert!((0..LIGHTS).all(|light| alike(sampler.seen()[light], truth(edge)(light))));
+            assert_eq!(rays as usize, sight.asked.len());
+            // 8 of 64 in 15 nodes that are above the horizon, and up to 8 more in each of three halvings of one.
+            assert!(rays <= 15 * 8 + 3 * 8, "{rays}");
+            let mut all = Sampler::new(LIGHTS, true);
+            assert_eq!(all.sample(&mut half(edge)), 831);
+            assert!((0..LIGHTS).all(|light| alike(all.seen()[light], sampler.seen()[light])));
+        }
+    }
+
+    #[test]
+    fn nodes_that_are_not_asked_for_keep_what_was_seen_of_them() {
+        let mut sampler = Sampler::new(LIGHTS, false);
+        sampler.sample(&mut half(640));
+        let mut sight = half(0);
+        sampler.sample_in([4, 9].into_iter(), &mut sight);
+        assert!(
+            sight
+                .asked
+                .iter()
+                .all(|light| [4, 9].contains(&(light >> FIRST_HEIGHT)))
+        );
+        for light in 0..LIGHTS {
+            let edge = if [4, 9].contains(&(light >> FIRST_HEIGHT)) {
+                0
+            } else {
+                640
+            };
+            assert!(alike(sampler.seen()[light], truth(edge)(light)), "{light}");
+        }
+    }
+}
