@@ -87,6 +87,7 @@ fn at_a_site_cuts_of_all_leaves_are_brute_force() {
         order: (0..count).collect(),
         sites: (0..count).map(|i| [i, u32::MAX, u32::MAX]).collect(),
         weights: vec![[1.0, 0.0, 0.0]; count as usize],
+        ..FragmentSites::default()
     };
     let points: Vec<Option<ShadingPoint>> = fragments.iter().map(|f| Some(f.1)).collect();
     let views: Vec<Vec3> = fragments.iter().map(|f| f.2).collect();
@@ -97,6 +98,7 @@ fn at_a_site_cuts_of_all_leaves_are_brute_force() {
             sites: &sites,
             points: &points,
             views: &views,
+            narrow: &[],
             matt: true,
         },
     );
@@ -146,6 +148,7 @@ fn bits_of_means_that_sigma_cannot_use_change_less_than_sigma_does() {
         order: (0..count).collect(),
         sites: (0..count).map(|i| [i, u32::MAX, u32::MAX]).collect(),
         weights: vec![[1.0, 0.0, 0.0]; count as usize],
+        ..FragmentSites::default()
     };
     let points: Vec<Option<ShadingPoint>> = fragments.iter().map(|f| Some(f.1)).collect();
     let views: Vec<Vec3> = fragments.iter().map(|f| f.2).collect();
@@ -159,6 +162,7 @@ fn bits_of_means_that_sigma_cannot_use_change_less_than_sigma_does() {
             sites: &sites,
             points: &points,
             views: &views,
+            narrow: &[],
             matt: true,
         };
         let cuts = VisibilityCuts::of_directions(cuts, SitePlaces::Points, directions);

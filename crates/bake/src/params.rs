@@ -182,7 +182,7 @@ impl BakeParams {
     pub fn preset(preset: Preset) -> BakeParams {
         let standard = BakeParams {
             levels: 6,
-            sender_levels: 4,
+            sender_levels: 5,
             coarse_radius: None,
             epsilon: 0.025,
             rays: 320,
@@ -204,7 +204,6 @@ impl BakeParams {
             },
             Preset::Standard => standard,
             Preset::Fine => BakeParams {
-                sender_levels: 5,
                 epsilon: 0.01,
                 rays: 1024,
                 ..standard

@@ -44,7 +44,7 @@ pub struct BakeArgs {
     /// Receiver levels, 1 to 12: each halves the distance of the points of the one before [standard: 6].
     #[arg(long, value_name = "N")]
     pub levels: Option<usize>,
-    /// Sender levels: so many of the coarsest levels send light [standard: 4].
+    /// Sender levels: so many of the coarsest levels send light [standard: 5].
     #[arg(long, value_name = "N")]
     pub sender_levels: Option<usize>,
     /// Distance of the points of the coarsest level, metres [default: from the scene].
