@@ -6,7 +6,7 @@
 //! directions: where light comes in through a small window, a few directions more or less are much of it
 //! (docs/cuts.md). What lies below a site's own horizon counts for nothing: its BRDF is zero there, and a cut that had
 //! zeros there would darken the neighbours that a pixel interpolates with and follow the horizon with small nodes.
-//! And not every light gets a ray: see [`Sampler`](relight_transport::sight::Sampler).
+//! And not every light gets a ray: see [`Sampler`].
 
 use crate::candidates::Candidate;
 use crate::error::BakeError;

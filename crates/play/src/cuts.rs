@@ -1,8 +1,8 @@
 //! Light from many even directions, or from even samples of the surfaces, through visibility cuts (Cheslack-Postava et
 //! al. 2008).
 //!
-//! Per frame an [`illumination`] cut is chosen; [`shade`] merges it with the cuts of each fragment's [`sites`] and
-//! multiplies with the BRDF on the way.
+//! Once per shot each fragment gets [`sites`], or, where those disagree, one of its [own](own_sites). Per frame an
+//! [`illumination`] cut is chosen; [`shade`] merges it with the cuts of the sites and multiplies with the BRDF on the way.
 
 #[cfg(test)]
 mod environment_tests;

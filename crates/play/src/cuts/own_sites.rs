@@ -128,9 +128,10 @@ fn disagreeing(cuts: &VisibilityCuts, directions: &Directions, shot: &Shot) -> V
             (gets, about)
         })
         .collect();
-    let mean = even.iter().map(|f| f.0).sum::<f32>() / even.len().max(1) as f32;
+    let mean = even.iter().map(|f| f64::from(f.0)).sum::<f64>() / even.len().max(1) as f64;
+    let dark = DARK * mean as f32;
     let mut wanted: Vec<(f32, usize)> = (even.iter().enumerate())
-        .map(|(place, (gets, about))| (about / gets.max(DARK * mean), place))
+        .map(|(place, (gets, about))| (about / gets.max(dark), place))
         .filter(|&(off, _)| off > DISAGREE)
         .collect();
     wanted.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -163,11 +164,11 @@ impl Looker<'_> {
             hits.extend(shot.hits[fragment]);
         }
         self.interpolate(&shot.sites, place);
-        let views = &self.directions.tree.views;
+        let leaves = self.cuts.lights.leaves();
         let mut sight = FragmentSight {
             scene,
             hits: &hits,
-            leaves: &views[views.len() / 2..],
+            leaves: &self.directions.tree.views[leaves..],
             rays: &mut self.rays,
         };
         self.sampler.sample_in(self.unsettled.iter().copied(), &mut sight);
