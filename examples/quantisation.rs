@@ -392,13 +392,7 @@ fn cuts(study: &Study) -> Result<(), Box<dyn Error>> {
         let emitters = SceneEmitters::new(&player.scene);
         let rig = LightRig::new(&emitters, &tracks)?;
         let split = rig.split(0, params.lights).map(Arc::new);
-        let mut near = rig.at(0.0);
-        let lights = near.take_distant(|_| split.clone());
-        let distant = Distant {
-            near,
-            lights,
-            most: 256,
-        };
+        let distant = Distant::at(&rig, 0.0, |_| split.clone(), 256);
         let lit = player
             .light(
                 &shot,

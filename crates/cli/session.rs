@@ -236,13 +236,8 @@ impl Session<'_> {
         };
         let lights = self.rig.at(frame.into());
         let distant = self.splits.as_ref().map(|splits| {
-            let mut near = self.rig.at(frame.into());
-            let lights = near.take_distant(|light| splits[light].clone());
-            Distant {
-                near,
-                lights,
-                most: self.args.illumination_cut as usize,
-            }
+            let most = self.args.illumination_cut as usize;
+            Distant::at(self.rig, frame.into(), |light| splits[light].clone(), most)
         });
         let (lit, frame) = player.light(shot, &lights, distant.as_ref(), &settings);
         let start = Instant::now();

@@ -14,6 +14,7 @@ use relight_scene::environment::uv_from_direction;
 use relight_scene::light::{EnvironmentMap, LightKind};
 use relight_scene::light_set::{LightRig, SceneEmitters};
 use relight_scene::material::Material;
+use relight_scene::scene::Mesh;
 use relight_scene::traced::{Shading, TracedScene};
 use std::sync::Arc;
 
@@ -174,13 +175,9 @@ fn cut_params() -> CutParams {
     }
 }
 
-/// A matt floor and ball under an even sky, by visibility cuts against shadow rays.
-fn cuts(stage: &Stage) -> Measured {
-    let mut ball = sphere(16, false);
-    ball.positions
-        .iter_mut()
-        .for_each(|p| *p = *p * 0.4 + Vec3::new(0.0, 0.5, 0.0));
-    let floor = quad(
+/// A level square of 4 m.
+fn plate() -> Mesh {
+    quad(
         [
             Vec3::new(-2.0, 0.0, 2.0),
             Vec3::new(2.0, 0.0, 2.0),
@@ -188,7 +185,16 @@ fn cuts(stage: &Stage) -> Measured {
             Vec3::new(-2.0, 0.0, -2.0),
         ],
         1,
-    );
+    )
+}
+
+/// A matt floor and ball under an even sky, by visibility cuts against shadow rays.
+fn cuts(stage: &Stage) -> Measured {
+    let mut ball = sphere(16, false);
+    ball.positions
+        .iter_mut()
+        .for_each(|p| *p = *p * 0.4 + Vec3::new(0.0, 0.5, 0.0));
+    let floor = plate();
     let parts = vec![(floor, matt(Vec3::splat(0.5))), (ball, matt(Vec3::splat(0.7)))];
     let scene = scene(parts, Vec3::new(0.0, 1.2, 2.4), Vec3::new(0.0, 0.3, 0.0));
     let params = BakeParams {
@@ -206,7 +212,7 @@ fn cuts(stage: &Stage) -> Measured {
     let rig = LightRig::new(&emitters, &tracks).map_err(|e| e.to_string())?;
     stage.at("play: shadow rays");
     let rays = loaded.player.light(&shot, &rig.at(0.0), None, &SETTINGS).0;
-    let by_cuts = by_cuts(stage, &loaded, &shot, &rig, &SETTINGS);
+    let by_cuts = by_cuts(stage, &loaded, &shot, &rig);
     let mut measures = sane(&by_cuts);
     measures.push(Measure::new(
         "mean direct light against shadow rays",
@@ -224,34 +230,20 @@ fn cuts(stage: &Stage) -> Measured {
 }
 
 /// Lights a shot, environments by visibility cuts.
-fn by_cuts(stage: &Stage, loaded: &Loaded, shot: &Shot, rig: &LightRig, settings: &LightingSettings) -> Lit {
+fn by_cuts(stage: &Stage, loaded: &Loaded, shot: &Shot, rig: &LightRig) -> Lit {
     stage.at("play: cuts");
     let directions = loaded.player.cuts.as_ref().map_or(0, |c| c.lights.leaves()) as u32;
     let split = rig.split(0, directions).map(Arc::new);
-    let mut near = rig.at(0.0);
-    let lights = near.take_distant(|_| split.clone());
-    let distant = Distant {
-        near,
-        lights,
-        most: 256,
-    };
+    let distant = Distant::at(rig, 0.0, |_| split.clone(), 256);
     loaded
         .player
-        .light(shot, &rig.at(0.0), Some(&distant), settings)
+        .light(shot, &rig.at(0.0), Some(&distant), &SETTINGS)
         .0
 }
 
 /// A level mirror under a sky of stripes that are narrower than the directions of the cuts: each pixel shows what it mirrors.
 fn mirrored_sky(stage: &Stage) -> Measured {
-    let plate = quad(
-        [
-            Vec3::new(-2.0, 0.0, 2.0),
-            Vec3::new(2.0, 0.0, 2.0),
-            Vec3::new(2.0, 0.0, -2.0),
-            Vec3::new(-2.0, 0.0, -2.0),
-        ],
-        1,
-    );
+    let plate = plate();
     let scene = scene(
         vec![(plate, glossy(0.0, 1.0))],
         Vec3::new(0.0, 1.0, 1.0),
@@ -283,7 +275,7 @@ fn mirrored_sky(stage: &Stage) -> Measured {
     let tracks = [track];
     let emitters = SceneEmitters::new(&loaded.player.scene);
     let rig = LightRig::new(&emitters, &tracks).map_err(|e| e.to_string())?;
-    let lit = by_cuts(stage, &loaded, &shot, &rig, &SETTINGS);
+    let lit = by_cuts(stage, &loaded, &shot, &rig);
     let mirrored = |direction: Vec3| map.at(uv_from_direction(direction * Vec3::new(1.0, -1.0, 1.0)));
     let seen: Vec<(Vec3, Vec3)> = (0..shot.len())
         .filter(|&f| shot.hits[f].is_some())

@@ -326,9 +326,7 @@ impl Probes {
             let lights = rig.at(frame.into());
             let distant = by_directions.then(|| {
                 let parts = splits(&rig, &loaded, self.sequence.lights.len());
-                let mut near = rig.at(frame.into());
-                let lights = near.take_distant(|light| parts[light].clone());
-                Distant { near, lights, most }
+                Distant::at(&rig, frame.into(), |light| parts[light].clone(), most)
             });
             let (lit, _) = player.light(&shot, &lights, distant.as_ref(), &settings);
             let light = shot.resolve(&lit.indirect);

@@ -17,13 +17,14 @@ use crate::snap::snapped;
 use crate::transfer::{Transfer, TransferStats};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use relight_scene::light_set::{DistantLight, LightSet};
+use relight_scene::light_set::{DistantLight, LightRig, LightSet, Split};
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
 use relight_transport::basis::Level;
 use relight_transport::pyramid::VectorIrradiance;
 use std::f32::consts::PI;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// A scene with its transport, ready to be lit.
@@ -46,6 +47,20 @@ pub struct Distant<'a> {
     pub lights: Vec<Option<DistantLight>>,
     /// Most nodes of the illumination cut.
     pub most: usize,
+}
+
+impl<'a> Distant<'a> {
+    /// The lights of a rig at `frame`; `split` gives the parts of each light's environment.
+    pub fn at(
+        rig: &LightRig<'a>,
+        frame: f64,
+        split: impl Fn(usize) -> Option<Arc<Split>>,
+        most: usize,
+    ) -> Distant<'a> {
+        let mut near = rig.at(frame);
+        let lights = near.take_distant(split);
+        Distant { near, lights, most }
+    }
 }
 
 /// How a frame is lit.

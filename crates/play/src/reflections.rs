@@ -58,8 +58,8 @@ pub struct Reflections {
 struct Lobes {
     /// Each fragment, ascending, and the end of its entries.
     fragments: Vec<(u32, u32)>,
-    /// Whether it is narrow wherever its rays start.
-    narrow: Vec<bool>,
+    /// Those that are narrow wherever their rays start.
+    narrow: Vec<u32>,
     /// Places in [`sent`] and what each adds to the fragment's radiance, 1/sr.
     entries: Vec<(u32, Vec3)>,
     /// Of narrow lobes the rays that end nowhere: fragment, unit direction, and the share of the radiance from there that the
@@ -124,7 +124,9 @@ impl Lobes {
         self.sky[first..].iter_mut().for_each(|ray| ray.2 *= share);
         follower.take(share, &mut self.entries);
         self.fragments.push((fragment, self.entries.len() as u32));
-        self.narrow.push(narrow);
+        if narrow {
+            self.narrow.push(fragment);
+        }
     }
 }
 
@@ -165,8 +167,8 @@ impl Reflections {
             });
         let lobes: Vec<Lobes> = lobes.collect();
         let mut narrow = vec![false; rays.len()];
-        for ((fragment, _), is_narrow) in lobes.iter().flat_map(|l| l.fragments.iter().zip(&l.narrow)) {
-            narrow[*fragment as usize] = *is_narrow;
+        for &fragment in lobes.iter().flat_map(|lobes| &lobes.narrow) {
+            narrow[fragment as usize] = true;
         }
         Reflections { lobes, narrow }
     }

@@ -21,6 +21,28 @@ pub struct Cut<'a> {
     pub values: &'a [f32],
 }
 
+/// Every height that a tree can have.
+static HEIGHTS: [u8; 32] = {
+    let mut heights = [0; 32];
+    let mut i = 0;
+    while i < heights.len() {
+        heights[i] = i as u8;
+        i += 1;
+    }
+    heights
+};
+
+impl Cut<'static> {
+    /// The cut of a site that sees nothing through a tree of this height (below 32): its root alone.
+    pub fn nothing(height: u8) -> Cut<'static> {
+        let height = usize::from(height);
+        Cut {
+            heights: &HEIGHTS[height..=height],
+            values: &[0.0],
+        }
+    }
+}
+
 impl<'a> Cut<'a> {
     /// Its nodes, from left to right.
     pub fn nodes(self) -> impl Iterator<Item = (Node, f32)> + 'a {

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use relight_scene::rays::Ray;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::TracedScene;
-use relight_transport::cuts::{Cut, Selector, SiteCuts, merge};
+use relight_transport::cuts::{Selector, SiteCuts, merge};
 use relight_transport::light_tree::Node;
 use relight_transport::sight::{FIRST_HEIGHT, Sampler, Sight};
 
@@ -90,17 +90,8 @@ fn interpolated(
     place: usize,
     mut visit: impl FnMut(Node, f32, f32),
 ) {
-    let root = [cuts.lights.height()];
-    let nothing = Cut {
-        heights: &root,
-        values: &[0.0],
-    };
     let weights = &sites.weights[place];
-    let all = sites.sites[place].map(|site| match site {
-        u32::MAX => nothing,
-        site => cuts.cuts.cut(site as usize),
-    });
-    merge(all, |node, seen| {
+    merge(sites.cuts(cuts, sites.sites[place]), |node, seen| {
         let mean: f32 = weights.iter().zip(seen).map(|(w, v)| w * v).sum();
         let off = weights.iter().zip(seen).map(|(w, v)| w * (v - mean).abs()).sum();
         visit(node, mean, off);

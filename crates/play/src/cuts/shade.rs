@@ -13,7 +13,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::bsdf::{self, Incident, Lobe};
 use relight_scene::shading::ShadingPoint;
-use relight_transport::cuts::{Cut, merge};
+use relight_transport::cuts::merge;
 use std::f32::consts::FRAC_1_PI;
 
 /// Fragments per parallel task.
@@ -179,24 +179,11 @@ impl Merged {
         &mut self,
         cuts: &VisibilityCuts,
         light: &Illumination,
-        all: &FragmentSites,
+        fragments: &FragmentSites,
         sites: [u32; SITES],
     ) {
         let height = cuts.lights.height();
-        // A site that is not there sees nothing, and costs nothing: its only node is the root.
-        let root = [height];
-        let nothing = Cut {
-            heights: &root,
-            values: &[0.0],
-        };
-        let cut = |site: u32| {
-            if site == u32::MAX {
-                nothing
-            } else {
-                all.cut(&cuts.cuts, site)
-            }
-        };
-        let [a, b, c] = sites.map(cut);
+        let [a, b, c] = fragments.cuts(cuts, sites);
         let all = [a, b, c, light.as_cut()];
         // A merged cut has at most as many nodes as its parts together.
         let most = all.iter().map(|cut| cut.heights.len()).sum();

@@ -1,5 +1,6 @@
 //! Between which sites a fragment interpolates visibility.
 
+use super::VisibilityCuts;
 use rayon::prelude::*;
 use relight_scene::surface::SurfaceHit;
 use relight_transport::cuts::{Cut, SiteCuts};
@@ -69,13 +70,14 @@ impl FragmentSites {
         }
     }
 
-    /// The cut of a site that a fragment has; `cuts` are the asset's.
-    #[inline]
-    pub fn cut<'a>(&'a self, cuts: &'a SiteCuts, site: u32) -> Cut<'a> {
-        match (site as usize).checked_sub(cuts.sites()) {
-            None => cuts.cut(site as usize),
+    /// The cuts of a fragment's sites; `asset` has those that are not its own. A site that is not there sees nothing, and costs
+    /// nothing.
+    pub fn cuts<'a>(&'a self, asset: &'a VisibilityCuts, sites: [u32; SITES]) -> [Cut<'a>; SITES] {
+        sites.map(|site| match (site as usize).checked_sub(asset.cuts.sites()) {
+            _ if site == u32::MAX => Cut::nothing(asset.lights.height()),
+            None => asset.cuts.cut(site as usize),
             Some(own) => self.own.cut(own),
-        }
+        })
     }
 }
 
