@@ -133,8 +133,9 @@ fn illumination(loaded: &Loaded, rig: &LightRig) -> Illumination {
             .map(|light| light.radiance(direction))
             .sum()
     };
-    let flux = (cuts.and_then(|cuts| cuts.directions()))
-        .map_or(Vec::new(), |directions| directions.cells.flux(leaves, radiance));
+    let flux = (cuts.and_then(|cuts| cuts.directions())).map_or(Vec::new(), |directions| {
+        directions.cells.flux(&directions.cells.parts(radiance))
+    });
     Illumination::new(&flux, ILLUMINATION_CUT)
 }
 
@@ -150,9 +151,9 @@ fn shaded(loaded: &Loaded, shot: &Shot, light: &Illumination) -> ShadeStats {
         narrow: &[],
         matt: true,
     };
-    let (radiance, stats) = shade(cuts, light, &fragments);
-    black_box(radiance);
-    stats
+    let shaded = shade(cuts, light, &fragments);
+    black_box(shaded.radiance);
+    shaded.stats
 }
 
 /// Seconds that this thread has run on a core, where the system tells (Linux); else those of the clock. Other work on the

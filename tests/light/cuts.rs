@@ -91,7 +91,7 @@ fn at_a_site_cuts_of_all_leaves_are_brute_force() {
     };
     let points: Vec<Option<ShadingPoint>> = fragments.iter().map(|f| Some(f.1)).collect();
     let views: Vec<Vec3> = fragments.iter().map(|f| f.2).collect();
-    let (found, _) = shade(
+    let shaded = shade(
         &VisibilityCuts::of_directions(made.cuts, SitePlaces::Points, directions),
         &Illumination::new(&flux, LIGHTS as usize),
         &Fragments {
@@ -103,7 +103,7 @@ fn at_a_site_cuts_of_all_leaves_are_brute_force() {
         },
     );
     let mut shadowed = 0;
-    for ((hit, point, view), found) in fragments.iter().zip(found) {
+    for ((hit, point, view), found) in fragments.iter().zip(shaded.radiance) {
         let mut truth = DVec3::ZERO;
         for (&direction, flux) in directions.iter().zip(&flux) {
             let cosine = f64::from(point.shading_normal.dot(direction).max(0.0));
@@ -166,7 +166,7 @@ fn bits_of_means_that_sigma_cannot_use_change_less_than_sigma_does() {
             matt: true,
         };
         let cuts = VisibilityCuts::of_directions(cuts, SitePlaces::Points, directions);
-        shade(&cuts, &Illumination::new(&flux, LIGHTS as usize), &fragments).0
+        shade(&cuts, &Illumination::new(&flux, LIGHTS as usize), &fragments).radiance
     };
     let difference = |a: &[Vec3], b: &[Vec3]| -> f64 {
         let squares = a

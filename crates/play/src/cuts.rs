@@ -13,6 +13,7 @@ pub mod shade;
 pub mod sites;
 #[cfg(test)]
 mod tests;
+pub mod uneven;
 
 use glam::Vec3;
 use position_tree::PositionTree;

@@ -5,8 +5,9 @@
 //! ([`crate::reflections`]), others spread their light like the matt part, with the right total.
 
 use crate::cuts::illumination::Illumination;
-use crate::cuts::shade::{Fragments, ShadeStats, irradiance_at_sites, shade};
+use crate::cuts::shade::{Fragments, ShadeStats, Shaded, irradiance_at_sites, shade};
 use crate::cuts::sites::FragmentSites;
+use crate::cuts::uneven::UnevenCells;
 use crate::cuts::{SitePlaces, VisibilityCuts};
 use crate::edges;
 use crate::lightcuts::{self, AT_PIXELS, AT_POINTS, LightcutStats, ManyLights};
@@ -357,17 +358,24 @@ impl Player {
             return EvenLight::default();
         };
         let start = Instant::now();
-        let flux = directions.cells.flux(cuts.lights.leaves(), |direction| {
-            lights.iter().map(|light| light.radiance(direction)).sum()
-        });
-        let light = Illumination::new(&flux, most);
+        let parts = directions
+            .cells
+            .parts(|direction| lights.iter().map(|light| light.radiance(direction)).sum());
+        let flux = directions.cells.flux(&parts);
+        let mut light = Illumination::new(&flux, most);
+        light.uneven = UnevenCells::new(directions, &parts, &flux);
         times.illumination_cut += milliseconds(start);
         let start = Instant::now();
         let by_cuts = Fragments {
             narrow: &shot.reflections.narrow,
             ..fragments(shot, views, true)
         };
-        let (mut radiance, stats) = shade(cuts, &light, &by_cuts);
+        let Shaded {
+            mut radiance,
+            doubts,
+            stats,
+        } = shade(cuts, &light, &by_cuts);
+        (light.uneven).resolve(&self.scene, shot, &doubts, &mut radiance);
         (shot.reflections).add_sky_to(&mut radiance, |direction| {
             lights.iter().map(|light| light.radiance(direction)).sum()
         });
@@ -409,7 +417,7 @@ impl Player {
             narrow: &[],
             matt: true,
         };
-        shade(cuts, light, &fragments).0
+        shade(cuts, light, &fragments).radiance
     }
 
     /// Indirect light at the fragments, and how transfer and cuts went.
@@ -482,9 +490,9 @@ impl Player {
         let light = Illumination::new(&samples.flux(irradiance), most);
         times.illumination_cut += milliseconds(start);
         let start = Instant::now();
-        let (radiance, stats) = shade(cuts, &light, &fragments(shot, views, !settings.indirect));
+        let shaded = shade(cuts, &light, &fragments(shot, views, !settings.indirect));
         times.shade += milliseconds(start);
-        Some((radiance, (light.heights.len(), stats)))
+        Some((shaded.radiance, (light.heights.len(), shaded.stats)))
     }
 }
 

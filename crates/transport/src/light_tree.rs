@@ -80,6 +80,16 @@ impl Node {
     pub fn slot(self, tree_height: u8) -> usize {
         (1usize << (tree_height - self.height)) + self.index as usize
     }
+
+    /// The node in a slot (1 or more) of a tree of 2^`tree_height` leaves.
+    #[inline]
+    pub fn in_slot(slot: usize, tree_height: u8) -> Node {
+        let depth = slot.ilog2();
+        Node {
+            height: tree_height - depth as u8,
+            index: (slot - (1 << depth)) as u32,
+        }
+    }
 }
 
 /// Sums over all nodes from values at the leaves, by [`Node::slot`]; entry 0 is a default.

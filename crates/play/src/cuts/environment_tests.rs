@@ -64,11 +64,9 @@ fn error(lights: &[LightTrack], frame: f64, radiance: impl Fn(Vec3) -> Vec3 + Sy
     let cells = Cells::new(&world.lights);
     let rig = LightRig::new(&NoEmitters, lights).unwrap();
     let distant = (rig.at(frame)).take_distant(|light| rig.split(light, LIGHTS).map(Arc::new));
-    let played = cells.flux(LIGHTS as usize, |d| {
-        distant.iter().flatten().map(|light| light.radiance(d)).sum()
-    });
+    let played = cells.flux(&cells.parts(|d| distant.iter().flatten().map(|light| light.radiance(d)).sum()));
     let (sites, points, views) = fragments();
-    let (found, _) = shade(
+    let shaded = shade(
         &cuts(&world, 0.0),
         &Illumination::new(&played, LIGHTS as usize),
         &Fragments {
@@ -80,13 +78,13 @@ fn error(lights: &[LightTrack], frame: f64, radiance: impl Fn(Vec3) -> Vec3 + Sy
         },
     );
     let expected = World {
-        flux: cells.flux(LIGHTS as usize, radiance),
+        flux: cells.flux(&cells.parts(radiance)),
         ..world
     };
     let truth = dense(&expected, &sites, &points, &views);
     let mean = truth.iter().map(|t| t.max_element()).sum::<f64>() / truth.len() as f64;
     assert!(mean > 0.0);
-    (found.iter().zip(&truth))
+    (shaded.radiance.iter().zip(&truth))
         .map(|(f, t)| (f.as_dvec3() - *t).abs().max_element() / t.max_element().max(0.05 * mean))
         .fold(0.0, f64::max)
 }

@@ -7,6 +7,7 @@
 //! the same, and where visibility made the nodes small, light is as fine. The cut only says where light wants small
 //! nodes.
 
+use super::uneven::UnevenCells;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use relight_scene::environment::{direction_from_uv, luminance};
@@ -29,6 +30,11 @@ pub struct Cells {
     width: usize,
     height: usize,
     leaf: Vec<u32>,
+    /// Parts in order of their directions, and where each direction's start; one more than there are directions.
+    parts: Vec<u32>,
+    starts: Vec<u32>,
+    /// Solid angle of a part in each row.
+    angles: Vec<f32>,
 }
 
 /// Parts of the table for each direction, at least: light that changes within a direction's cell is averaged over them.
@@ -42,7 +48,7 @@ impl Cells {
         // Cells of even directions reach at most some 1.3 times the radius of a disc of their size.
         let reach = 3.0 / (directions.len() as f32).sqrt();
         let grid = PointGrid::new(directions, directions, reach);
-        let leaf = (0..width * height)
+        let leaf: Vec<u32> = (0..width * height)
             .into_par_iter()
             .with_min_len(1024)
             .map(|i| {
@@ -57,31 +63,88 @@ impl Cells {
                 best.1
             })
             .collect();
-        Cells { width, height, leaf }
+        let mut starts = vec![0u32; directions.len() + 1];
+        for &leaf in &leaf {
+            starts[leaf as usize + 1] += 1;
+        }
+        for i in 0..directions.len() {
+            starts[i + 1] += starts[i];
+        }
+        let mut next = starts.clone();
+        let mut parts = vec![0u32; leaf.len()];
+        for (part, &leaf) in (0..).zip(&leaf) {
+            parts[next[leaf as usize] as usize] = part;
+            next[leaf as usize] += 1;
+        }
+        Cells {
+            width,
+            height,
+            leaf,
+            parts,
+            starts,
+            angles: (0..height).map(|y| part_angle(y, width, height)).collect(),
+        }
     }
 
-    /// Flux on a perpendicular surface (W/m²) that comes from the cell of each of `leaves` directions, when
-    /// `radiance(direction)` comes from everywhere.
-    pub fn flux(&self, leaves: usize, radiance: impl Fn(Vec3) -> Vec3 + Sync) -> Vec<Vec3> {
-        let rows: Vec<Vec<Vec3>> = (0..self.height)
+    /// Flux on a perpendicular surface (W/m²) of each part, when `radiance(direction)` comes from everywhere.
+    pub fn parts(&self, radiance: impl Fn(Vec3) -> Vec3 + Sync) -> Vec<Vec3> {
+        let mut parts = vec![Vec3::ZERO; self.width * self.height];
+        (parts.par_chunks_mut(self.width).enumerate()).for_each(|(y, row)| {
+            let first = y * self.width;
+            let angle = self.angles[y];
+            for (part, flux) in (first..).zip(row) {
+                *flux = radiance(part_direction(part, self.width, self.height)) * angle;
+            }
+        });
+        parts
+    }
+
+    /// Flux that comes from the cell of each direction, from that of its parts.
+    pub fn flux(&self, parts: &[Vec3]) -> Vec<Vec3> {
+        (0..self.starts.len() - 1)
             .into_par_iter()
-            .map(|y| {
-                let angle = part_angle(y, self.width, self.height);
-                (0..self.width)
-                    .map(|x| {
-                        let direction = part_direction(y * self.width + x, self.width, self.height);
-                        radiance(direction) * angle
-                    })
-                    .collect()
+            .with_min_len(1024)
+            .map(|leaf| {
+                let sum: DVec3 = self
+                    .parts_of(leaf as u32)
+                    .iter()
+                    .map(|&p| parts[p as usize].as_dvec3())
+                    .sum();
+                sum.as_vec3()
             })
-            .collect();
-        let mut flux = vec![DVec3::ZERO; leaves];
-        for (&leaf, part) in self.leaf.iter().zip(rows.iter().flatten()) {
-            if let Some(sum) = flux.get_mut(leaf as usize) {
-                *sum += part.as_dvec3();
+            .collect()
+    }
+
+    /// The parts of a direction's cell, rising.
+    pub fn parts_of(&self, leaf: u32) -> &[u32] {
+        &self.parts[self.starts[leaf as usize] as usize..self.starts[leaf as usize + 1] as usize]
+    }
+
+    /// Unit direction to the middle of a part.
+    pub fn direction(&self, part: u32) -> Vec3 {
+        part_direction(part as usize, self.width, self.height)
+    }
+
+    /// Solid angle of a part.
+    pub fn angle(&self, part: u32) -> f32 {
+        self.angles[part as usize / self.width]
+    }
+
+    /// The directions next to one, and itself; rising.
+    pub fn around(&self, leaf: u32) -> Vec<u32> {
+        let mut near = vec![leaf];
+        for &part in self.parts_of(leaf) {
+            let (x, y) = (part as usize % self.width, part as usize / self.width);
+            for dy in [-1i32, 0, 1] {
+                for dx in [self.width - 1, 0, 1] {
+                    let y = (y as i32 + dy).clamp(0, self.height as i32 - 1) as usize;
+                    near.push(self.leaf[y * self.width + (x + dx) % self.width]);
+                }
             }
         }
-        flux.into_iter().map(|f| f.as_vec3()).collect()
+        near.sort_unstable();
+        near.dedup();
+        near
     }
 }
 
@@ -105,6 +168,8 @@ pub struct Illumination {
     pub heights: Vec<u8>,
     /// As many zeros: merging wants values.
     zeros: Vec<f32>,
+    /// Cells of directions across which the light is uneven, if any are to be asked part by part.
+    pub uneven: UnevenCells,
 }
 
 impl Illumination {
@@ -147,6 +212,7 @@ impl Illumination {
             flux,
             heights: nodes.iter().map(|node| node.height).collect(),
             zeros: vec![0.0; nodes.len()],
+            uneven: UnevenCells::default(),
         }
     }
 }

@@ -244,88 +244,28 @@ impl Sight for FragmentSight<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::cuts::illumination::Illumination;
-    use crate::cuts::shade::{Fragments, shade};
-    use crate::cuts::tests::{LIGHTS, world};
-    use crate::many_lights::tests::{camera, level, matt, quad, traced};
-    use crate::shot::expose;
+    use crate::cuts::shade::shade;
+    use crate::cuts::tests::{HalfRoof, LIGHTS};
     use glam::Vec3;
 
-    /// Half a roof at height 1 over a floor, from its edge at x = 0 to x = −100, and sites at x = ±2. Returns the irradiance
-    /// of fragments between them under a sky of irradiance 1, and the truth.
-    fn under_half_a_roof(own: bool) -> Vec<(f32, f32)> {
-        let corner = |x: f32, z: f32| Vec3::new(x, 1.0, z);
-        let roof = quad(
-            [
-                corner(-100.0, 100.0),
-                corner(0.0, 100.0),
-                corner(0.0, -100.0),
-                corner(-100.0, -100.0),
-            ],
-            0,
-        );
-        let scene = traced(vec![level(100.0, 0.0, 0), roof], vec![matt(0.5, 0.0)]);
-        let camera = camera(Vec3::new(0.0, 0.8, 2.0), Vec3::ZERO, 40.0);
-        let mut shot = expose(&scene, &camera, 16, 16, 1);
-        let directions = world().lights;
-        let (mut all, mut selector) = (SiteCuts::default(), Selector::default());
-        all.offsets.push(0);
-        for x in [-2.0, 2.0] {
-            let sees = |d: &Vec3| match d.y {
-                ..=0.0 => f32::NAN,
-                y if x + d.x / y < 0.0 => 0.0,
-                _ => 1.0,
-            };
-            let seen: Vec<f32> = directions.iter().map(sees).collect();
-            selector.select(&seen, 0.0, usize::MAX, &mut all.heights, &mut all.values);
-            all.offsets.push(all.heights.len() as u32);
-        }
-        let cuts = VisibilityCuts::of_directions(all, super::super::SitePlaces::Points, &directions);
-        for f in 0..shot.len() as u32 {
-            let Some(hit) = shot.hits[f as usize] else {
-                continue;
-            };
-            let right = (0.25 * hit.position.x + 0.5).clamp(0.0, 1.0);
-            shot.sites.order.push(f);
-            shot.sites.sites.push([0, 1, u32::MAX]);
-            shot.sites.weights.push([1.0 - right, right, 0.0]);
-        }
-        if own {
-            give(&cuts, &scene, &mut shot);
-        }
-        // A sky of radiance 1.
-        let even = vec![Vec3::splat(4.0 * std::f32::consts::PI / LIGHTS as f32); LIGHTS as usize];
-        let views: Vec<Vec3> = shot.directions.iter().map(|d| -*d).collect();
-        let fragments = Fragments {
-            sites: &shot.sites,
-            points: &shot.points,
-            views: &views,
-            narrow: &[],
-            matt: true,
-        };
-        let (radiance, _) = shade(&cuts, &Illumination::new(&even, 64), &fragments);
-        (shot.sites.order.iter())
-            .filter_map(|&f| {
-                let x = shot.hits[f as usize]?.position.x;
-                // What the roof leaves of the sky, weighted by cosines, is a wedge of angles 0 to φ: (1 − cos φ)/2.
-                let angle = 1.0f32.atan2(-x);
-                let truth = 0.5 * (1.0 - angle.cos());
-                (x.abs() < 1.5).then_some((radiance[f as usize].x / 0.5, truth))
-            })
-            .collect()
-    }
-
-    /// Truth: the wedge's closed form. Tolerance: a direction is 0.11 wide, so that the roof's edge is off by up to 0.055
-    /// and the irradiance by half of that, and half as much again for sums over 1024 directions.
+    /// Truth: what the roof leaves of the sky, weighted by cosines, is a wedge of angles 0 to φ: (1 − cos φ)/2. Tolerance: a
+    /// direction is 0.11 wide, so that the roof's edge is off by up to 0.055 and the irradiance by half of that, and
+    /// half as much again for sums over 1024 directions.
     #[test]
     fn a_fragment_between_sites_that_disagree_sees_what_is_there() {
         let worst = |own: bool| {
-            let lit = under_half_a_roof(own);
+            let roof = HalfRoof::new(own);
+            // A sky of radiance 1.
+            let even = vec![Vec3::splat(4.0 * std::f32::consts::PI / LIGHTS as f32); LIGHTS as usize];
+            let shaded = shade(&roof.cuts, &Illumination::new(&even, 64), &roof.fragments());
+            let lit = roof.between_the_sites(&shaded.radiance);
             assert!(lit.len() > 200);
-            lit.iter()
-                .map(|(found, truth)| (found - truth).abs())
-                .fold(0.0, f32::max)
+            let error = |&(x, found): &(f32, f32)| {
+                let truth = 0.5 * (1.0 - 1.0f32.atan2(-x).cos());
+                (found - truth).abs()
+            };
+            lit.iter().map(error).fold(0.0, f32::max)
         };
         assert!(worst(false) > 0.1, "{}", worst(false));
         assert!(worst(true) < 0.04, "{}", worst(true));

@@ -8,6 +8,7 @@
 
 use super::illumination::Illumination;
 use super::sites::{FragmentSites, SITES};
+use super::uneven::doubts::{Doubt, Doubter, Place, matt_part};
 use super::{Directions, Lights, SurfaceSamples, VisibilityCuts, position_tree};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -28,6 +29,17 @@ pub struct ShadeStats {
     pub fragments: u64,
 }
 
+/// What [`shade`] made.
+#[derive(Debug, Default)]
+pub struct Shaded {
+    /// Radiance that each fragment reflects towards its viewer. Fragments without sites get none.
+    pub radiance: Vec<Vec3>,
+    /// Uneven cells of the light that may be partly hidden, fragment by fragment.
+    pub doubts: Vec<Doubt>,
+    /// What it took.
+    pub stats: ShadeStats,
+}
+
 /// What is shaded.
 #[derive(Clone, Copy)]
 pub struct Fragments<'a> {
@@ -43,56 +55,76 @@ pub struct Fragments<'a> {
     pub matt: bool,
 }
 
-/// Radiance that each fragment reflects towards its viewer. Fragments without sites get none.
-pub fn shade(cuts: &VisibilityCuts, light: &Illumination, fragments: &Fragments) -> (Vec<Vec3>, ShadeStats) {
-    let Fragments {
-        sites, points, views, ..
-    } = *fragments;
-    let tasks: Vec<(Vec<Vec3>, ShadeStats)> = (sites.order.par_chunks(TASK))
+impl Fragments<'_> {
+    /// How a fragment reflects that is to be shaded, and the direction to its viewer.
+    fn reflecting(&self, fragment: usize) -> Option<(&ShadingPoint, Vec3)> {
+        let point = self.points[fragment].as_ref()?;
+        let wanted =
+            (self.matt || !point.lambert) && (point.diffuse != Vec3::ZERO || !self.is_narrow(fragment));
+        wanted.then(|| (point, self.views[fragment]))
+    }
+
+    /// Whether something else shades a fragment's lobe.
+    fn is_narrow(&self, fragment: usize) -> bool {
+        self.narrow.get(fragment) == Some(&true)
+    }
+}
+
+/// Reflected light of each fragment.
+pub fn shade(cuts: &VisibilityCuts, light: &Illumination, fragments: &Fragments) -> Shaded {
+    let sites = fragments.sites;
+    let tasks: Vec<Shaded> = (sites.order.par_chunks(TASK))
         .zip(sites.sites.par_chunks(TASK))
         .zip(sites.weights.par_chunks(TASK))
         .map_init(Merged::default, |merged, ((order, sites), weights)| {
-            let mut stats = ShadeStats::default();
+            let mut shaded = Shaded::default();
             let mut last = None;
-            let radiance = (0..order.len())
-                .map(|i| {
-                    let fragment = order[i] as usize;
-                    let wanted = |point: &&ShadingPoint| fragments.matt || !point.lambert;
-                    let Some(point) = points[fragment].as_ref().filter(wanted) else {
-                        return Vec3::ZERO;
-                    };
-                    let narrow = fragments.narrow.get(fragment) == Some(&true);
-                    if narrow && point.diffuse == Vec3::ZERO {
-                        return Vec3::ZERO;
-                    }
-                    if last != Some(sites[i]) {
-                        merged.fill(cuts, light, fragments.sites, sites[i]);
-                        last = Some(sites[i]);
-                    }
-                    stats.merged_nodes += merged.nodes;
-                    stats.fragments += 1;
-                    let (view, weights) = (views[fragment], &weights[i]);
-                    if narrow {
-                        merged.interpolate(weights);
-                        bsdf::integrate_diffuse(point, view, &merged.whole.incident())
-                    } else {
-                        reflected(&cuts.lights, light, merged, point, view, weights)
-                    }
-                })
-                .collect();
-            (radiance, stats)
+            for (i, &fragment) in order.iter().enumerate() {
+                let Some((point, view)) = fragments.reflecting(fragment as usize) else {
+                    shaded.radiance.push(Vec3::ZERO);
+                    continue;
+                };
+                if last != Some(sites[i]) {
+                    merged.fill(cuts, light, fragments.sites, sites[i]);
+                    last = Some(sites[i]);
+                }
+                shaded.stats.merged_nodes += merged.nodes;
+                shaded.stats.fragments += 1;
+                let (radiance, matt);
+                let mut by_cuts = point;
+                if fragments.is_narrow(fragment as usize) {
+                    merged.interpolate(&weights[i]);
+                    radiance = bsdf::integrate_diffuse(point, view, &merged.whole.incident());
+                    matt = matt_part(point, view);
+                    by_cuts = &matt;
+                } else {
+                    radiance = reflected(&cuts.lights, light, merged, point, view, &weights[i]);
+                }
+                shaded.radiance.push(radiance);
+                let place = Place {
+                    fragment,
+                    point: by_cuts,
+                    view,
+                    weights: &weights[i],
+                    radiance,
+                };
+                merged.doubt(light, sites[i], &place, &mut shaded.doubts);
+            }
+            shaded
         })
         .collect();
-    let mut out = vec![Vec3::ZERO; points.len()];
-    let radiance = tasks.iter().flat_map(|task| &task.0);
-    for (&fragment, &radiance) in sites.order.iter().zip(radiance) {
-        out[fragment as usize] = radiance;
+    let mut radiance = vec![Vec3::ZERO; fragments.points.len()];
+    for (&fragment, &reflected) in (sites.order.iter()).zip(tasks.iter().flat_map(|task| &task.radiance)) {
+        radiance[fragment as usize] = reflected;
     }
-    let stats = ShadeStats {
-        merged_nodes: tasks.iter().map(|task| task.1.merged_nodes).sum(),
-        fragments: tasks.iter().map(|task| task.1.fragments).sum(),
-    };
-    (out, stats)
+    Shaded {
+        radiance,
+        stats: ShadeStats {
+            merged_nodes: tasks.iter().map(|task| task.stats.merged_nodes).sum(),
+            fragments: tasks.iter().map(|task| task.stats.fragments).sum(),
+        },
+        doubts: tasks.into_iter().flat_map(|task| task.doubts).collect(),
+    }
 }
 
 /// Irradiance of every site on a surface with the site's place and unit normal.
@@ -172,6 +204,9 @@ struct Merged {
     whole: Columns,
     /// Parts of nodes that are too wide for the fragment at hand.
     split: Columns,
+    doubter: Doubter,
+    /// Whether `doubter` has looked these nodes up.
+    looked_up: bool,
 }
 
 impl Merged {
@@ -201,7 +236,22 @@ impl Merged {
             nodes += 1;
         });
         self.nodes = nodes;
+        self.looked_up = false;
         self.spread_out(cuts, light, lit);
+    }
+
+    /// Appends the uneven cells of the light about which a fragment between `sites` is in doubt.
+    #[inline(never)]
+    fn doubt(&mut self, light: &Illumination, sites: [u32; SITES], place: &Place, out: &mut Vec<Doubt>) {
+        let Some(stakes) = light.uneven.stakes(place) else {
+            return;
+        };
+        if !self.looked_up {
+            let found = self.found[..self.slots.len()].iter().copied();
+            self.doubter.look_up(&light.uneven, sites, found);
+            self.looked_up = true;
+        }
+        self.doubter.doubts(&light.uneven, place, &stakes, out);
     }
 
     /// Fills the columns for the first `n` nodes that were found.

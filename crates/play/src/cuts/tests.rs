@@ -4,6 +4,8 @@ use super::illumination::Illumination;
 use super::shade::{Fragments, shade};
 use super::sites::{FragmentSites, SITES};
 use super::*;
+use crate::many_lights::tests::{camera, level, matt, quad, traced};
+use crate::shot::{Shot, expose};
 use glam::DVec3;
 use relight_scene::bsdf;
 use relight_scene::shading::ShadingPoint;
@@ -194,7 +196,7 @@ fn errors(world: &World, sigma: f32, most: usize) -> (f64, f64) {
         narrow: &[],
         matt: true,
     };
-    let (found, _) = shade(&cuts, &light, &fragments);
+    let found = shade(&cuts, &light, &fragments).radiance;
     let truth = dense(world, &sites, &points, &views);
     let mean = truth.iter().map(|t| t.max_element()).sum::<f64>() / truth.len() as f64;
     let errors = (found.iter().zip(&truth))
@@ -234,7 +236,7 @@ fn nodes_of_near_lights_are_split_where_they_are_wide() {
 fn the_flux_of_all_cells_is_that_of_the_sphere() {
     let world = world();
     let cells = illumination::Cells::new(&world.lights);
-    let flux = cells.flux(LIGHTS as usize, |d| Vec3::new(1.0, 1.0 + d.y, 2.0));
+    let flux = cells.flux(&cells.parts(|d| Vec3::new(1.0, 1.0 + d.y, 2.0)));
     let total: DVec3 = flux.iter().map(|f| f.as_dvec3()).sum();
     let expected = DVec3::new(1.0, 1.0, 2.0) * 4.0 * std::f64::consts::PI;
     // Rows of equal latitude are integrated exactly but for y within a row: 1/90² of 1.
@@ -256,5 +258,86 @@ fn an_illumination_cut_is_a_cut_of_the_size_asked_for() {
         assert!(relight_transport::cuts::is_cut(&light.heights, height));
         // 32 nodes are the fewest.
         assert_eq!(light.heights.len(), most.clamp(32, 1024));
+    }
+}
+
+/// Half a roof at height 1 over a floor that reflects half, from its edge at x = 0 to x = −100, and sites at x = ±2 with
+/// exact cuts.
+pub(super) struct HalfRoof {
+    pub(super) scene: TracedScene,
+    pub(super) shot: Shot,
+    pub(super) cuts: VisibilityCuts,
+    views: Vec<Vec3>,
+}
+
+impl HalfRoof {
+    /// `own`: where the sites disagree fragments look for themselves.
+    pub(super) fn new(own: bool) -> HalfRoof {
+        let corner = |x: f32, z: f32| Vec3::new(x, 1.0, z);
+        let roof = quad(
+            [
+                corner(-100.0, 100.0),
+                corner(0.0, 100.0),
+                corner(0.0, -100.0),
+                corner(-100.0, -100.0),
+            ],
+            0,
+        );
+        let scene = traced(vec![level(100.0, 0.0, 0), roof], vec![matt(0.5, 0.0)]);
+        let camera = camera(Vec3::new(0.0, 0.8, 2.0), Vec3::ZERO, 40.0);
+        let mut shot = expose(&scene, &camera, 16, 16, 1);
+        let directions = world().lights;
+        let (mut all, mut selector) = (SiteCuts::default(), Selector::default());
+        all.offsets.push(0);
+        for x in [-2.0, 2.0] {
+            let sees = |d: &Vec3| match d.y {
+                ..=0.0 => f32::NAN,
+                y if x + d.x / y < 0.0 => 0.0,
+                _ => 1.0,
+            };
+            let seen: Vec<f32> = directions.iter().map(sees).collect();
+            selector.select(&seen, 0.0, usize::MAX, &mut all.heights, &mut all.values);
+            all.offsets.push(all.heights.len() as u32);
+        }
+        let cuts = VisibilityCuts::of_directions(all, SitePlaces::Points, &directions);
+        for f in 0..shot.len() as u32 {
+            let Some(hit) = shot.hits[f as usize] else {
+                continue;
+            };
+            let right = (0.25 * hit.position.x + 0.5).clamp(0.0, 1.0);
+            shot.sites.order.push(f);
+            shot.sites.sites.push([0, 1, u32::MAX]);
+            shot.sites.weights.push([1.0 - right, right, 0.0]);
+        }
+        if own {
+            own_sites::give(&cuts, &scene, &mut shot);
+        }
+        let views = shot.directions.iter().map(|d| -*d).collect();
+        HalfRoof {
+            scene,
+            shot,
+            cuts,
+            views,
+        }
+    }
+
+    pub(super) fn fragments(&self) -> Fragments<'_> {
+        Fragments {
+            sites: &self.shot.sites,
+            points: &self.shot.points,
+            views: &self.views,
+            narrow: &[],
+            matt: true,
+        }
+    }
+
+    /// Where each fragment between the sites is (x), and its irradiance over π.
+    pub(super) fn between_the_sites(&self, radiance: &[Vec3]) -> Vec<(f32, f32)> {
+        (self.shot.sites.order.iter())
+            .filter_map(|&f| {
+                let x = self.shot.hits[f as usize]?.position.x;
+                (x.abs() < 1.5).then_some((x, radiance[f as usize].x / 0.5))
+            })
+            .collect()
     }
 }
