@@ -113,18 +113,6 @@ fn place(x: f32, nodes: usize) -> (usize, f32) {
     (at, x - at as f32)
 }
 
-/// (A, B) at every node of the cosines, at one roughness.
-struct Row([[f32; 2]; COSINES]);
-
-impl Row {
-    fn new(alpha: f32) -> Row {
-        let SpecularRows(low, high, f) = specular_rows(alpha);
-        Row(std::array::from_fn(|at| {
-            [0, 1].map(|k| low[at][k] * (1.0 - f) + high[at][k] * f)
-        }))
-    }
-}
-
 /// The two rows of the specular table between which a roughness lies, and the weight of the upper one.
 struct SpecularRows(&'static [[f32; 2]], &'static [[f32; 2]], f32);
 
@@ -135,6 +123,12 @@ fn specular_rows(alpha: f32) -> SpecularRows {
 }
 
 impl SpecularRows {
+    /// (A, B) at a node of the cosines.
+    fn at_node(&self, node: usize) -> [f32; 2] {
+        let SpecularRows(low, high, f) = *self;
+        [0, 1].map(|k| low[node][k] * (1.0 - f) + high[node][k] * f)
+    }
+
     /// (A, B) at a place between cosines, interpolated.
     fn at(&self, (column, fc): (usize, f32)) -> [f32; 2] {
         let SpecularRows(low, high, fr) = *self;
@@ -190,12 +184,15 @@ fn scale(printed: Vec3, specular: Vec3) -> Vec3 {
     limit(printed, specular) / printed.max(Vec3::splat(f32::MIN_POSITIVE))
 }
 
+/// Nodes within which [`DiffuseScale::unscaled_from`] is found: five halvings.
+const NODES_APART: usize = 3;
+
 /// s(μ) of one point at many angles.
 pub(super) struct DiffuseScale {
     f0: Vec3,
     /// D over K.
     printed: Vec3,
-    row: Row,
+    rows: SpecularRows,
 }
 
 impl DiffuseScale {
@@ -203,15 +200,36 @@ impl DiffuseScale {
         DiffuseScale {
             f0: point.f0,
             printed: point.diffuse * (Vec3::ONE - point.f0),
-            row: Row::new(point.alpha),
+            rows: specular_rows(point.alpha),
         }
+    }
+
+    /// A cosine from which s is 1 on, since it grows with the cosine; infinite where it never is.
+    pub fn unscaled_from(&self) -> f32 {
+        let is_one = |node: usize| {
+            let printed = self.printed * TABLES.diffuse[node];
+            let specular = specular_albedo(self.f0, self.rows.at_node(node));
+            limit(printed, specular) == printed
+        };
+        let (mut low, mut high) = (0, COSINES - 1);
+        if !is_one(high) {
+            return f32::INFINITY;
+        }
+        while high - low > NODES_APART {
+            let middle = (low + high) / 2;
+            if is_one(middle) {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        node_cosine(high)
     }
 
     /// The same as [`diffuse_scale`] but for rounding.
     pub fn at(&self, cos: f32) -> Vec3 {
         let (at, f) = place(cosine_place(cos), COSINES);
-        let (low, high) = (self.row.0[at], self.row.0[at + 1]);
-        let factors = [0, 1].map(|k| low[k] * (1.0 - f) + high[k] * f);
+        let factors = self.rows.at((at, f));
         let diffuse = TABLES.diffuse[at] * (1.0 - f) + TABLES.diffuse[at + 1] * f;
         scale(self.printed * diffuse, specular_albedo(self.f0, factors))
     }

@@ -114,27 +114,6 @@ struct Ggx<'a> {
     unscaled: f32,
 }
 
-/// Halvings of the range of cosines in search of where s(wi) becomes 1.
-const HALVINGS: usize = 5;
-
-/// A cosine from which s is 1 on: it grows with the cosine. Infinite where it never is.
-fn unscaled_from(scale: &DiffuseScale) -> f32 {
-    let is_one = |cosine: f32| scale.at(cosine).min_element() >= 1.0;
-    if !is_one(1.0) {
-        return f32::INFINITY;
-    }
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (low + high);
-        if is_one(middle) {
-            high = middle;
-        } else {
-            low = middle;
-        }
-    }
-    high
-}
-
 impl<'a> Ggx<'a> {
     /// `None` where the viewer is below a horizon.
     fn new(point: &'a ShadingPoint, wo: Vec3) -> Option<Ggx<'a>> {
@@ -147,7 +126,7 @@ impl<'a> Ggx<'a> {
             root_o: smith_root(cos_o, point.alpha),
             alpha2: point.alpha * point.alpha,
             diffuse: point.diffuse * albedo::diffuse_scale(point, cos_o) * FRAC_1_PI,
-            unscaled: scale.as_ref().map_or(0.0, unscaled_from),
+            unscaled: scale.as_ref().map_or(0.0, DiffuseScale::unscaled_from),
             scale,
         })
     }
