@@ -62,8 +62,6 @@ pub struct BakeStats {
     pub threads: usize,
     /// Memory that reconstructed rows took, bytes: what batches save.
     pub row_bytes: u64,
-    /// Memory that the rows took of which the bounce operator was made, bytes.
-    pub bounce_row_bytes: u64,
 }
 
 /// What is baked.
@@ -282,7 +280,6 @@ pub fn bake_in_units(
         ray_tracing_seconds: (timed.thread_seconds(rays) + timed.packet_thread_seconds()) / threads as f64,
         threads,
         row_bytes: transport.row_bytes,
-        bounce_row_bytes: transport.bounce_row_bytes,
     };
     Ok(Baked { asset, stats })
 }

@@ -9,54 +9,68 @@ use relight_transport::sparse::Rows;
 /// Share of a row's sum that may be dropped as small entries; the rest is scaled up so that the sum stays.
 const DROPPED_SHARE: f32 = 0.05;
 
-/// Averages the point rows of irradiance responses (`responses[p]`: (cluster, response)) over the clusters of
-/// the bounce level: `cluster_of_receiver[p]` says where point p belongs, and `weights[p]` how much it counts
-/// there. Rows and columns of the result:
-/// clusters. Clusters without a receiver have empty rows.
-pub fn bounce_operator(
-    responses: &[Vec<(u32, f32)>],
-    cluster_of_receiver: &[u32],
-    weights: &[f32],
-    clusters: usize,
-) -> Rows {
-    let mut receivers_of = vec![Vec::new(); clusters];
-    for (p, &cluster) in cluster_of_receiver.iter().enumerate() {
-        receivers_of[cluster as usize].push(p);
+/// Averages rows of irradiance responses at points over the clusters of the bounce level, point by point, so that no two
+/// of the rows, which are long, are needed at once.
+pub struct BounceSums {
+    /// Where each point belongs, and how much it counts there.
+    places: Vec<(u32, f32)>,
+    /// Per cluster the weighted sum of its points' rows, over all clusters; empty before its first point.
+    sums: Vec<Vec<f64>>,
+    /// Per cluster the sum of its points' weights.
+    masses: Vec<f64>,
+    added: usize,
+}
+
+impl BounceSums {
+    /// For points that each belong to one of so many clusters and count there by a weight.
+    pub fn new(places: Vec<(u32, f32)>, clusters: usize) -> BounceSums {
+        BounceSums {
+            places,
+            sums: vec![Vec::new(); clusters],
+            masses: vec![0.0; clusters],
+            added: 0,
+        }
     }
-    let rows: Vec<Vec<(u32, f32)>> = receivers_of
-        .into_par_iter()
-        .map_init(
-            || vec![0.0f64; clusters],
-            |dense, receivers| {
-                let mass: f64 = receivers.iter().map(|&p| f64::from(weights[p])).sum();
-                for p in receivers {
-                    let weight = f64::from(weights[p]);
-                    for &(k, response) in &responses[p] {
-                        dense[k as usize] += weight * f64::from(response);
-                    }
-                }
-                let row: Vec<(u32, f32)> = dense
-                    .iter()
-                    .enumerate()
-                    .filter(|e| *e.1 > 0.0)
-                    .map(|(k, sum)| (k as u32, (sum / mass) as f32))
-                    .collect();
-                dense.fill(0.0);
-                sparsified(row)
-            },
-        )
-        .collect();
-    let size = clusters;
-    let mut operator = Rows {
-        columns: size as u32,
-        offsets: vec![0],
-        entries: Vec::new(),
-    };
-    for row in rows {
-        operator.entries.extend(row);
-        operator.offsets.push(operator.entries.len() as u32);
+
+    /// How many points' rows were added.
+    pub fn added(&self) -> usize {
+        self.added
     }
-    operator
+
+    /// Adds the next point's row: (cluster, irradiance per unit radiosity).
+    pub fn add(&mut self, row: &[(u32, f32)]) {
+        let (cluster, weight) = self.places[self.added];
+        self.added += 1;
+        let weight = f64::from(weight);
+        let clusters = self.sums.len();
+        let sum = &mut self.sums[cluster as usize];
+        sum.resize(clusters, 0.0);
+        for &(k, response) in row {
+            sum[k as usize] += weight * f64::from(response);
+        }
+        self.masses[cluster as usize] += weight;
+    }
+
+    /// K: rows and columns are clusters. Clusters without a point have empty rows.
+    pub fn operator(self) -> Rows {
+        let size = self.sums.len();
+        let rows: Vec<Vec<(u32, f32)>> = (self.sums.into_par_iter().zip(self.masses))
+            .map(|(sums, mass)| {
+                let positive = (0..).zip(&sums).filter(|e| *e.1 > 0.0);
+                sparsified(positive.map(|(k, sum)| (k, (sum / mass) as f32)).collect())
+            })
+            .collect();
+        let mut operator = Rows {
+            columns: size as u32,
+            offsets: vec![0],
+            entries: Vec::new(),
+        };
+        for row in rows {
+            operator.entries.extend(row);
+            operator.offsets.push(operator.entries.len() as u32);
+        }
+        operator
+    }
 }
 
 fn sparsified(mut row: Vec<(u32, f32)>) -> Vec<(u32, f32)> {

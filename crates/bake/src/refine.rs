@@ -8,6 +8,7 @@
 
 mod wanted;
 
+use crate::bounces::BounceSums;
 use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::{Gathered, RowScratch, SenderField, gather, scalar_row};
@@ -68,9 +69,6 @@ pub struct Refinement<'a> {
 pub struct Refined {
     /// T: all points × all senders.
     pub links: Links,
-    /// Scalar irradiance responses of the bounce sender level at the points of the bounce receiver level
-    /// (local indices).
-    pub bounce_rows: Vec<Vec<(u32, f32)>>,
     /// Receivers gathered per level.
     pub gathered: Vec<usize>,
     /// Rays cast, and those that were not because they are below a smooth normal's horizon.
@@ -83,8 +81,6 @@ pub struct Refined {
     pub spared: Spared,
     /// Memory that reconstructed rows took, bytes.
     pub row_bytes: u64,
-    /// Memory that `bounce_rows` took, bytes.
-    pub bounce_row_bytes: u64,
 }
 
 /// Gathers that were not made, and the rays that they would have cast.
@@ -134,7 +130,7 @@ const STAGE: u32 = 3;
 pub struct Receiver {
     /// Links as stored, by ascending sender.
     pub links: Vec<(u32, Vec3)>,
-    /// Responses of the bounce sender level, on the bounce receiver level.
+    /// Scalar irradiance responses of the bounce sender level, on the bounce receiver level; empty once they are added up.
     pub bounce: Vec<(u32, f32)>,
     /// Whether it cast rays.
     pub gathered: bool,
@@ -156,10 +152,6 @@ impl Receiver {
         self.links.shrink_to_fit();
         self.bounce.shrink_to_fit();
         self.reconstructed.shrink_to_fit();
-    }
-
-    fn bounce_row_bytes(&self) -> u64 {
-        size_of_val(&self.bounce[..]) as u64
     }
 }
 
@@ -204,22 +196,17 @@ impl<F: Fn(usize) -> Result<(), BakeError> + Sync> RowWatch for F {
     fn expect(&self, _: u64) {}
 }
 
-/// Runs the refinement.
+/// Runs the refinement. `bounces` adds up the rows of the bounce receiver level, by their places in it.
 pub fn refine(
     r: &Refinement,
     quantised: impl Fn(Vec3) -> Vec3 + Sync,
+    bounces: &mut BounceSums,
     units: Units,
     watch: &impl RowWatch,
 ) -> Result<Refined, BakeError> {
-    let mut receivers = rows(r, Wanted::all(r, units), quantised, units, watch)?;
-    let row_bytes = receivers.iter().map(Receiver::row_bytes).sum();
-    let bounce_row_bytes = receivers.iter().map(Receiver::bounce_row_bytes).sum();
-    receivers
-        .iter_mut()
-        .for_each(|receiver| receiver.reconstructed = Vec::new());
+    let (receivers, row_bytes) = rows(r, Wanted::all(r, units), quantised, Some(bounces), units, watch)?;
     let mut refined = Refined {
         row_bytes,
-        bounce_row_bytes,
         links: Links {
             receivers: r.ranges.total() as u32,
             senders: r.field.tree.ranges.total() as u32,
@@ -244,9 +231,6 @@ pub fn refine(
             if !receiver.gathered {
                 refined.spared.count(r.is_worthwhile(i), rays_of(r, level) as u64);
             }
-            if Some(level) == r.bounce_receivers {
-                refined.bounce_rows.push(receiver.bounce);
-            }
         }
         refined.gathered.push(gathered);
         refined.rays += gathered as u64 * rays_of(r, level) as u64;
@@ -254,25 +238,40 @@ pub fn refine(
     Ok(refined)
 }
 
-/// The rows of the wanted ranges and of all that those need which have to be made; those of others are empty.
+/// The rows of the wanted ranges and of all that those need which have to be made; those of others are empty. Responses
+/// for bounces, which are long, go to `bounces` in order, if there is one, and are not returned, nor are reconstructed
+/// rows: second, how many bytes of those there were at once.
 pub fn rows(
     r: &Refinement,
     wanted: Wanted,
     quantised: impl Fn(Vec3) -> Vec3 + Sync,
+    mut bounces: Option<&mut BounceSums>,
     units: Units,
     watch: &impl RowWatch,
-) -> Result<Vec<Receiver>, BakeError> {
+) -> Result<(Vec<Receiver>, u64), BakeError> {
     let inputs = units.inputs(|key| inputs(r, key));
     let mut known = vec![Receiver::default(); r.ranges.total()];
-    let take = |known: &mut [Receiver], range: &Range<usize>| {
+    let bounce_range = r.bounce_receivers.map_or(0..0, |level| r.ranges.range(level));
+    let mut add_up = |known: &mut [Receiver], range: &Range<usize>| {
+        let rows = &mut known[range.clone()];
+        match &mut bounces {
+            Some(sums) if bounce_range.contains(&range.start) => {
+                // In order, so that sums are the same however rows came.
+                if sums.added() == range.start - bounce_range.start {
+                    rows.iter_mut()
+                        .for_each(|row| sums.add(&std::mem::take(&mut row.bounce)));
+                }
+            }
+            _ => rows.iter_mut().for_each(|row| row.bounce = Vec::new()),
+        }
+    };
+    let mut take = |known: &mut [Receiver], range: &Range<usize>| {
         let kept: Option<Receivers> = units.taken("refine", inputs, range);
         let kept = kept.filter(|kept| fits(r, kept));
         let is_kept = kept.is_some();
         if let Some(kept) = kept {
-            known[range.clone()]
-                .iter_mut()
-                .zip(kept.0)
-                .for_each(|(slot, row)| *slot = row);
+            remember(known, range, kept);
+            add_up(known, range);
         }
         is_kept
     };
@@ -290,25 +289,41 @@ pub fn rows(
             *is_missing = !take(&mut known, range);
         }
     }
+    let needed_until = missing.rows_needed(r);
+    let mut row_bytes = 0;
     let mut forecast = Forecast::default();
     for level in 0..r.ranges.levels() {
         let sweep = Sweep::new(r, level);
         watch.expect(forecast.rays(&sweep, &missing, &known));
-        let ranges = needed.0[level].iter().zip(&missing.0[level]);
-        for ((range, _), (_, is_missing)) in ranges.filter(|(needed, _)| needed.1) {
-            if !is_missing {
-                sweep.recall(range.clone(), &mut known);
-            } else {
+        for ((range, is_needed), (_, is_missing)) in needed.0[level].iter().zip(&missing.0[level]) {
+            if *is_missing {
                 let made = sweep.rows(range.clone(), &known, &quantised, watch)?;
                 units.keep("refine", inputs, range, &made)?;
-                known[range.clone()]
-                    .iter_mut()
-                    .zip(made.0)
-                    .for_each(|(slot, row)| *slot = row);
+                remember(&mut known, range, made);
+            } else if *is_needed {
+                sweep.recall(range.clone(), &needed_until, &mut known);
+            }
+            add_up(&mut known, range);
+        }
+        row_bytes = known.iter().map(Receiver::row_bytes).sum::<u64>().max(row_bytes);
+        for (row, &until) in known.iter_mut().zip(&needed_until) {
+            if usize::from(until) <= level {
+                row.reconstructed = Vec::new();
             }
         }
     }
-    Ok(known)
+    Ok((known, row_bytes))
+}
+
+/// Whether finer levels are predicted from a level's reconstructed rows: all but the two finest are.
+fn is_remembered(r: &Refinement, level: usize) -> bool {
+    level + 2 < r.ranges.levels()
+}
+
+fn remember(known: &mut [Receiver], range: &Range<usize>, rows: Receivers) {
+    for (slot, row) in known[range.clone()].iter_mut().zip(rows.0) {
+        *slot = row;
+    }
 }
 
 /// Whether kept receivers can be these: their senders exist.
@@ -391,7 +406,7 @@ impl<'a> Sweep<'a> {
             level,
             directions: DirectionSet::uniform(count, &mut Stream::new(r.seed, STAGE, level as u64)),
             threshold: threshold(r.epsilon, above_finest),
-            remembered: above_finest >= 2,
+            remembered: is_remembered(r, level),
         }
     }
 
@@ -422,8 +437,8 @@ impl<'a> Sweep<'a> {
         rows.map(Receivers)
     }
 
-    /// Reconstructed rows of receivers whose links were kept.
-    fn recall(&self, range: Range<usize>, known: &mut [Receiver]) {
+    /// Reconstructed rows of receivers whose links were kept, where they are needed.
+    fn recall(&self, range: Range<usize>, needed_until: &[u8], known: &mut [Receiver]) {
         if !self.remembered {
             return;
         }
@@ -432,7 +447,7 @@ impl<'a> Sweep<'a> {
         own[..range.len()]
             .par_iter_mut()
             .zip(range)
-            .with_min_len(16)
+            .filter(|(_, i)| needed_until[*i] > 0)
             .for_each_init(
                 || RowScratch::new(self.refinement.field.tree.ranges.total()),
                 |predicted, (receiver, i)| {

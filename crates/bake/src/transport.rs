@@ -1,6 +1,6 @@
 //! Points and operators of a scene: the bake without the file.
 
-use crate::bounces::bounce_operator;
+use crate::bounces::BounceSums;
 use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::SenderField;
@@ -54,8 +54,6 @@ pub struct Transport {
     pub idle_senders: (usize, usize),
     /// Memory that reconstructed rows took, bytes.
     pub row_bytes: u64,
-    /// Memory that the rows took of which K was made, bytes.
-    pub bounce_row_bytes: u64,
 }
 
 /// The basis of the points.
@@ -124,13 +122,14 @@ pub fn transport_in_units(
                 r,
                 Wanted::part(r, units, batch, batches),
                 &quantised,
+                None,
                 units,
                 &cast,
             )?;
         }
-        let refined = refine(r, quantised, units, watch)?;
-        let bounce = bounce(r, levels, &refined.bounce_rows);
-        Ok((refined, bounce, r.bounce_level))
+        let mut bounces = bounce_sums(r, levels);
+        let refined = refine(r, quantised, &mut bounces, units, watch)?;
+        Ok((refined, bounces.operator(), r.bounce_level))
     })?;
     let Refining {
         outcome: (refined, bounce, bounce_level),
@@ -152,7 +151,6 @@ pub fn transport_in_units(
         spared: refined.spared,
         idle_senders: (0, 0),
         row_bytes: refined.row_bytes,
-        bounce_row_bytes: refined.bounce_row_bytes,
     };
     if !params.keeps(Part::Senders) {
         leave_out_idle_senders(&mut made);
@@ -283,29 +281,26 @@ pub fn bounce_levels(receivers: usize, senders: usize) -> (usize, usize) {
     (level, (level + 3).min(receivers.saturating_sub(1)))
 }
 
-/// K from the responses at the points of the bounce receiver level; empty where it is not needed.
-fn bounce(r: &Refinement, levels: &[Level], rows: &[Vec<(u32, f32)>]) -> Rows {
+/// What makes K of the responses at the points of the bounce receiver level; of no points where it is not needed.
+fn bounce_sums(r: &Refinement, levels: &[Level]) -> BounceSums {
     let tree = r.field.tree;
     let clusters = tree.ranges.range(r.bounce_level).len();
-    let Some(receivers) = r.bounce_receivers.map(|level| &levels[level]) else {
-        return Rows {
-            columns: clusters as u32,
-            offsets: vec![0; clusters + 1],
-            entries: Vec::new(),
-        };
-    };
     let cluster_of_point = tree.cluster_of_point(r.bounce_level);
-    let nearest: Vec<usize> = (0..receivers.len())
-        .map(|i| {
-            r.field
-                .points
-                .at(receivers.positions[i], receivers.normals[i])
-                .unwrap_or(0) as usize
-        })
-        .collect();
-    let cluster_of_receiver: Vec<u32> = nearest.iter().map(|&p| cluster_of_point[p]).collect();
-    let weights: Vec<f32> = nearest.iter().map(|&p| weight(tree.importance[p])).collect();
-    bounce_operator(rows, &cluster_of_receiver, &weights, clusters)
+    let place = |position: Vec3, normal: Vec3| {
+        let nearest = r.field.points.at(position, normal).unwrap_or(0) as usize;
+        (cluster_of_point[nearest], weight(tree.importance[nearest]))
+    };
+    let places = r.bounce_receivers.map_or(Vec::new(), |level| {
+        let Level {
+            positions, normals, ..
+        } = &levels[level];
+        positions
+            .iter()
+            .zip(normals)
+            .map(|(&p, &n)| place(p, n))
+            .collect()
+    });
+    BounceSums::new(places, clusters)
 }
 
 /// Stage number of the pilots' random stream.

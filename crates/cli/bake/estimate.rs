@@ -167,7 +167,7 @@ pub fn estimate(
     let mut estimate = scaled(params, &baked, &coarser, &bytes, (written, before))?;
     console.detail(format!(
         "small bake: {:?} points ({coarser:?} without the finest level), {} bytes, seconds {:?}, memory {before} with the \
-         scene, {} for rows, {} for those of bounces",
+         scene, {} for rows",
         baked
             .asset
             .points
@@ -177,7 +177,6 @@ pub fn estimate(
         bytes.len(),
         baked.stats.seconds,
         baked.stats.row_bytes,
-        baked.stats.bounce_row_bytes,
     ));
     drop((baked, bytes));
     estimate.retained = output::resident_bytes().map_or(0, |now| now.saturating_sub(unloaded));
@@ -192,8 +191,6 @@ const LINKS_POWER: f64 = 0.775;
 /// fuller.
 const BOUNCE_POWER: f64 = 1.65;
 const SOLUTION_POWER: f64 = 1.8;
-/// Rows of which K is made: entries of one with the number of those clusters.
-const BOUNCE_ROW_POWER: f64 = 0.8;
 /// Reconstructed rows get longer where senders are smaller.
 const ROWS_POWER: f64 = 1.08;
 /// Rays and bytes of points grow a little less than points.
@@ -263,7 +260,7 @@ fn scaled(
     let points = growths.points;
     let link_growth = growth.powf(LINKS_POWER);
     let links = asset.transfer.as_ref().map_or(0, |t| t.columns.len()) as f64 * link_growth;
-    let (bounce_level, bounce_receivers) = bounce_levels(counts.len(), params.sender_levels);
+    let (bounce_level, _) = bounce_levels(counts.len(), params.sender_levels);
     let clusters = growths.of_level(bounce_level);
     let (bounce_growth, solution_growth) = (clusters.powf(BOUNCE_POWER), clusters.powf(SOLUTION_POWER));
     let bounce = asset.bounce.as_ref().map_or(0, |b| b.matrix.columns.len()) as f64 * bounce_growth;
@@ -297,15 +294,15 @@ fn scaled(
             };
     }
     let rows = baked.stats.row_bytes as f64 * growth.powf(ROWS_POWER);
-    let receivers = growths.of_level(bounce_receivers);
-    let bounce_rows = baked.stats.bounce_row_bytes as f64 * receivers * clusters.powf(BOUNCE_ROW_POWER);
+    let bounce_clusters = clusters * counts.get(bounce_level).map_or(0.0, |&n| n as f64);
+    let bounce_sums = size_of::<f64>() as f64 * bounce_clusters * bounce_clusters;
     let memory = before as f64
         + MEMORY_PER_POINT * points
         + MEMORY_PER_LINK * links
         + MEMORY_PER_ELEMENT * elements
         + MEMORY_PER_LIGHT * lights as f64
         + rows
-        + bounce_rows;
+        + bounce_sums;
     let seconds = seconds_of("load")
         + growth * (seconds_of("points") + seconds_of("refine") + seconds_of("cuts") + written)
         // Rows of the solution are as many as clusters, and each as long as the matrix.

@@ -67,7 +67,7 @@ pub fn bake_part(
             Portion::Piece { index, of } => Wanted::part(r, units, index, of),
         };
         watch.begin(0);
-        rows(r, wanted, stored_vector(params), units, &watch)
+        rows(r, wanted, stored_vector(params), None, units, &watch)
     })?;
     if let Some(cuts) = cuts {
         let world = World {

@@ -1,6 +1,6 @@
 //! Which rows are to be made, in units of work, and how many rays that will take.
 
-use super::{Receiver, Refinement, Sweep, rays_of};
+use super::{Receiver, Refinement, Sweep, is_remembered, rays_of};
 use crate::units::Units;
 use std::ops::Range;
 
@@ -63,6 +63,26 @@ impl Wanted {
             }
         }
         self
+    }
+
+    /// Per receiver the finest level whose rows are predicted from its own, when those of `self` are made and what that needs
+    /// is known; 0 for none. Parents may be more than one level above.
+    pub(super) fn rows_needed(&self, r: &Refinement) -> Vec<u8> {
+        let mut until = vec![0; r.ranges.total()];
+        for (level, ranges) in self.0.iter().enumerate().rev() {
+            for (range, is_made) in ranges {
+                for i in range.clone() {
+                    // Of two levels the rows are not kept: what is predicted from them starts from their parents'.
+                    let through = if is_remembered(r, level) { 0 } else { until[i] };
+                    let own = if *is_made || until[i] > 0 { level as u8 } else { 0 };
+                    for parent in r.fine_from_coarse.row(i) {
+                        let parent = &mut until[parent.0 as usize];
+                        *parent = own.max(through).max(*parent);
+                    }
+                }
+            }
+        }
+        until
     }
 
     /// Receivers in the wanted ranges.

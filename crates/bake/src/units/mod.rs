@@ -84,11 +84,14 @@ impl<'a> Ledger<'a> {
     }
 
     fn note(&self, name: &UnitName, counter: &AtomicU64) {
-        counter.fetch_add(1, Ordering::Relaxed);
-        self.used
+        let mut used = self
+            .used
             .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner)
-            .insert(name.file_name());
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        // What one batch made others take: that is no reuse.
+        if used.insert(name.file_name()) {
+            counter.fetch_add(1, Ordering::Relaxed);
+        }
     }
 }
 
