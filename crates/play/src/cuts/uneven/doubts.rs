@@ -145,7 +145,7 @@ pub struct Doubter {
 }
 
 impl Doubter {
-    /// Looks the directions that are asked for up in the merged cut of `sites`, whose nodes ([`Node::slot`]) come from left to right with
+    /// Looks the directions that are asked for up in the merged cut of `sites`, whose nodes (as slots) come from left to right with
     /// the visibility from each. Nodes may be missing, which are dark.
     pub fn look_up(
         &mut self,
