@@ -53,23 +53,12 @@ impl BounceSums {
 
     /// K: rows and columns are clusters. Clusters without a point have empty rows.
     pub fn operator(self) -> Rows {
-        let size = self.sums.len();
-        let rows: Vec<Vec<(u32, f32)>> = (self.sums.into_par_iter().zip(self.masses))
-            .map(|(sums, mass)| {
-                let positive = (0..).zip(&sums).filter(|e| *e.1 > 0.0);
-                sparsified(positive.map(|(k, sum)| (k, (sum / mass) as f32)).collect())
-            })
-            .collect();
-        let mut operator = Rows {
-            columns: size as u32,
-            offsets: vec![0],
-            entries: Vec::new(),
-        };
-        for row in rows {
-            operator.entries.extend(row);
-            operator.offsets.push(operator.entries.len() as u32);
-        }
-        operator
+        let clusters = self.sums.len();
+        let rows = (self.sums.into_par_iter().zip(self.masses)).map(|(sums, mass)| {
+            let positive = (0..).zip(&sums).filter(|e| *e.1 > 0.0);
+            sparsified(positive.map(|(k, sum)| (k, (sum / mass) as f32)).collect())
+        });
+        Rows::joined(rows.collect(), clusters)
     }
 }
 

@@ -92,7 +92,7 @@ fn coarser(k: &Rows, tree: &SenderTree, level: usize) -> Rows {
             },
         )
         .collect();
-    joined(rows, clusters)
+    Rows::joined(rows, clusters)
 }
 
 /// Rows per unit of work.
@@ -141,7 +141,10 @@ impl Room {
                 rows[i % channels].push(row);
             }
         }
-        Ok(rows.into_iter().map(|rows| joined(rows, clusters)).collect())
+        Ok(rows
+            .into_iter()
+            .map(|rows| Rows::joined(rows, clusters))
+            .collect())
     }
 
     fn rows(
@@ -254,19 +257,6 @@ fn taken(dense: &mut [f64], epsilon: f64) -> Vec<(u32, f32)> {
         .collect()
 }
 
-fn joined(rows: Vec<Vec<(u32, f32)>>, clusters: usize) -> Rows {
-    let mut joined = Rows {
-        columns: clusters as u32,
-        offsets: vec![0],
-        entries: Vec::new(),
-    };
-    for row in rows {
-        joined.entries.extend(row);
-        joined.offsets.push(joined.entries.len() as u32);
-    }
-    joined
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -276,7 +266,7 @@ mod tests {
     /// A closed scene of `n` leaves, four points each, under three coarse clusters.
     fn closed(n: usize) -> (Rows, SenderTree) {
         let mut s = Stream::new(41, 0, 0);
-        let mut k = joined(
+        let mut k = Rows::joined(
             (0..n)
                 .map(|_| (0..n as u32).map(|j| (j, s.uniform())).collect())
                 .collect(),

@@ -7,7 +7,6 @@
 use crate::cuts::illumination::Illumination;
 use crate::cuts::shade::{Fragments, ShadeStats, Shaded, irradiance_at_sites, shade};
 use crate::cuts::sites::FragmentSites;
-use crate::cuts::uneven::UnevenCells;
 use crate::cuts::{SitePlaces, VisibilityCuts};
 use crate::edges;
 use crate::lightcuts::{self, AT_PIXELS, AT_POINTS, LightcutStats, ManyLights};
@@ -361,9 +360,7 @@ impl Player {
         let parts = directions
             .cells
             .parts(|direction| lights.iter().map(|light| light.radiance(direction)).sum());
-        let flux = directions.cells.flux(&parts);
-        let mut light = Illumination::new(&flux, most);
-        light.uneven = UnevenCells::new(directions, &parts, &flux);
+        let light = Illumination::of_parts(directions, &parts, most);
         times.illumination_cut += milliseconds(start);
         let start = Instant::now();
         let by_cuts = Fragments {

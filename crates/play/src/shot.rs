@@ -331,6 +331,15 @@ impl Shot {
             .map(|end| scene.surface_at(end.primitive, end.barycentric, end.front))
     }
 
+    /// Where fragment `f` is looked from: where some of its rays end, or, where none are kept, where it is lit.
+    pub fn places_of(&self, scene: &TracedScene, f: usize) -> Vec<SurfaceHit> {
+        let mut places: Vec<SurfaceHit> = self.ends_of(scene, f).collect();
+        if places.is_empty() {
+            places.extend(self.hits[f]);
+        }
+        places
+    }
+
     /// Where rays of a fragment's lobe start: at its rays' ends, or, where none are kept, at the place where it is lit. Colours
     /// are the fragment's, as a mean of more rays; normals and roughness are those of each end, whose mean would
     /// reflect far less sharply.

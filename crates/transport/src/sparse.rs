@@ -29,6 +29,20 @@ impl Rows {
         &self.entries[self.offsets[i] as usize..self.offsets[i + 1] as usize]
     }
 
+    /// Rows, one after another, as one matrix.
+    pub fn joined(rows: Vec<Vec<(u32, f32)>>, columns: usize) -> Rows {
+        let mut joined = Rows {
+            columns: columns as u32,
+            offsets: vec![0],
+            entries: Vec::new(),
+        };
+        for row in rows {
+            joined.entries.extend(row);
+            joined.offsets.push(joined.entries.len() as u32);
+        }
+        joined
+    }
+
     /// Builds `rows` rows in parallel; `fill(i, row)` appends row `i`'s entries.
     pub fn build(rows: usize, columns: usize, fill: impl Fn(usize, &mut Vec<(u32, f32)>) + Sync) -> Rows {
         Rows::build_with(rows, columns, || (), |(), i, row| fill(i, row))

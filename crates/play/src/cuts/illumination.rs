@@ -7,6 +7,7 @@
 //! the same, and where visibility made the nodes small, light is as fine. The cut only says where light wants small
 //! nodes.
 
+use super::Directions;
 use super::uneven::UnevenCells;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -178,6 +179,15 @@ impl Illumination {
         Cut {
             heights: &self.heights,
             values: &self.zeros,
+        }
+    }
+
+    /// Light of directions from the flux of all `parts` of their cells ([`Cells::parts`]), with the cells across which it is uneven.
+    pub fn of_parts(directions: &Directions, parts: &[Vec3], most: usize) -> Illumination {
+        let flux = directions.cells.flux(parts);
+        Illumination {
+            uneven: UnevenCells::new(directions, parts, &flux),
+            ..Illumination::new(&flux, most)
         }
     }
 

@@ -150,10 +150,7 @@ impl Looker<'_> {
     /// Appends the cut of the fragment in `place`.
     fn look(&mut self, scene: &TracedScene, shot: &Shot, place: usize, out: &mut SiteCuts) {
         let fragment = shot.sites.order[place] as usize;
-        let mut hits: Vec<SurfaceHit> = shot.ends_of(scene, fragment).collect();
-        if hits.is_empty() {
-            hits.extend(shot.hits[fragment]);
-        }
+        let hits = shot.places_of(scene, fragment);
         self.interpolate(&shot.sites, place);
         let leaves = self.cuts.lights.leaves();
         let mut sight = FragmentSight {

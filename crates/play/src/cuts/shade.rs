@@ -90,25 +90,25 @@ pub fn shade(cuts: &VisibilityCuts, light: &Illumination, fragments: &Fragments)
                 }
                 shaded.stats.merged_nodes += merged.nodes;
                 shaded.stats.fragments += 1;
-                let (radiance, matt);
-                let mut by_cuts = point;
-                if fragments.is_narrow(fragment as usize) {
-                    merged.interpolate(&weights[i]);
-                    radiance = bsdf::integrate_diffuse(point, view, &merged.whole.incident());
-                    matt = matt_part(point, view);
-                    by_cuts = &matt;
+                let (weights, narrow) = (&weights[i], fragments.is_narrow(fragment as usize));
+                let radiance = if narrow {
+                    merged.interpolate(weights);
+                    bsdf::integrate_diffuse(point, view, &merged.whole.incident())
                 } else {
-                    radiance = reflected(&cuts.lights, light, merged, point, view, &weights[i]);
-                }
-                shaded.radiance.push(radiance);
-                let place = Place {
-                    fragment,
-                    point: by_cuts,
-                    view,
-                    weights: &weights[i],
-                    radiance,
+                    reflected(&cuts.lights, light, merged, point, view, weights)
                 };
-                merged.doubt(light, sites[i], &place, &mut shaded.doubts);
+                shaded.radiance.push(radiance);
+                if !light.uneven.is_empty() {
+                    let matt = narrow.then(|| matt_part(point, view));
+                    let place = Place {
+                        fragment,
+                        point: matt.as_ref().unwrap_or(point),
+                        view,
+                        weights,
+                        radiance,
+                    };
+                    merged.doubt(light, sites[i], &place, &mut shaded.doubts);
+                }
             }
             shaded
         })

@@ -32,7 +32,8 @@ pub struct UnevenCells {
     blocks: Vec<Bits>,
     /// Per leaf, and for one more, how many leaves before it are asked for: those of the cells and around them.
     asked_before: Vec<u32>,
-    /// By [`Node::slot`] whether the node holds any of those: a bit each.
+    /// By [`Node::slot`] whether the node holds any of those: a bit each. Most nodes do not, which this tells sooner (without it
+    /// and with [`super::shade`]'s search for doubts inlined, shading under a sky took 4 % longer).
     holds_asked: Vec<u64>,
     /// Radius of a cell, radians.
     radius: f32,
@@ -125,6 +126,11 @@ impl UnevenCells {
             radius: directions.tree.views[leaves].radius,
             most_out_of_place: found.iter().map(|found| found.0).fold(0.0, f32::max),
         }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.cells.is_empty()
     }
 
     /// The node in a slot, if it holds directions that are asked for, and which of them.

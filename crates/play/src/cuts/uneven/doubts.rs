@@ -71,9 +71,6 @@ pub struct Stakes {
 impl UnevenCells {
     /// From what on a cell matters at a place; `None` where none can.
     pub fn stakes(&self, place: &Place) -> Option<Stakes> {
-        if self.cells.is_empty() {
-            return None;
-        }
         let least = LEAST * luminance(place.radiance);
         // Most of a flux that is reflected, whatever its direction.
         let most = luminance(ReflectionBound::new(place.point, place.view).bound(|_| (1.0, 0.0)));
@@ -248,7 +245,7 @@ impl Resolver<'_> {
         self.rays.clear();
         self.terms.clear();
         let f = doubts[0].fragment as usize;
-        let (Some(hit), Some(point)) = (self.shot.hits[f], &self.shot.points[f]) else {
+        let (Some(_), Some(point)) = (&self.shot.hits[f], &self.shot.points[f]) else {
             return Vec3::ZERO;
         };
         let wo = -self.shot.directions[f];
@@ -256,15 +253,12 @@ impl Resolver<'_> {
             Some(true) => matt_part(point, wo),
             _ => *point,
         };
-        let mut ends: Vec<SurfaceHit> = Vec::new();
+        let mut places = Vec::new();
         for doubt in doubts.iter().filter(|doubt| doubt.at_stake > LEAST * whole) {
-            if ends.is_empty() {
-                ends.extend(self.shot.ends_of(self.scene, f));
+            if places.is_empty() {
+                places = self.shot.places_of(self.scene, f);
             }
-            if ends.is_empty() {
-                ends.push(hit);
-            }
-            self.aim(doubt, (&point, wo), &ends, doubt.at_stake / whole);
+            self.aim(doubt, (&point, wo), &places, doubt.at_stake / whole);
         }
         self.occluded.clear();
         self.occluded.resize(self.rays.len(), false);
@@ -274,9 +268,9 @@ impl Resolver<'_> {
             .sum()
     }
 
-    /// Aims rays at the parts of a cell, as many at each as its flux is worth, evenly spread, from the fragment's ends in turn.
+    /// Aims rays at the parts of a cell, as many at each as its flux is worth, evenly spread, from the fragment's places in turn.
     /// `share`: how much of the fragment's radiance is at stake.
-    fn aim(&mut self, doubt: &Doubt, (point, wo): (&ShadingPoint, Vec3), ends: &[SurfaceHit], share: f32) {
+    fn aim(&mut self, doubt: &Doubt, (point, wo): (&ShadingPoint, Vec3), places: &[SurfaceHit], share: f32) {
         let parts = &self.cells.cells[doubt.cell as usize].parts;
         let Some(Part { sum: all, .. }) = parts.last() else {
             return;
@@ -289,8 +283,8 @@ impl Resolver<'_> {
             let stands_for = part.flux * (all / (rays * luminance(part.flux)));
             let adds = reflected(point, wo, part.direction) * stands_for;
             if adds != Vec3::ZERO {
-                let end = &ends[self.rays.len() % ends.len()];
-                self.rays.push(ray_from(end, part.direction));
+                let place = &places[self.rays.len() % places.len()];
+                self.rays.push(ray_from(place, part.direction));
                 self.terms.push((adds, doubt.seen));
             }
         }
@@ -322,9 +316,7 @@ mod tests {
             let parts = directions
                 .cells
                 .parts(|d| if lamp(d) { Vec3::ONE } else { Vec3::ZERO });
-            let flux = directions.cells.flux(&parts);
-            let mut light = Illumination::new(&flux, LIGHTS as usize);
-            light.uneven = UnevenCells::new(directions, &parts, &flux);
+            let light = Illumination::of_parts(directions, &parts, LIGHTS as usize);
             let mut shaded = shade(&roof.cuts, &light, &roof.fragments());
             if resolved {
                 let rays =
