@@ -137,7 +137,7 @@ fn illumination(loaded: &Loaded, rig: &LightRig) -> Illumination {
         Some(directions) => {
             Illumination::of_parts(directions, &directions.cells.parts(radiance), ILLUMINATION_CUT)
         }
-        None => Illumination::new(&[], ILLUMINATION_CUT),
+        None => Illumination::of_samples(&[], ILLUMINATION_CUT),
     }
 }
 

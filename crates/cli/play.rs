@@ -169,8 +169,9 @@ impl LayerName {
     }
 }
 
-/// Nodes of the illumination cut: "256 to 512 generally work well" (Cheslack-Postava et al. 2008, section 5).
-pub const ILLUMINATION_CUT: u32 = 256;
+/// Nodes of the illumination cut: 256 are no better (docs/cuts.md). The paper's 256 to 512 (Cheslack-Postava et al. 2008,
+/// section 5) are of nodes whose light comes from their middles.
+pub const ILLUMINATION_CUT: u32 = 128;
 /// Height of an image where nobody says another.
 const DEFAULT_HEIGHT: usize = 360;
 /// Aspect ratio where neither user nor camera says another.

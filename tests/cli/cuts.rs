@@ -127,7 +127,7 @@ fn auto_takes_environments_by_cuts_and_says_so() {
     for time in ["illumination_cut", "shade"] {
         assert!(said["frames"][0][time].as_f64().unwrap() >= 0.0);
     }
-    assert_eq!(said["frames"][0]["illumination_cut_nodes"], 256);
+    assert_eq!(said["frames"][0]["illumination_cut_nodes"], 128);
 
     // A lamp is no environment.
     let run = play(

@@ -91,9 +91,11 @@ fn at_a_site_cuts_of_all_leaves_are_brute_force() {
     };
     let points: Vec<Option<ShadingPoint>> = fragments.iter().map(|f| Some(f.1)).collect();
     let views: Vec<Vec3> = fragments.iter().map(|f| f.2).collect();
+    let cuts = VisibilityCuts::of_directions(made.cuts, SitePlaces::Points, directions);
+    let light = Illumination::of_directions(cuts.directions().unwrap(), &flux, LIGHTS as usize);
     let shaded = shade(
-        &VisibilityCuts::of_directions(made.cuts, SitePlaces::Points, directions),
-        &Illumination::new(&flux, LIGHTS as usize),
+        &cuts,
+        &light,
         &Fragments {
             sites: &sites,
             points: &points,
@@ -166,7 +168,8 @@ fn bits_of_means_that_sigma_cannot_use_change_less_than_sigma_does() {
             matt: true,
         };
         let cuts = VisibilityCuts::of_directions(cuts, SitePlaces::Points, directions);
-        shade(&cuts, &Illumination::new(&flux, LIGHTS as usize), &fragments).radiance
+        let light = Illumination::of_directions(cuts.directions().unwrap(), &flux, LIGHTS as usize);
+        shade(&cuts, &light, &fragments).radiance
     };
     let difference = |a: &[Vec3], b: &[Vec3]| -> f64 {
         let squares = a

@@ -123,15 +123,6 @@ impl Lights {
     pub fn leaves(&self) -> usize {
         1 << self.height()
     }
-
-    /// The node in `slot` as it is seen from a place.
-    #[inline]
-    pub fn view(&self, slot: usize, from: Vec3) -> NodeView {
-        match self {
-            Lights::Directions(directions) => directions.tree.views[slot],
-            Lights::Surface(samples) => samples.tree.view(slot, from),
-        }
-    }
 }
 
 impl SurfaceSamples {

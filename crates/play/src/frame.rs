@@ -484,7 +484,7 @@ impl Player {
         let (cuts, most) = (self.cuts.as_ref()?, settings.bounce_cuts?);
         let samples = cuts.samples()?;
         let start = Instant::now();
-        let light = Illumination::new(&samples.flux(irradiance), most);
+        let light = Illumination::of_samples(&samples.flux(irradiance), most);
         times.illumination_cut += milliseconds(start);
         let start = Instant::now();
         let shaded = shade(cuts, &light, &fragments(shot, views, !settings.indirect));

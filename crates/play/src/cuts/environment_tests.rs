@@ -66,9 +66,10 @@ fn error(lights: &[LightTrack], frame: f64, radiance: impl Fn(Vec3) -> Vec3 + Sy
     let distant = (rig.at(frame)).take_distant(|light| rig.split(light, LIGHTS).map(Arc::new));
     let played = cells.flux(&cells.parts(|d| distant.iter().flatten().map(|light| light.radiance(d)).sum()));
     let (sites, points, views) = fragments();
+    let cuts = cuts(&world, 0.0);
     let shaded = shade(
-        &cuts(&world, 0.0),
-        &Illumination::new(&played, LIGHTS as usize),
+        &cuts,
+        &Illumination::of_directions(cuts.directions().unwrap(), &played, LIGHTS as usize),
         &Fragments {
             sites: &sites,
             points: &points,

@@ -3,13 +3,14 @@
 //! Source: Cheslack-Postava et al. 2008, section 3.2: first every node's error is brought under a threshold, then the
 //! brightest nodes are split until the cut has its largest size.
 //!
-//! Deviation: shading reads light from the tree at the merged node, not from the cut's own, coarser node: the look-up is
+//! Deviations: shading reads light from the tree at the merged node, not from the cut's own, coarser node: the look-up is
 //! the same, and where visibility made the nodes small, light is as fine. The cut only says where light wants small
-//! nodes.
+//! nodes. And the light of a node comes from the mean of its leaves' directions weighted by what they send, not from its
+//! middle: a lamp in a corner of a node lights from there.
 
-use super::Directions;
 use super::uneven::UnevenCells;
-use glam::{DVec3, Vec3};
+use super::{Directions, Lights, NodeView};
+use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 use relight_scene::environment::{direction_from_uv, luminance};
 use relight_transport::cuts::Cut;
@@ -165,6 +166,8 @@ pub struct Illumination {
     /// Flux on a perpendicular surface from each node, RGB, W/m², by [`Node::slot`]: where its cuts hold more than
     /// visibility, without that.
     pub flux: Vec<Vec3>,
+    /// Where the light of directions' nodes comes from, by [`Node::slot`]; empty for surface samples.
+    pub views: Vec<NodeView>,
     /// Heights of the cut's nodes from left to right.
     pub heights: Vec<u8>,
     /// As many zeros: merging wants values.
@@ -187,13 +190,35 @@ impl Illumination {
         let flux = directions.cells.flux(parts);
         Illumination {
             uneven: UnevenCells::new(directions, parts, &flux),
-            ..Illumination::new(&flux, most)
+            ..Illumination::of_directions(directions, &flux, most)
+        }
+    }
+
+    /// Light of directions from the flux of each.
+    pub fn of_directions(directions: &Directions, flux: &[Vec3], most: usize) -> Illumination {
+        Illumination {
+            views: lit_views(directions, flux),
+            ..Illumination::chosen(flux, most)
+        }
+    }
+
+    /// Light of surface samples from the flux of each ([`super::SurfaceSamples::flux`]).
+    pub fn of_samples(flux: &[Vec3], most: usize) -> Illumination {
+        Illumination::chosen(flux, most)
+    }
+
+    /// Where the light of the node in `slot` comes from, as it is seen from a place.
+    #[inline]
+    pub fn view(&self, lights: &Lights, slot: usize, from: Vec3) -> NodeView {
+        match lights {
+            Lights::Directions(_) => self.views[slot],
+            Lights::Surface(samples) => samples.tree.view(slot, from),
         }
     }
 
     /// Sums up the flux of the leaves (a power of two of them) and chooses a cut of at most `most` nodes (more only where the coarsest allowed
     /// nodes are more).
-    pub fn new(leaves: &[Vec3], most: usize) -> Illumination {
+    fn chosen(leaves: &[Vec3], most: usize) -> Illumination {
         let height = leaves.len().trailing_zeros() as u8;
         let flux = sums(leaves);
         let bright: Vec<f64> = leaves.iter().map(|&f| f64::from(luminance(f))).collect();
@@ -220,11 +245,44 @@ impl Illumination {
         nodes.sort_unstable_by_key(|node| node.first());
         Illumination {
             flux,
+            views: Vec::new(),
             heights: nodes.iter().map(|node| node.height).collect(),
             zeros: vec![0.0; nodes.len()],
             uneven: UnevenCells::default(),
         }
     }
+}
+
+/// Views of directions' nodes with their light, instead of their leaves, in the mean: what is matt and sees all of a node
+/// then reflects just what its leaves send.
+fn lit_views(directions: &Directions, flux: &[Vec3]) -> Vec<NodeView> {
+    let even = &directions.tree.views;
+    let weighted = |(flux, leaf): (&Vec3, &NodeView)| {
+        let weight = luminance(*flux);
+        (leaf.direction * weight).extend(weight)
+    };
+    let sums = sums(
+        &flux
+            .iter()
+            .zip(&even[flux.len()..])
+            .map(weighted)
+            .collect::<Vec<Vec4>>(),
+    );
+    (sums.iter().zip(even))
+        .map(|(sum, even)| {
+            let mean = sum.truncate() / sum.w;
+            let length = mean.length();
+            if !(length > 0.0 && length.is_finite()) {
+                return *even;
+            }
+            NodeView {
+                direction: mean / length,
+                length,
+                // A bound around the middle is near enough for where light is split: wider or narrower ones were no better.
+                radius: even.radius,
+            }
+        })
+        .collect()
 }
 
 /// A node by what it is to be split for.

@@ -255,7 +255,8 @@ mod tests {
             let roof = HalfRoof::new(own);
             // A sky of radiance 1.
             let even = vec![Vec3::splat(4.0 * std::f32::consts::PI / LIGHTS as f32); LIGHTS as usize];
-            let shaded = shade(&roof.cuts, &Illumination::new(&even, 64), &roof.fragments());
+            let light = Illumination::of_directions(roof.cuts.directions().unwrap(), &even, 64);
+            let shaded = shade(&roof.cuts, &light, &roof.fragments());
             let lit = roof.between_the_sites(&shaded.radiance);
             assert!(lit.len() > 200);
             let error = |&(x, found): &(f32, f32)| {

@@ -9,7 +9,7 @@
 use super::illumination::Illumination;
 use super::sites::{FragmentSites, SITES};
 use super::uneven::doubts::{Doubt, Doubter, Place, matt_part};
-use super::{Directions, Lights, SurfaceSamples, VisibilityCuts, position_tree};
+use super::{Lights, SurfaceSamples, VisibilityCuts, position_tree};
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::bsdf::{self, Incident, Lobe};
@@ -141,7 +141,7 @@ pub fn irradiance_at_sites(
             let mut sum = Vec3::ZERO;
             merge([cuts.cuts.cut(site), illumination], |node, [seen, _]| {
                 let slot = node.slot(height);
-                let node = cuts.lights.view(slot, position);
+                let node = light.view(&cuts.lights, slot, position);
                 let cosine = normal.dot(node.direction).max(0.0) * node.length;
                 sum += light.flux[slot] * (seen * cosine);
             });
@@ -271,9 +271,9 @@ impl Merged {
         let (lengths, radii) = (sized(&mut self.lengths, n), sized(&mut self.radii, n));
         match &cuts.lights {
             // Distant lights look the same from everywhere.
-            Lights::Directions(Directions { tree, .. }) => {
+            Lights::Directions(_) => {
                 for i in 0..n {
-                    let view = tree.views[found[i].0 as usize];
+                    let view = light.views[found[i].0 as usize];
                     [x[i], y[i], z[i]] = view.direction.to_array();
                     lengths[i] = view.length;
                     radii[i] = view.radius;
@@ -409,7 +409,7 @@ impl Splitter<'_> {
         if flux == Vec3::ZERO {
             return;
         }
-        let view = self.lights.view(slot, self.from);
+        let view = self.light.view(self.lights, slot, self.from);
         if slot < self.lights.leaves() && self.is_too_wide(view.direction, view.radius) {
             self.push_parts(2 * slot, seen, out);
             self.push_parts(2 * slot + 1, seen, out);

@@ -1,7 +1,7 @@
 //! Truth: the dense sum over all lights in f64, with visibility interpolated between the sites.
 
 use super::illumination::Illumination;
-use super::shade::{Fragments, shade};
+use super::shade::{Fragments, irradiance_at_sites, shade};
 use super::sites::{FragmentSites, SITES};
 use super::*;
 use crate::many_lights::tests::{camera, level, matt, quad, traced};
@@ -187,7 +187,10 @@ pub(super) fn dense(
 /// Relative errors of all fragments: the largest, and the root of their mean square.
 fn errors(world: &World, sigma: f32, most: usize) -> (f64, f64) {
     let cuts = cuts(world, sigma);
-    let light = Illumination::new(&world.flux, most);
+    let light = match cuts.directions() {
+        Some(directions) => Illumination::of_directions(directions, &world.flux, most),
+        None => Illumination::of_samples(&world.flux, most),
+    };
     let (sites, points, views) = fragments();
     let fragments = Fragments {
         sites: &sites,
@@ -223,6 +226,27 @@ fn shorter_cuts_are_nearly_as_good() {
     assert!(typical > 1e-4, "nothing was approximated");
 }
 
+/// Truth: the sum over all leaves, none of which is hidden or below the horizon. Tolerance: f32 sums of 32 nodes.
+#[test]
+fn matt_surfaces_under_an_open_sky_reflect_just_what_it_sends_however_coarse_the_cut() {
+    let mut world = world();
+    let normal = Vec3::Y;
+    for (flux, light) in world.flux.iter_mut().zip(&world.lights) {
+        *flux = if light.y > 0.4 {
+            Vec3::splat(flux.x)
+        } else {
+            Vec3::ZERO
+        };
+    }
+    world.seen = vec![vec![1.0; LIGHTS as usize]];
+    let cuts = cuts(&world, 0.35);
+    let light = Illumination::of_directions(cuts.directions().unwrap(), &world.flux, 1);
+    let found = irradiance_at_sites(&cuts, &light, &[Vec3::ZERO], &[normal])[0].x;
+    let leaves = world.lights.iter().zip(&world.flux);
+    let truth: f64 = leaves.map(|(d, flux)| f64::from(d.dot(normal) * flux.x)).sum();
+    assert!((f64::from(found) / truth - 1.0).abs() < 1e-5, "{found} {truth}");
+}
+
 #[test]
 fn nodes_of_near_lights_are_split_where_they_are_wide() {
     // The random distances of this world put the leaves of a node anywhere along its line of sight, not elsewhere.
@@ -254,7 +278,7 @@ fn an_illumination_cut_is_a_cut_of_the_size_asked_for() {
     let world = world();
     let height = LIGHTS.ilog2() as u8;
     for most in [1, 32, 100, 256, 1024, 5000] {
-        let light = Illumination::new(&world.flux, most);
+        let light = Illumination::of_samples(&world.flux, most);
         assert!(relight_transport::cuts::is_cut(&light.heights, height));
         // 32 nodes are the fewest.
         assert_eq!(light.heights.len(), most.clamp(32, 1024));
