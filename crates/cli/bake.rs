@@ -48,17 +48,18 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     let params = params(args, seed)?;
     let output = args.output()?;
     output::prepare_output(output)?;
+    if args.long.dry_run {
+        let _lock = lock::lock(output, console)?;
+        let read = read(args, console)?;
+        return estimate::estimate(&read, &params, args.shading(), console)?.tell(args.json, console);
+    }
+    let batches = match args.long.memory_limit {
+        Some(limit) => estimate::memory_from_elsewhere(console, args.json)?.batches(limit)?,
+        None => 1,
+    };
     let lock = lock::lock(output, console)?;
     let start = Instant::now();
     let read = read(args, console)?;
-    let mut batches = 1;
-    if args.long.dry_run || args.long.memory_limit.is_some() {
-        let estimate = estimate::estimate(&read, &params, args.shading(), console)?;
-        if args.long.dry_run {
-            return estimate.tell(args.json, console);
-        }
-        batches = estimate.batches(args.long.memory_limit)?;
-    }
     let kept = match args.long.resume || batches > 1 {
         true => Some(Kept::beside(output, args.long.keep_units)?),
         false => None,
@@ -97,18 +98,18 @@ fn tell(result: &JobResult, json: bool, console: &Console) -> Result<Outcome, Fa
 }
 
 /// What a bake's files hold.
-struct Read {
+struct Inputs {
     scene: Arc<Scene>,
     source_hash: u64,
     lights: Option<Sequence>,
 }
 
-fn read(args: &BakeArgs, console: &Console) -> Result<Read, Failure> {
+fn read(args: &BakeArgs, console: &Console) -> Result<Inputs, Failure> {
     console.begin("Reading the scene", None);
     let lights = args.lights.as_deref().map(read_sequence).transpose()?;
     let (scene, source_hash) = read_scene(args.scene()?, args.light_units)?;
     signals::go_on()?;
-    Ok(Read {
+    Ok(Inputs {
         scene,
         source_hash,
         lights,

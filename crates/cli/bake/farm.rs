@@ -6,7 +6,7 @@
 
 use super::args::BakeArgs;
 use super::kept::{Kept, this_program};
-use super::{Job, Read, baking_failed, lock, params, read, run_job, slurm, tell};
+use super::{Inputs, Job, baking_failed, lock, params, read, run_job, slurm, tell};
 use crate::console::{BakeProgress, Console};
 use crate::failure::{Failure, Outcome};
 use crate::output::{self, SCHEMA};
@@ -163,7 +163,7 @@ pub fn merge(folder: &Path, json: bool, console: &Console) -> Result<Outcome, Fa
 /// Computes a part of a plan; returns how many units the plan should have.
 fn compute(
     folder: &Path,
-    read: &Read,
+    read: &Inputs,
     params: &BakeParams,
     args: &BakeArgs,
     part: Portion,
@@ -184,7 +184,7 @@ fn compute(
 }
 
 /// Hashes of what the files of a bake hold, by what they are.
-fn files(read: &Read) -> Value {
+fn files(read: &Inputs) -> Value {
     let lights = read.lights.as_ref().map(|lights| {
         let mut key = key::Key::default();
         format!("{:032x}", key.bytes(format!("{lights:?}").as_bytes()).hash())
@@ -238,7 +238,7 @@ impl Plan {
     }
 
     /// Reads the scene and the lights, which must be those that were planned.
-    fn checked_files(&self, console: &Console) -> Result<Read, Failure> {
+    fn checked_files(&self, console: &Console) -> Result<Inputs, Failure> {
         let read = read(&self.args, console)?;
         let (now, then) = (files(&read), &self.json["files"]);
         let changed = if now["scene"] != then["scene"] || now["scene_content"] != then["scene_content"] {
