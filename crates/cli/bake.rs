@@ -5,6 +5,7 @@ mod estimate;
 mod farm;
 mod kept;
 mod lock;
+mod memory;
 mod slurm;
 
 use crate::console::{BakeProgress, Console};
@@ -54,7 +55,7 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
         return estimate::estimate(&read, &params, args.shading(), console)?.tell(args.json, console);
     }
     let batches = match args.long.memory_limit {
-        Some(limit) => estimate::memory_from_elsewhere(console, args.json)?.batches(limit)?,
+        Some(limit) => memory::foretold(console, args.json)?.batches(limit)?,
         None => 1,
     };
     let lock = lock::lock(output, console)?;

@@ -19,7 +19,7 @@ The JSON of --json: points (per level, coarsest first), links, potential_links, 
 ray_tracing: thread-seconds in rays / threads), bytes (per section raw and stored, total), peak_memory_bytes, row_bytes
 (memory of reconstructed rows), left_out (what, why, saved_bytes, saved_rays, and with the bake's log saved_seconds:
 those rays at the bake's own pace), and with --resume units (all, reused).
-Of --dry-run: points, rays, links, seconds, bytes, memory_bytes, smallest_memory_limit. Of --plan: units.")]
+Of --dry-run: points, rays, links, seconds, bytes, memory_bytes, row_bytes, smallest_memory_limit. Of --plan: units.")]
 pub struct BakeArgs {
     /// Scene to bake: .glb or .gltf, or .scene.json, which describes boxes, implicit surfaces and isosurfaces of volumes
     /// (data/README.md); they become triangles.

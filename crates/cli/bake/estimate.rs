@@ -1,26 +1,22 @@
-//! What a bake will take, from a small bake of the same scene: `--dry-run`, `--memory-limit`.
+//! What a bake will take, from a small bake of the same scene: `--dry-run`.
 //!
 //! The small bake has all levels and four times the distances, so a tenth to a sixteenth of the points. How many a bake will
 //! have is seen by spreading those of all levels but the finest. What grows with them is scaled up by powers that were
 //! fitted on the scenes of docs/reliability.md.
 
+use super::memory::Memory;
 use super::{Inputs, baking_failed};
 use crate::console::{BakeProgress, Console};
 use crate::failure::{Failure, Outcome};
 use crate::output::{self, SCHEMA};
-use crate::signals;
 use crate::words;
-use anyhow::{Context, anyhow};
 use relight_bake::params::BakeParams;
 use relight_bake::transport::bounce_levels;
 use relight_bake::{Baked, Request, bake_in_units, coarse_radius, point_counts};
 use relight_format as format;
 use relight_scene::traced::Shading;
-use serde_json::{Value, json};
-use std::io::Read;
-use std::process::{Child, Command, ExitStatus, Stdio};
-use std::thread::ScopedJoinHandle;
-use std::time::{Duration, Instant};
+use serde_json::json;
+use std::time::Instant;
 
 /// Ratio of distances of the small bake to those of the real one: two levels.
 const COARSER: f32 = 4.0;
@@ -42,61 +38,6 @@ pub struct Estimate {
     memory: Memory,
 }
 
-/// What memory a bake will take, bytes.
-#[derive(Clone, Copy, Debug)]
-pub struct Memory {
-    /// Most in one go.
-    most: u64,
-    /// Of that what reconstructed rows take, which batches divide.
-    rows: u64,
-}
-
-/// Most batches: each makes anew the coarse rows that it shares with its neighbours, and rows of the coarsest levels are
-/// needed by all.
-const MOST_BATCHES: usize = 16;
-/// Share of the rows that a batch of n needs, beyond an n-th: those along its border, and the coarsest.
-const SHARED_ROWS: f64 = 0.2;
-
-/// Predictions of memory were up to a fifth too low (docs/reliability.md), and one bake took 432 MB in one run and 527 in the
-/// next, as threads come to allocate; a limit must hold all the same.
-const MARGIN: f64 = 1.3;
-/// What stacks, compression and the allocator may take besides, whatever the scene: a bake of 31 MB was predicted to take
-/// 22.
-const SLACK: u64 = 16 << 20;
-
-impl Memory {
-    /// Limit under which so many batches fit.
-    fn limit_of(self, batches: usize) -> u64 {
-        (self.in_batches(batches) as f64 * MARGIN) as u64 + SLACK
-    }
-
-    fn in_batches(self, batches: usize) -> u64 {
-        let share = if batches > 1 {
-            (1.0 / batches as f64 + SHARED_ROWS).min(1.0)
-        } else {
-            1.0
-        };
-        self.most - self.rows + (self.rows as f64 * share) as u64
-    }
-
-    /// The fewest batches that keep within a limit.
-    ///
-    /// # Errors
-    /// None does; the message says what limit would.
-    pub fn batches(self, limit: u64) -> Result<usize, Failure> {
-        let fits = (1..=MOST_BATCHES).find(|&n| self.limit_of(n) <= limit);
-        fits.ok_or_else(|| {
-            anyhow!(
-                "--memory-limit {limit}: the bake needs about {}; the smallest limit that would do is {}. A larger \
-                 --coarse-radius or fewer --levels take less",
-                words::bytes(self.most),
-                self.limit_of(MOST_BATCHES)
-            )
-            .into()
-        })
-    }
-}
-
 impl Estimate {
     /// Prints it.
     pub fn tell(&self, json: bool, console: &Console) -> Result<Outcome, Failure> {
@@ -113,7 +54,7 @@ impl Estimate {
                 "bytes": self.bytes,
                 "memory_bytes": self.memory.most,
                 "row_bytes": self.memory.rows,
-                "smallest_memory_limit": self.memory.limit_of(MOST_BATCHES),
+                "smallest_memory_limit": self.memory.smallest_limit(),
             }))?;
         } else {
             output::print_text(&format!(
@@ -124,7 +65,7 @@ impl Estimate {
                 self.seconds,
                 words::bytes(self.bytes),
                 words::bytes(self.memory.most),
-                words::bytes(self.memory.limit_of(MOST_BATCHES)),
+                words::bytes(self.memory.smallest_limit()),
             ))?;
         }
         Ok(Outcome::Done)
@@ -190,74 +131,6 @@ pub fn estimate(
         baked.stats.row_bytes,
     ));
     Ok(estimate)
-}
-
-/// [`estimate`]s the memory of this very command's bake in a process of its own: what a small bake frees stays with its process,
-/// and would count against the limit.
-///
-/// # Errors
-/// As the bake itself.
-pub fn memory_from_elsewhere(console: &Console, json: bool) -> Result<Memory, Failure> {
-    console.begin("Baking small, to see what it takes", None);
-    let program = std::env::current_exe().context("cannot find the program itself")?;
-    let child = Command::new(program)
-        .args(std::env::args_os().skip(1))
-        .arg("--dry-run")
-        .args((!json).then_some("--json"))
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .context("cannot start the program once more")?;
-    let (status, said, complaint) = waited_for(child)?;
-    console.close();
-    if !status.success() {
-        let text = complaint.split("relight: error: ").nth(1).unwrap_or(&complaint);
-        return Err(anyhow!("{}", text.trim_end()).into());
-    }
-    let said: Value = serde_json::from_str(&said).context("what the bake will take")?;
-    let bytes = |key: &str| {
-        said[key]
-            .as_u64()
-            .with_context(|| format!("what the bake will take: no {key}"))
-    };
-    Ok(Memory {
-        most: bytes("memory_bytes")?,
-        rows: bytes("row_bytes")?,
-    })
-}
-
-/// How a process ended and what it said on stdout and stderr. A signal to stop ends it, too.
-fn waited_for(mut child: Child) -> Result<(ExitStatus, String, String), Failure> {
-    let read = |pipe: Option<Box<dyn Read + Send>>| {
-        let mut text = String::new();
-        // What it said before reading failed is all there is to show.
-        let _ = pipe.map(|mut pipe| pipe.read_to_string(&mut text));
-        text
-    };
-    let out = child
-        .stdout
-        .take()
-        .map(|pipe| Box::new(pipe) as Box<dyn Read + Send>);
-    let err = child
-        .stderr
-        .take()
-        .map(|pipe| Box::new(pipe) as Box<dyn Read + Send>);
-    std::thread::scope(|scope| {
-        let (out, err) = (scope.spawn(|| read(out)), scope.spawn(|| read(err)));
-        let status = loop {
-            if let Some(status) = child.try_wait()? {
-                break status;
-            }
-            if signals::stopped() {
-                child.kill()?;
-            }
-            std::thread::sleep(Duration::from_millis(20));
-        };
-        signals::go_on()?;
-        let text = |thread: ScopedJoinHandle<String>| thread.join().unwrap_or_default();
-        Ok((status, text(out), text(err)))
-    })
 }
 
 /// Growth of what depends on points with their number; fitted on the scenes of docs/reliability.md.
