@@ -475,12 +475,9 @@ fn a_memory_limit_is_refused_or_respected_and_changes_no_byte() {
         .get_output()
         .clone();
     assert!(std::fs::read(&asset).unwrap() == wanted);
-    let limited_bake = json(&output.stdout);
-    assert!(
-        limited_bake["units"]["all"].as_u64().unwrap() > 0,
-        "not made part by part"
-    );
-    let peak = limited_bake["peak_memory_bytes"].as_u64().unwrap();
+    // Rows are a hundredth of this bake's memory: whether it is made part by part depends on that breath. tests/light/batches.rs
+    // has more of them.
+    let peak = json(&output.stdout)["peak_memory_bytes"].as_u64().unwrap();
     assert!(peak <= limit, "{peak} {limit}");
     assert_eq!(names(folder.path()), ["a.relight", "a.relight.log.json"]);
 }
