@@ -646,6 +646,17 @@ impl<'a> LightSet<'a> {
         }
     }
 
+    /// Whether rays can meet any light ([`LightSet::along`]).
+    pub fn any_along(&self) -> bool {
+        let seen = |light: &Light| {
+            matches!(
+                light.shape,
+                Shape::Rect { .. } | Shape::Sphere { .. } | Shape::Environment(_) | Shape::SunSky { .. }
+            )
+        };
+        self.lights.iter().any(seen)
+    }
+
     /// Whether any light makes surfaces shine.
     pub fn has_emissive(&self) -> bool {
         self.lights
