@@ -123,8 +123,8 @@ fn shot(loaded: &Loaded) -> Shot {
 }
 
 fn illumination(loaded: &Loaded, rig: &LightRig) -> Illumination {
-    let directions = loaded.player.cuts.as_ref().and_then(|cuts| cuts.directions());
-    let leaves = directions.map_or(0, |directions| 1usize << directions.tree.height);
+    let cuts = loaded.player.cuts.as_ref();
+    let leaves = cuts.map_or(0, |cuts| cuts.lights.leaves());
     let distant = (rig.at(0.0)).take_distant(|light| rig.split(light, leaves as u32).map(Arc::new));
     let radiance = |direction: Vec3| {
         distant
@@ -133,7 +133,7 @@ fn illumination(loaded: &Loaded, rig: &LightRig) -> Illumination {
             .map(|light| light.radiance(direction))
             .sum()
     };
-    match directions {
+    match cuts.and_then(|cuts| cuts.directions()) {
         Some(directions) => {
             Illumination::of_parts(directions, &directions.cells.parts(radiance), ILLUMINATION_CUT)
         }

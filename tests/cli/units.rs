@@ -450,8 +450,9 @@ fn a_memory_limit_is_refused_or_respected_and_changes_no_byte() {
 
     let limited = |limit: u64| {
         let mut bake = relight();
-        bake.arg("bake").arg(&scene).arg("-o").arg(&asset).args(options);
-        bake.args(["--memory-limit", &limit.to_string()]);
+        bake.arg("bake").arg("-o").arg(&asset).args(options);
+        bake.args(["--json", "--memory-limit", &limit.to_string(), "--"])
+            .arg(&scene);
         bake
     };
     let mut of_nothing = relight();
@@ -468,12 +469,7 @@ fn a_memory_limit_is_refused_or_respected_and_changes_no_byte() {
     std::fs::remove_file(&asset).unwrap();
     // The memory of the scene, which is measured, breathes with the allocator.
     let limit = smallest + smallest / 50;
-    let output = limited(limit)
-        .arg("--json")
-        .assert()
-        .success()
-        .get_output()
-        .clone();
+    let output = limited(limit).assert().success().get_output().clone();
     assert!(std::fs::read(&asset).unwrap() == wanted);
     // Rows are a hundredth of this bake's memory: whether it is made part by part depends on that breath. tests/light/batches.rs
     // has more of them.

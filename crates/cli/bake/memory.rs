@@ -6,6 +6,7 @@ use crate::signals;
 use crate::words;
 use anyhow::{Context, anyhow};
 use serde_json::Value;
+use std::ffi::OsString;
 use std::io::Read;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread::ScopedJoinHandle;
@@ -79,10 +80,15 @@ impl Memory {
 pub fn foretold(console: &Console, json: bool) -> Result<Memory, Failure> {
     console.begin("Baking small, to see what it takes", None);
     let program = std::env::current_exe().context("cannot find the program itself")?;
+    let arguments: Vec<OsString> = std::env::args_os().skip(1).collect();
+    // Behind "--" nothing is an option.
+    let end_of_options = arguments.iter().position(|argument| argument == "--");
+    let (options, others) = arguments.split_at(end_of_options.unwrap_or(arguments.len()));
     let child = Command::new(program)
-        .args(std::env::args_os().skip(1))
+        .args(options)
         .arg("--dry-run")
         .args((!json).then_some("--json"))
+        .args(others)
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

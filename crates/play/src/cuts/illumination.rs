@@ -196,15 +196,12 @@ impl Illumination {
 
     /// Light of directions from the flux of each.
     pub fn of_directions(directions: &Directions, flux: &[Vec3], most: usize) -> Illumination {
-        Illumination {
-            views: lit_views(directions, flux),
-            ..Illumination::chosen(flux, most)
-        }
+        Illumination::chosen(flux, lit_views(directions, flux), most)
     }
 
     /// Light of surface samples from the flux of each ([`super::SurfaceSamples::flux`]).
     pub fn of_samples(flux: &[Vec3], most: usize) -> Illumination {
-        Illumination::chosen(flux, most)
+        Illumination::chosen(flux, Vec::new(), most)
     }
 
     /// Where the light of the node in `slot` comes from, as it is seen from a place.
@@ -218,7 +215,7 @@ impl Illumination {
 
     /// Sums up the flux of the leaves (a power of two of them) and chooses a cut of at most `most` nodes (more only where the coarsest allowed
     /// nodes are more).
-    fn chosen(leaves: &[Vec3], most: usize) -> Illumination {
+    fn chosen(leaves: &[Vec3], views: Vec<NodeView>, most: usize) -> Illumination {
         let height = leaves.len().trailing_zeros() as u8;
         let flux = sums(leaves);
         let bright: Vec<f64> = leaves.iter().map(|&f| f64::from(luminance(f))).collect();
@@ -245,7 +242,7 @@ impl Illumination {
         nodes.sort_unstable_by_key(|node| node.first());
         Illumination {
             flux,
-            views: Vec::new(),
+            views,
             heights: nodes.iter().map(|node| node.height).collect(),
             zeros: vec![0.0; nodes.len()],
             uneven: UnevenCells::default(),
