@@ -5,33 +5,35 @@
 //! cross a fragment if one of its neighbours is lit and the other is not; those few are lit anew, so that a frame
 //! costs hardly more.
 
-use crate::lighting::reflected_at;
+use crate::lighting::{DARK, LIT, Met, reflected_in_runs};
 use crate::shot::Shot;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::light_set::LightSet;
 use relight_scene::shading::ShadingPoint;
+use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
 
-/// Fragments that are lit together: what they take stays in fast memory.
-const TASK: usize = 64;
+/// Fragments that are lit together: enough that drawing samples of a map once for all of them costs little, and few enough
+/// that their ends take some megabytes.
+const BATCH: usize = 4096;
 
-/// Lights the fragments anew that an edge of this light, which has no extent, may cross. Edges of others are soft and mostly
-/// wider than a pixel. `reflected`: what each sends towards the eye of it.
+/// Lights the fragments anew that an edge of a light's shadows may cross. `reflected`: what each sends towards the eye of it;
+/// `met`: how it came to that. `samples`, `seed`: see [`reflected_at`].
 pub(crate) fn smooth(
     scene: &TracedScene,
     shot: &Shot,
-    lights: &LightSet,
-    light: usize,
+    (lights, light): (&LightSet, usize),
+    met: &[Met],
+    (samples, seed): (u32, u64),
     reflected: &mut [Vec3],
 ) {
-    let crossed = crossed(shot, reflected);
-    let lit: Vec<Vec3> = crossed
-        .par_chunks(TASK)
-        .flat_map_iter(|fragments| lit_at_ends(scene, shot, lights, light, fragments))
-        .collect();
-    for (fragment, lit) in crossed.into_iter().zip(lit) {
-        reflected[fragment] = lit;
+    let crossed = crossed(shot, met);
+    for fragments in crossed.chunks(BATCH) {
+        let lit = lit_at_ends(scene, shot, (lights, light), fragments, (samples, seed));
+        for (&fragment, lit) in fragments.iter().zip(lit) {
+            reflected[fragment] = lit;
+        }
     }
 }
 
@@ -39,48 +41,80 @@ pub(crate) fn smooth(
 fn lit_at_ends(
     scene: &TracedScene,
     shot: &Shot,
-    lights: &LightSet,
-    light: usize,
+    (lights, light): (&LightSet, usize),
     fragments: &[usize],
+    (samples, seed): (u32, u64),
 ) -> Vec<Vec3> {
-    let (mut hits, mut points, mut views) = (Vec::new(), Vec::new(), Vec::new());
-    let mut starts = Vec::with_capacity(fragments.len());
-    for &f in fragments {
+    let ends: Vec<Vec<SurfaceHit>> = (fragments.par_iter().with_min_len(64))
+        .map(|&f| shot.ends_of(scene, f).collect())
+        .collect();
+    let mut starts = Vec::with_capacity(fragments.len() + 1);
+    // Whose end each is, and the how manieth.
+    let (mut owners, mut hits) = (Vec::new(), Vec::new());
+    for (&f, ends) in fragments.iter().zip(ends) {
         starts.push(hits.len());
-        for hit in shot.ends_of(scene, f) {
-            // It reflects as the mean of the fragment's rays does, but where this one ends.
-            let position = hit.position;
-            points.push(shot.points[f].map(|point| ShadingPoint { position, ..point }));
-            views.push((shot.eye - position).normalize_or_zero());
-            hits.push(Some(hit));
-        }
+        owners.extend((0..ends.len()).map(|k| (f, k as u32)));
+        hits.extend(ends.into_iter().map(Some));
     }
-    let mut own = vec![Vec3::ZERO; hits.len()];
-    // One shadow ray each; nothing random.
-    reflected_at(scene, lights, light, &hits, &points, &views, 1, 0, &mut own);
-    let ends = starts.iter().skip(1).copied().chain([own.len()]);
-    (starts.iter().zip(ends))
-        .map(|(&start, end)| own[start..end].iter().sum::<Vec3>() / (end - start) as f32)
+    starts.push(hits.len());
+    let (points, views): (Vec<Option<ShadingPoint>>, Vec<Vec3>) = (owners.par_iter().zip(&hits))
+        .with_min_len(256)
+        .map(|(&(f, _), hit)| {
+            let (Some(point), Some(hit)) = (&shot.points[f], hit) else {
+                return (None, Vec3::Z);
+            };
+            let view = (shot.eye - hit.position).normalize_or_zero();
+            (Some(point_at(point, hit, view)), view)
+        })
+        .unzip();
+    let mut lit = vec![Vec3::ZERO; hits.len()];
+    // A fragment's ends share one sequence, so that all its samples together are evenly spread.
+    let run_of = |end: usize| (owners[end].0, owners[end].1 * samples);
+    reflected_in_runs(
+        scene,
+        (lights, light),
+        (&hits, &points, &views),
+        (samples, seed),
+        run_of,
+        &mut lit,
+    );
+    (starts.windows(2))
+        .map(|range| {
+            let own = &lit[range[0]..range[1]];
+            own.iter().sum::<Vec3>() / own.len() as f32
+        })
         .collect()
 }
 
-/// A fragment that is lit, and one that is not.
-const LIT: u8 = 1;
-const DARK: u8 = 2;
+/// How a fragment reflects where one of its rays ends: as the mean of its rays does, but from there, and, where that is
+/// matt, as it faces there. A lobe is the fragment's, which is as wide as its normals are spread.
+fn point_at(point: &ShadingPoint, hit: &SurfaceHit, view: Vec3) -> ShadingPoint {
+    let at = ShadingPoint {
+        position: hit.position,
+        geometric_normal: hit.geometric_normal,
+        ..*point
+    };
+    if point.lambert {
+        ShadingPoint { shading_normal: hit.normal, ..at }.facing(view)
+    } else {
+        at
+    }
+}
 
 /// The fragments of pixels that are lit beside such that are not, and the other way round, if they have ends.
-fn crossed(shot: &Shot, reflected: &[Vec3]) -> Vec<usize> {
+fn crossed(shot: &Shot, met: &[Met]) -> Vec<usize> {
     let (width, height) = (shot.width, shot.height);
-    let kinds: Vec<u8> = (0..width * height)
+    let pixels: Vec<Met> = (0..width * height)
         .into_par_iter()
         .with_min_len(1024)
         .map(|pixel| {
-            let kind = |f: usize| match (shot.hits[f].is_some(), reflected[f] == Vec3::ZERO) {
+            let of = |f: usize| match (shot.hits[f].is_some(), met[f]) {
                 (false, _) => 0,
-                (true, false) => LIT,
-                (true, true) => DARK,
+                // It faces away.
+                (true, 0) => DARK,
+                (true, met) => met,
             };
-            shot.fragments_of(pixel).fold(0, |kinds, f| kinds | kind(f))
+            shot.fragments_of(pixel).fold(0, |all, f| all | of(f))
         })
         .collect();
     (0..width * height)
@@ -94,7 +128,7 @@ fn crossed(shot: &Shot, reflected: &[Vec3]) -> Vec<usize> {
                 (y > 0).then(|| pixel - width),
                 (y + 1 < height).then_some(pixel + width),
             ];
-            let around = (beside.into_iter().flatten()).fold(kinds[pixel], |all, other| all | kinds[other]);
+            let around = (beside.into_iter().flatten()).fold(pixels[pixel], |all, other| all | pixels[other]);
             let is_crossed = around == LIT | DARK;
             shot.fragments_of(pixel)
                 .filter(move |&f| is_crossed && shot.has_ends(f))
@@ -105,6 +139,7 @@ fn crossed(shot: &Shot, reflected: &[Vec3]) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lighting::reflected_at;
     use crate::many_lights::tests::{camera, level, matt, sun, traced};
     use crate::shot::expose;
     use relight_scene::light_set::{LightRig, NoEmitters};
@@ -124,7 +159,7 @@ mod tests {
         let shot = expose(&scene, &eye, SIZE, SIZE, samples);
         let views: Vec<Vec3> = shot.directions.iter().map(|d| -*d).collect();
         let mut out = vec![Vec3::ZERO; shot.len()];
-        reflected_at(
+        let met = reflected_at(
             &scene,
             &lights,
             0,
@@ -136,7 +171,7 @@ mod tests {
             &mut out,
         );
         let full = out.iter().map(|v| v.x).fold(0.0, f32::max);
-        smooth(&scene, &shot, &lights, 0, &mut out);
+        smooth(&scene, &shot, (&lights, 0), &met, (1, 0), &mut out);
         let found = shot.resolve(&out);
         (0..SIZE * SIZE)
             .map(|pixel| {

@@ -242,7 +242,7 @@ impl Player {
             times.direct_points += milliseconds(start);
             let start = Instant::now();
             let mut reflected = vec![Vec3::ZERO; places.fragments.len()];
-            lighting::reflected_at(
+            let met = lighting::reflected_at(
                 &self.scene,
                 shadowed,
                 light,
@@ -253,8 +253,9 @@ impl Player {
                 settings.seed,
                 &mut reflected,
             );
-            if !reflected.is_empty() && shadowed.is_delta(light) {
-                edges::smooth(&self.scene, shot, shadowed, light, &mut reflected);
+            if !reflected.is_empty() {
+                let random = (settings.pixel_samples, settings.seed);
+                edges::smooth(&self.scene, shot, (shadowed, light), &met, random, &mut reflected);
             }
             times.direct_pixels += milliseconds(start);
             if settings.per_light

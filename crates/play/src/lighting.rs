@@ -109,8 +109,16 @@ impl<'a> Samples<'a> {
     }
 }
 
+/// What samples of a light met on their way to a place: bits of how some of them fared.
+pub(crate) type Met = u8;
+/// Nothing was in the way.
+pub(crate) const LIT: Met = 1;
+/// It was occluded.
+pub(crate) const DARK: Met = 2;
+
 /// Adds `contribution(place, sample)` of one light, where its direction `is_above` the place and not occluded, to
-/// `out[place]`, averaged over `samples` samples (one for lights without extent). Places without a hit get nothing.
+/// `out[place]`, averaged over `samples` samples (one for lights without extent). Places without a hit get nothing. Returns per place
+/// what those samples met that had anything to add. `run_of`: whose sequence a place's samples are taken from, and from where on.
 fn add_light<D, P>(
     scene: &TracedScene,
     lights: &LightSet,
@@ -118,11 +126,13 @@ fn add_light<D, P>(
     hits: &[Option<SurfaceHit>],
     samples: u32,
     (stage, seed): (u32, u64),
+    run_of: impl Fn(usize) -> (usize, u32) + Sync,
     is_above: impl Fn(usize, Vec3) -> bool + Sync,
     contribution: impl Fn(usize, &LightSample) -> Vec3 + Sync,
     reflection: &Reflection<D, P>,
     out: &mut [Vec3],
-) where
+) -> Vec<Met>
+where
     D: Fn(usize, [f32; 3]) -> Option<(Vec3, f32)> + Sync,
     P: Fn(usize, Vec3) -> f32 + Sync,
 {
@@ -135,16 +145,19 @@ fn add_light<D, P>(
     // Expected samples per steradian of both kinds, over those of the light's own.
     let (own, other) = (samples as f32, reflected as f32);
     let drawn = Samples::new(lights, light, (out.len(), samples), (stage, seed));
-    out.par_chunks_mut(PACKET).enumerate().for_each_init(
+    let mut met = vec![0; out.len()];
+    (out.par_chunks_mut(PACKET).zip(met.par_chunks_mut(PACKET)).enumerate()).for_each_init(
         || (Vec::new(), Vec::new(), Vec::new()),
-        |(rays, targets, occluded): &mut (Vec<Ray>, Vec<(usize, LightSample)>, Vec<bool>), (chunk, out)| {
+        |(rays, targets, occluded): &mut (Vec<Ray>, Vec<(usize, LightSample)>, Vec<bool>),
+         (chunk, (out, met))| {
             for index in 0..samples {
                 rays.clear();
                 targets.clear();
                 for local in 0..out.len() {
                     let place = chunk * PACKET + local;
                     let Some(hit) = &hits[place] else { continue };
-                    let Some(sample) = drawn.at(place, hit.position, index) else {
+                    let (owner, start) = run_of(place);
+                    let Some(sample) = drawn.at(owner, hit.position, start + index) else {
                         continue;
                     };
                     if sample.radiance_over_pdf.max_element() > 0.0 && is_above(place, sample.direction) {
@@ -155,6 +168,9 @@ fn add_light<D, P>(
                 occluded.clear();
                 occluded.resize(rays.len(), false);
                 scene.occluded_packet(rays, occluded);
+                for ((local, _), dark) in targets.iter().zip(occluded.iter()) {
+                    met[*local] |= if *dark { DARK } else { LIT };
+                }
                 // What is reflected is asked last: a reflection can cost as much as a shadow ray, and many see nothing.
                 for ((local, sample), _) in targets.iter().zip(occluded.iter()).filter(|(_, dark)| !**dark) {
                     let place = chunk * PACKET + local;
@@ -171,7 +187,9 @@ fn add_light<D, P>(
                 for (local, out) in out.iter_mut().enumerate() {
                     let place = chunk * PACKET + local;
                     let Some(hit) = &hits[place] else { continue };
-                    let random = random_triple(stage + STAGE_REFLECTED, seed, place, light, index);
+                    let (owner, start) = run_of(place);
+                    let start = start.div_ceil(PER_REFLECTED);
+                    let random = random_triple(stage + STAGE_REFLECTED, seed, owner, light, start + index);
                     let Some((direction, density)) = (reflection.draw)(place, random) else {
                         continue;
                     };
@@ -179,18 +197,18 @@ fn add_light<D, P>(
                         continue;
                     }
                     let ray = ray_from(hit, direction);
-                    let met = scene.closest_hit(&ray);
+                    let end = scene.closest_hit(&ray);
                     light_met(
                         scene,
                         lights,
                         ray.origin,
                         direction,
-                        met.as_ref(),
+                        end.as_ref(),
                         |seen, radiance, pdf| {
                             if seen == light {
                                 let sample = LightSample {
                                     direction,
-                                    distance: met.as_ref().map_or(f32::INFINITY, |hit| hit.t),
+                                    distance: end.as_ref().map_or(f32::INFINITY, |hit| hit.t),
                                     radiance_over_pdf: radiance / (other * density + own * pdf),
                                     pdf: density,
                                     emitter: None,
@@ -203,6 +221,7 @@ fn add_light<D, P>(
             }
         },
     );
+    met
 }
 
 /// Surface that each point of a maximal Poisson-disk set stands for, over its squared disk radius: disks of half that
@@ -271,11 +290,17 @@ pub fn irradiance_at(
         hits,
         samples,
         (STAGE_POINTS, seed),
+        own_run,
         is_above,
         contribution,
         &reflection,
         out,
     );
+}
+
+/// Every place has a sequence of samples of its own.
+fn own_run(place: usize) -> (usize, u32) {
+    (place, 0)
 }
 
 /// Radiance that each shading point sends towards its viewer after one reflection of one light. `views` are
@@ -290,7 +315,20 @@ pub fn reflected_at(
     samples: u32,
     seed: u64,
     out: &mut [Vec3],
-) {
+) -> Vec<Met> {
+    reflected_in_runs(scene, (lights, light), (hits, points, views), (samples, seed), own_run, out)
+}
+
+/// [`reflected_at`] of places (hits, points, views) that may share sequences of samples: `run_of` says whose a place's samples are
+/// taken from, and from which on. Returns what they met on their way to each.
+pub(crate) fn reflected_in_runs(
+    scene: &TracedScene,
+    (lights, light): (&LightSet, usize),
+    (hits, points, views): (&[Option<SurfaceHit>], &[Option<ShadingPoint>], &[Vec3]),
+    (samples, seed): (u32, u64),
+    run_of: impl Fn(usize) -> (usize, u32) + Sync,
+    out: &mut [Vec3],
+) -> Vec<Met> {
     let is_above = |place: usize, direction: Vec3| {
         points[place].as_ref().is_some_and(|point| {
             point.shading_normal.dot(direction) > 0.0 && point.geometric_normal.dot(direction) > 0.0
@@ -318,11 +356,12 @@ pub fn reflected_at(
         hits,
         samples,
         (STAGE_PIXELS, seed),
+        run_of,
         is_above,
         contribution,
         &reflection,
         out,
-    );
+    )
 }
 
 #[cfg(test)]

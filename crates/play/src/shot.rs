@@ -69,7 +69,7 @@ struct RayEnd {
 
 /// Ray ends that are kept of a pixel, shared among its fragments by coverage: the error of a straight edge of a shadow
 /// falls with the power 3/4 of their number, to a quarter.
-const ENDS: f32 = 6.0;
+const ENDS: f32 = 16.0;
 
 /// Cosine between the smooth normals of two rays above which they may share a fragment: 8°. A lamp that grazes a fold lights
 /// one side of it only: 18° left Sponza's mouldings 2.7 % too dark instead of 1.7 %, for a tenth fewer fragments (docs/cuts.md).
@@ -83,6 +83,9 @@ const SAME_PLANE: f32 = 2.0;
 /// a quarter).
 const PATTERN_START: Vec2 = Vec2::new(0.6, 0.1);
 
+/// Rays of a pixel that sees several things, for each of those that told so. 
+const FINER: u32 = 4;
+
 struct Sample {
     direction: Vec3,
     seen: Seen,
@@ -92,38 +95,26 @@ struct Sample {
 /// What a ray meets and how that reflects; `None` for the background.
 type Seen = Option<(SurfaceHit, ShadingPoint)>;
 
-/// Casts `samples` primary rays per pixel and groups them. Deterministic: the same sub-pixel pattern in every
-/// pixel.
+/// Casts `samples` primary rays per pixel and groups them; [`FINER`] times as many where a pixel, or one beside it, sees several
+/// things. Deterministic: the same sub-pixel pattern in every pixel.
 pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize, samples: u32) -> Shot {
     if samples <= 1 {
         return expose_centres(scene, camera, width, height);
     }
-    let size = Vec2::new(width as f32, height as f32);
-    let pattern: Vec<Vec2> = (0..samples).map(|i| r2(i, PATTERN_START)).collect();
-    let footprint = 2.0 * camera.tan_half_vfov / size.y;
-    let rows: Vec<Shot> = (0..height)
+    let exposure = Exposure {
+        scene,
+        camera,
+        size: Vec2::new(width as f32, height as f32),
+        pattern: (0..samples * FINER).map(|i| r2(i, PATTERN_START)).collect(),
+        footprint: 2.0 * camera.tan_half_vfov / height as f32,
+    };
+    let coarse = exposure.of_pixels(width, height, samples, |_, _| true);
+    let finer: Vec<bool> = (0..width * height)
         .into_par_iter()
-        .map(|y| {
-            let mut row = Shot::default();
-            let mut pixel: Vec<Sample> = Vec::new();
-            for x in 0..width {
-                pixel.clear();
-                let corner = Vec2::new(x as f32, y as f32);
-                for &offset in &pattern {
-                    let direction = camera.direction(corner + offset, size);
-                    pixel.push(Sample {
-                        direction,
-                        seen: seen_along(scene, camera, direction),
-                        group: 0,
-                    });
-                }
-                row.offsets.push(row.coverage.len() as u32);
-                group(&mut pixel, footprint);
-                append_fragments(&pixel, &mut row);
-            }
-            row
-        })
+        .with_min_len(1024)
+        .map(|pixel| exposure.sees_several(&coarse, pixel))
         .collect();
+    let fine = exposure.of_pixels(width, height, samples * FINER, |x, y| finer[y * width + x]);
     let mut shot = Shot {
         width,
         height,
@@ -131,19 +122,95 @@ pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize,
         end_offsets: vec![0],
         ..Shot::default()
     };
-    for row in rows {
-        let start = shot.coverage.len() as u32;
-        shot.offsets.extend(row.offsets.into_iter().map(|o| o + start));
-        shot.coverage.extend(row.coverage);
-        shot.hits.extend(row.hits);
-        shot.points.extend(row.points);
-        shot.directions.extend(row.directions);
-        let start = shot.ends.len() as u32;
-        (shot.end_offsets).extend(row.end_offsets.into_iter().map(|end| start + end));
-        shot.ends.extend(row.ends);
+    for (pixel, &finer) in finer.iter().enumerate() {
+        shot.push_pixel(if finer { &fine } else { &coarse }, pixel);
     }
     shot.offsets.push(shot.coverage.len() as u32);
     shot
+}
+
+/// What pixels are exposed with.
+struct Exposure<'a> {
+    scene: &'a TracedScene,
+    camera: &'a Camera,
+    /// Pixels across and down.
+    size: Vec2,
+    /// Places within a pixel, in pixels; any number of first ones is evenly spread.
+    pattern: Vec<Vec2>,
+    /// Size of a pixel at distance 1.
+    footprint: f32,
+}
+
+impl Exposure<'_> {
+    /// Fragments of the pixels (x, y) that are `wanted`, by this many rays each. Others have none.
+    fn of_pixels(
+        &self,
+        width: usize,
+        height: usize,
+        samples: u32,
+        wanted: impl Fn(usize, usize) -> bool + Sync,
+    ) -> Shot {
+        let rows: Vec<Shot> = (0..height)
+            .into_par_iter()
+            .map(|y| {
+                let mut row = Shot {
+                    end_offsets: vec![0],
+                    ..Shot::default()
+                };
+                let mut pixel: Vec<Sample> = Vec::new();
+                for x in 0..width {
+                    row.offsets.push(row.coverage.len() as u32);
+                    if wanted(x, y) {
+                        let corner = Vec2::new(x as f32, y as f32);
+                        pixel.clear();
+                        pixel.extend(self.pattern[..samples as usize].iter().map(|&offset| {
+                            let direction = self.camera.direction(corner + offset, self.size);
+                            Sample {
+                                direction,
+                                seen: seen_along(self.scene, self.camera, direction),
+                                group: 0,
+                            }
+                        }));
+                        group(&mut pixel, self.footprint);
+                        append_fragments(&pixel, &mut row);
+                    }
+                }
+                row.offsets.push(row.coverage.len() as u32);
+                row
+            })
+            .collect();
+        let mut all = Shot {
+            width,
+            height,
+            end_offsets: vec![0],
+            ..Shot::default()
+        };
+        for row in &rows {
+            for x in 0..width {
+                all.push_pixel(row, x);
+            }
+        }
+        all.offsets.push(all.coverage.len() as u32);
+        all
+    }
+
+    /// Whether a pixel, or it together with one of those around it, has fragments of several things.
+    fn sees_several(&self, shot: &Shot, pixel: usize) -> bool {
+        let (x, y) = (pixel % shot.width, pixel / shot.width);
+        let own = shot.offsets[pixel] as usize;
+        if shot.fragments_of(pixel).len() > 1 {
+            return true;
+        }
+        let beside = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+        beside(y, shot.height).any(|y| {
+            beside(x, shot.width).any(|x| {
+                shot.fragments_of(y * shot.width + x).any(|f| {
+                    let [a, b] = [own, f].map(|f| shot.hits[f].zip(shot.points[f]));
+                    !are_alike(&a, &b, self.footprint)
+                })
+            })
+        })
+    }
 }
 
 /// [`expose`] by one ray through each pixel's centre: every pixel is one fragment.
@@ -187,8 +254,8 @@ fn seen_along(scene: &TracedScene, camera: &Camera, direction: Vec3) -> Seen {
     })
 }
 
-/// Each ray joins the first group whose first ray it is like.
-fn group(pixel: &mut [Sample], footprint: f32) {
+/// Each ray joins the first group whose first ray it is like. Returns the number of groups.
+fn group(pixel: &mut [Sample], footprint: f32) -> usize {
     // Indices of the groups' first rays.
     let mut firsts: Vec<usize> = Vec::new();
     for i in 0..pixel.len() {
@@ -198,6 +265,7 @@ fn group(pixel: &mut [Sample], footprint: f32) {
             firsts.len() - 1
         });
     }
+    firsts.len()
 }
 
 /// Whether two rays may share a fragment.
@@ -249,6 +317,7 @@ fn append_fragments(pixel: &[Sample], row: &mut Shot) {
             };
             let normal = mean(|p| p.shading_normal);
             let point = ShadingPoint {
+                geometric_normal: mean(|p| p.geometric_normal).try_normalize().unwrap_or(s.1.geometric_normal),
                 base_color: mean(|p| p.base_color),
                 diffuse: mean(|p| p.diffuse),
                 f0: mean(|p| p.f0),
@@ -265,6 +334,20 @@ fn append_fragments(pixel: &[Sample], row: &mut Shot) {
 }
 
 impl Shot {
+    /// Appends a pixel of another shot.
+    fn push_pixel(&mut self, of: &Shot, pixel: usize) {
+        self.offsets.push(self.coverage.len() as u32);
+        let fragments = of.fragments_of(pixel);
+        for f in fragments.clone() {
+            self.ends.extend_from_slice(&of.ends[of.range_of_ends(f)]);
+            self.end_offsets.push(self.ends.len() as u32);
+        }
+        self.coverage.extend_from_slice(&of.coverage[fragments.clone()]);
+        self.hits.extend_from_slice(&of.hits[fragments.clone()]);
+        self.points.extend_from_slice(&of.points[fragments.clone()]);
+        self.directions.extend_from_slice(&of.directions[fragments]);
+    }
+
     /// Finds the finest points' functions, reflectances and what lobes see, once per shot; `rays`: of the widest lobe
     /// ([`reflections::FIXED_RAYS`]).
     pub fn weigh(&mut self, transfer: &Transfer, scene: &TracedScene, rays: u32) {

@@ -7,6 +7,7 @@
 
 use super::sites::{FragmentSites, SITES};
 use super::{Directions, NodeView, VisibilityCuts};
+use glam::Vec3;
 use crate::shot::Shot;
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
@@ -217,11 +218,32 @@ struct FragmentSight<'a> {
     rays: &'a mut Vec<Ray>,
 }
 
+impl FragmentSight<'_> {
+    /// Sum of what light from a direction counts for at the places: its cosines.
+    fn counts(&self, direction: Vec3) -> f32 {
+        self.hits.iter().map(|hit| cosine(hit, direction)).sum()
+    }
+
+    /// The place that looks at a light: each as often as light from there counts for it.
+    fn looking(&self, light: u32) -> &SurfaceHit {
+        let direction = self.leaves[light as usize].direction;
+        // Golden-ratio steps are even among neighbours in the tree.
+        let mut left = (light as f32 * 0.618_034).fract() * self.counts(direction);
+        let k = self.hits.iter().position(|hit| {
+            left -= cosine(hit, direction);
+            left < 0.0
+        });
+        &self.hits[k.unwrap_or(0)]
+    }
+}
+
+fn cosine(hit: &SurfaceHit, direction: Vec3) -> f32 {
+    hit.normal.dot(direction).max(0.0)
+}
+
 impl Sight for FragmentSight<'_> {
     fn factor(&self, light: usize) -> f32 {
-        let direction = self.leaves[light].direction;
-        let above = |hit: &SurfaceHit| hit.geometric_normal.dot(direction) > 0.0;
-        if self.hits.first().is_some_and(above) {
+        if self.counts(self.leaves[light].direction) > 0.0 {
             1.0
         } else {
             f32::NAN
@@ -230,12 +252,16 @@ impl Sight for FragmentSight<'_> {
 
     fn occluded(&mut self, lights: &[u32], dark: &mut [bool]) {
         self.rays.clear();
-        let ray = |&light: &u32| {
-            let hit = &self.hits[light as usize % self.hits.len()];
-            ray_from(hit, self.leaves[light as usize].direction)
-        };
-        self.rays.extend(lights.iter().map(ray));
+        for &light in lights {
+            let direction = self.leaves[light as usize].direction;
+            let ray = ray_from(self.looking(light), direction);
+            self.rays.push(ray);
+        }
         self.scene.occluded_packet(self.rays, dark);
+        for (&light, dark) in lights.iter().zip(dark) {
+            let direction = self.leaves[light as usize].direction;
+            *dark |= self.looking(light).geometric_normal.dot(direction) <= 0.0;
+        }
     }
 }
 
