@@ -69,7 +69,8 @@ struct RayEnd {
 
 /// Ray ends that are kept of a pixel, shared among its fragments by coverage: the error of a straight edge of a shadow
 /// falls with the power 3/4 of their number, to a quarter.
-const ENDS: f32 = 16.0;
+const ENDS: f32 = 6.0;
+const FINER_ENDS: f32 = 16.0;
 
 /// Cosine between the smooth normals of two rays above which they may share a fragment: 8°. A lamp that grazes a fold lights
 /// one side of it only: 18° left Sponza's mouldings 2.7 % too dark instead of 1.7 %, for a tenth fewer fragments (docs/cuts.md).
@@ -108,13 +109,13 @@ pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize,
         pattern: (0..samples * FINER).map(|i| r2(i, PATTERN_START)).collect(),
         footprint: 2.0 * camera.tan_half_vfov / height as f32,
     };
-    let coarse = exposure.of_pixels(width, height, samples, |_, _| true);
+    let coarse = exposure.of_pixels(width, height, (samples, ENDS), |_, _| true);
     let finer: Vec<bool> = (0..width * height)
         .into_par_iter()
         .with_min_len(1024)
         .map(|pixel| exposure.sees_several(&coarse, pixel))
         .collect();
-    let fine = exposure.of_pixels(width, height, samples * FINER, |x, y| finer[y * width + x]);
+    let fine = exposure.of_pixels(width, height, (samples * FINER, FINER_ENDS), |x, y| finer[y * width + x]);
     let mut shot = Shot {
         width,
         height,
@@ -147,7 +148,7 @@ impl Exposure<'_> {
         &self,
         width: usize,
         height: usize,
-        samples: u32,
+        (samples, ends): (u32, f32),
         wanted: impl Fn(usize, usize) -> bool + Sync,
     ) -> Shot {
         let rows: Vec<Shot> = (0..height)
@@ -172,7 +173,7 @@ impl Exposure<'_> {
                             }
                         }));
                         group(&mut pixel, self.footprint);
-                        append_fragments(&pixel, &mut row);
+                        append_fragments(&pixel, ends, &mut row);
                     }
                 }
                 row.offsets.push(row.coverage.len() as u32);
@@ -284,7 +285,7 @@ fn are_alike(a: &Seen, b: &Seen, footprint: f32) -> bool {
     }
 }
 
-fn append_fragments(pixel: &[Sample], row: &mut Shot) {
+fn append_fragments(pixel: &[Sample], ends: f32, row: &mut Shot) {
     let groups = pixel.iter().map(|s| s.group).max().map_or(0, |g| g + 1);
     for g in 0..groups {
         let members: Vec<&Sample> = pixel.iter().filter(|s| s.group == g).collect();
@@ -292,12 +293,12 @@ fn append_fragments(pixel: &[Sample], row: &mut Shot) {
         let coverage = count / pixel.len() as f32;
         row.coverage.push(coverage);
         // Any number of first rays of the pattern is evenly spread.
-        let ends = (members.iter().filter_map(|m| m.seen.as_ref())).map(|(hit, _)| RayEnd {
+        let kept = (members.iter().filter_map(|m| m.seen.as_ref())).map(|(hit, _)| RayEnd {
             primitive: hit.primitive,
             barycentric: hit.barycentric,
             front: hit.front,
         });
-        row.ends.extend(ends.take((ENDS * coverage).ceil() as usize));
+        row.ends.extend(kept.take((ends * coverage).ceil() as usize));
         row.end_offsets.push(row.ends.len() as u32);
         let middle = members.iter().map(|s| s.direction).sum::<Vec3>() / count;
         let distance = |s: &&&Sample| (s.direction - middle).length_squared();
