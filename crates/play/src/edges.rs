@@ -5,35 +5,35 @@
 //! cross a fragment if one of its neighbours is lit and the other is not; those few are lit anew, so that a frame
 //! costs hardly more.
 
-use crate::lighting::{DARK, LIT, Met, reflected_in_runs};
-use crate::shot::Shot;
+use crate::lighting::{DARK, LIT, Met, Samples, reflected_in_runs};
+use crate::shot::{ENDS, Shot};
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_scene::light_set::LightSet;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
 
-/// Fragments that are lit together: enough that drawing samples of a map once for all of them costs little, and few enough
-/// that their ends take some megabytes.
-const BATCH: usize = 4096;
+/// Fragments that are lit together: what they take stays in fast memory.
+const TASK: usize = 64;
 
 /// Lights the fragments anew that an edge of a light's shadows may cross. `reflected`: what each sends towards the eye of it;
-/// `met`: how it came to that. `samples`, `seed`: see [`reflected_at`].
+/// `met`: what its samples met on their way there.
 pub(crate) fn smooth(
     scene: &TracedScene,
     shot: &Shot,
-    (lights, light): (&LightSet, usize),
+    samples: &Samples,
     met: &[Met],
-    (samples, seed): (u32, u64),
     reflected: &mut [Vec3],
 ) {
-    let crossed = crossed(shot, met);
-    for fragments in crossed.chunks(BATCH) {
-        let lit = lit_at_ends(scene, shot, (lights, light), fragments, (samples, seed));
-        for (&fragment, lit) in fragments.iter().zip(lit) {
-            reflected[fragment] = lit;
-        }
+    // Of a light without extent each end has one sample, but there are few pixels without any.
+    let of_pixel = if samples.is_delta() { ENDS } else { f32::INFINITY };
+    let crossed = crossed(shot, met, of_pixel);
+    let lit: Vec<Vec3> = crossed
+        .par_chunks(TASK)
+        .flat_map_iter(|fragments| lit_at_ends(scene, shot, samples, fragments, of_pixel))
+        .collect();
+    for (fragment, lit) in crossed.into_iter().zip(lit) {
+        reflected[fragment] = lit;
     }
 }
 
@@ -41,48 +41,29 @@ pub(crate) fn smooth(
 fn lit_at_ends(
     scene: &TracedScene,
     shot: &Shot,
-    (lights, light): (&LightSet, usize),
+    samples: &Samples,
     fragments: &[usize],
-    (samples, seed): (u32, u64),
+    of_pixel: f32,
 ) -> Vec<Vec3> {
-    let ends: Vec<Vec<SurfaceHit>> = (fragments.par_iter().with_min_len(64))
-        .map(|&f| shot.ends_of(scene, f).collect())
-        .collect();
-    let mut starts = Vec::with_capacity(fragments.len() + 1);
-    // Whose end each is, and the how manieth.
-    let (mut owners, mut hits) = (Vec::new(), Vec::new());
-    for (&f, ends) in fragments.iter().zip(ends) {
+    let (mut hits, mut points, mut views) = (Vec::new(), Vec::new(), Vec::new());
+    let mut starts = Vec::with_capacity(fragments.len());
+    // Ends of a fragment share one sequence of samples, so that all of them together are evenly spread.
+    let mut runs: Vec<(usize, u32)> = Vec::new();
+    for &f in fragments {
         starts.push(hits.len());
-        owners.extend((0..ends.len()).map(|k| (f, k as u32)));
-        hits.extend(ends.into_iter().map(Some));
-    }
-    starts.push(hits.len());
-    let (points, views): (Vec<Option<ShadingPoint>>, Vec<Vec3>) = (owners.par_iter().zip(&hits))
-        .with_min_len(256)
-        .map(|(&(f, _), hit)| {
-            let (Some(point), Some(hit)) = (&shot.points[f], hit) else {
-                return (None, Vec3::Z);
-            };
+        for hit in shot.ends_of(scene, f).take(shot.ends_for(f, of_pixel)) {
             let view = (shot.eye - hit.position).normalize_or_zero();
-            (Some(point_at(point, hit, view)), view)
-        })
-        .unzip();
-    let mut lit = vec![Vec3::ZERO; hits.len()];
-    // A fragment's ends share one sequence, so that all its samples together are evenly spread.
-    let run_of = |end: usize| (owners[end].0, owners[end].1 * samples);
-    reflected_in_runs(
-        scene,
-        (lights, light),
-        (&hits, &points, &views),
-        (samples, seed),
-        run_of,
-        &mut lit,
-    );
-    (starts.windows(2))
-        .map(|range| {
-            let own = &lit[range[0]..range[1]];
-            own.iter().sum::<Vec3>() / own.len() as f32
-        })
+            points.push(shot.points[f].map(|point| point_at(&point, &hit, view)));
+            views.push(view);
+            runs.push((f, (hits.len() - starts[starts.len() - 1]) as u32 * samples.count));
+            hits.push(Some(hit));
+        }
+    }
+    let mut own = vec![Vec3::ZERO; hits.len()];
+    reflected_in_runs(scene, samples, (&hits, &points, &views), |end| runs[end], &mut own);
+    let ends = starts.iter().skip(1).copied().chain([own.len()]);
+    (starts.iter().zip(ends))
+        .map(|(&start, end)| own[start..end].iter().sum::<Vec3>() / (end - start) as f32)
         .collect()
 }
 
@@ -101,8 +82,9 @@ fn point_at(point: &ShadingPoint, hit: &SurfaceHit, view: Vec3) -> ShadingPoint 
     }
 }
 
-/// The fragments of pixels that are lit beside such that are not, and the other way round, if they have ends.
-fn crossed(shot: &Shot, met: &[Met]) -> Vec<usize> {
+/// The fragments of pixels that are lit beside such that are not, and the other way round, if several of their ends can
+/// tell more than they have told.
+fn crossed(shot: &Shot, met: &[Met], of_pixel: f32) -> Vec<usize> {
     let (width, height) = (shot.width, shot.height);
     let pixels: Vec<Met> = (0..width * height)
         .into_par_iter()
@@ -131,7 +113,7 @@ fn crossed(shot: &Shot, met: &[Met]) -> Vec<usize> {
             let around = (beside.into_iter().flatten()).fold(pixels[pixel], |all, other| all | pixels[other]);
             let is_crossed = around == LIT | DARK;
             shot.fragments_of(pixel)
-                .filter(move |&f| is_crossed && shot.has_ends(f))
+                .filter(move |&f| is_crossed && shot.ends_for(f, of_pixel) > 1)
         })
         .collect()
 }
@@ -139,7 +121,7 @@ fn crossed(shot: &Shot, met: &[Met]) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lighting::reflected_at;
+    use crate::lighting::own_run;
     use crate::many_lights::tests::{camera, level, matt, sun, traced};
     use crate::shot::expose;
     use relight_scene::light_set::{LightRig, NoEmitters};
@@ -159,19 +141,11 @@ mod tests {
         let shot = expose(&scene, &eye, SIZE, SIZE, samples);
         let views: Vec<Vec3> = shot.directions.iter().map(|d| -*d).collect();
         let mut out = vec![Vec3::ZERO; shot.len()];
-        let met = reflected_at(
-            &scene,
-            &lights,
-            0,
-            &shot.hits,
-            &shot.points,
-            &views,
-            1,
-            0,
-            &mut out,
-        );
+        let samples = Samples::of_pixels(&lights, 0, (shot.len(), 1), 0);
+        let places = (&shot.hits[..], &shot.points[..], &views[..]);
+        let met = reflected_in_runs(&scene, &samples, places, own_run, &mut out);
         let full = out.iter().map(|v| v.x).fold(0.0, f32::max);
-        smooth(&scene, &shot, (&lights, 0), &met, (1, 0), &mut out);
+        smooth(&scene, &shot, &samples, &met, &mut out);
         let found = shot.resolve(&out);
         (0..SIZE * SIZE)
             .map(|pixel| {

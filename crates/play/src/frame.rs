@@ -10,12 +10,13 @@ use crate::cuts::sites::FragmentSites;
 use crate::cuts::{SitePlaces, VisibilityCuts};
 use crate::edges;
 use crate::lightcuts::{self, AT_PIXELS, AT_POINTS, LightcutStats, ManyLights};
-use crate::lighting;
+use crate::lighting::{self, Samples, own_run, reflected_in_runs};
 use crate::reconstruct;
 use crate::shot::Shot;
 use crate::snap::snapped;
+use crate::sum::Sum;
 use crate::transfer::{Transfer, TransferStats};
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::light_set::{DistantLight, LightRig, LightSet, Split};
 use relight_scene::shading::ShadingPoint;
@@ -131,9 +132,9 @@ struct Places<'a> {
 
 /// Direct light at the same places: radiance of fragments, irradiance of the others.
 struct Sums {
-    direct: Vec<DVec3>,
-    points: Vec<DVec3>,
-    samples: Vec<DVec3>,
+    direct: Sum,
+    points: Sum,
+    samples: Sum,
 }
 
 /// What lightcuts for direct light took.
@@ -195,12 +196,10 @@ impl Player {
         let lit_points: &[Option<SurfaceHit>] = if settings.indirect { &self.points } else { &[] };
         let samples = (self.cuts.as_ref()).and_then(|c| settings.bounce_cuts.and(c.samples()));
         let samples = samples.map_or(&[][..], |s| &s.hits);
-        // In f64: a faint light beside a bright one, or each of a million, would be lost or rounded the same way every
-        // time (docs/stability.md).
         let mut sums = Sums {
-            direct: vec![DVec3::ZERO; count],
-            points: vec![DVec3::ZERO; lit_points.len()],
-            samples: vec![DVec3::ZERO; samples.len()],
+            direct: Sum::Nothing(count),
+            points: Sum::Nothing(lit_points.len()),
+            samples: Sum::Nothing(samples.len()),
         };
         let mut places = Places {
             fragments: &shot.hits,
@@ -242,20 +241,12 @@ impl Player {
             times.direct_points += milliseconds(start);
             let start = Instant::now();
             let mut reflected = vec![Vec3::ZERO; places.fragments.len()];
-            let met = lighting::reflected_at(
-                &self.scene,
-                shadowed,
-                light,
-                places.fragments,
-                &shot.points,
-                &views,
-                settings.pixel_samples,
-                settings.seed,
-                &mut reflected,
-            );
+            let samples = (shot.len(), settings.pixel_samples);
+            let samples = Samples::of_pixels(shadowed, light, samples, settings.seed);
+            let fragments = (places.fragments, &shot.points[..], &views[..]);
+            let met = reflected_in_runs(&self.scene, &samples, fragments, own_run, &mut reflected);
             if !reflected.is_empty() {
-                let random = (settings.pixel_samples, settings.seed);
-                edges::smooth(&self.scene, shot, (shadowed, light), &met, random, &mut reflected);
+                edges::smooth(&self.scene, shot, &samples, &met, &mut reflected);
             }
             times.direct_pixels += milliseconds(start);
             if settings.per_light
@@ -268,9 +259,6 @@ impl Player {
                 add(&mut own_received.points, &even.irradiance);
                 lit.cuts = even.stats;
             }
-            add_double(&mut sums.direct, &reflected);
-            add_double(&mut sums.points, &own_received.points);
-            add_double(&mut sums.samples, &own_received.samples);
             if settings.per_light {
                 let mut own = emission(Some(light));
                 add(&mut own, &reflected);
@@ -278,18 +266,21 @@ impl Player {
                 add(&mut own, &indirect);
                 lit.lights.push((lights.name(light).to_owned(), own));
             }
+            sums.direct.add(reflected);
+            sums.points.add(own_received.points);
+            sums.samples.add(own_received.samples);
         }
         if let (Some(distant), false) = (distant, settings.per_light) {
             let all: Vec<&DistantLight> = distant.lights.iter().flatten().collect();
             let even = self.of_distant(shot, &views, &all, distant.most, settings, &mut times);
-            add_double(&mut sums.direct, &even.radiance);
-            add_double(&mut sums.points, &even.irradiance);
+            sums.direct.add(even.radiance);
+            sums.points.add(even.irradiance);
             lit.cuts = even.stats;
         }
-        lit.direct = rounded(sums.direct);
+        lit.direct = sums.direct.rounded();
         let received = Received {
-            points: rounded(sums.points),
-            samples: rounded(sums.samples),
+            points: sums.points.rounded(),
+            samples: sums.samples.rounded(),
         };
         lit.emission = emission(None);
         let bounced;
@@ -327,7 +318,7 @@ impl Player {
                 (&mut places.samples, 0.0, &mut sums.samples),
             ] {
                 let (irradiance, stats) = many.irradiance_at(&self.scene, std::mem::take(places), footprint);
-                add_double(sum, &irradiance);
+                sum.add(irradiance);
                 used.points = used.points.sum(stats);
             }
         }
@@ -336,7 +327,7 @@ impl Player {
             let start = Instant::now();
             let fragments = std::mem::take(&mut places.fragments);
             let (reflected, stats) = many.reflected_at(&self.scene, fragments, &shot.points, views);
-            add_double(&mut sums.direct, &reflected);
+            sums.direct.add(reflected);
             used.pixels = stats;
             times.direct_pixels += milliseconds(start);
         }
@@ -531,16 +522,6 @@ fn milliseconds(start: Instant) -> f64 {
 
 fn add(sum: &mut [Vec3], part: &[Vec3]) {
     (sum.par_iter_mut().zip(part).with_min_len(4096)).for_each(|(s, p)| *s += *p);
-}
-
-fn add_double(sum: &mut [DVec3], part: &[Vec3]) {
-    (sum.par_iter_mut().zip(part).with_min_len(4096)).for_each(|(s, p)| *s += p.as_dvec3());
-}
-
-fn rounded(sum: Vec<DVec3>) -> Vec<Vec3> {
-    (sum.into_par_iter().with_min_len(4096))
-        .map(|s| s.as_vec3())
-        .collect()
 }
 
 fn indirect_at(shot: &Shot, finest: &Level, values: &[VectorIrradiance]) -> Vec<Vec3> {

@@ -25,5 +25,6 @@ pub mod reflections;
 pub mod sampler;
 pub mod shot;
 mod snap;
+mod sum;
 pub mod transfer;
 pub mod views;

@@ -56,9 +56,11 @@ fn random_stream(stage: u32, seed: u64, place: usize, light: usize) -> Stream {
 const DRAWN: usize = 1 << 14;
 
 /// Samples of one light for many places.
-struct Samples<'a> {
+pub(crate) struct Samples<'a> {
     lights: &'a LightSet<'a>,
     light: usize,
+    /// Samples of each place: one for lights without extent.
+    pub(crate) count: u32,
     stage: u32,
     seed: u64,
     /// What is drawn once for all places: each takes a run of its own of the sequence, which is evenly spread like all runs
@@ -67,6 +69,21 @@ struct Samples<'a> {
 }
 
 impl<'a> Samples<'a> {
+    /// Prepares `samples` of them for each of some `places` that fragments are lit at.
+    pub(crate) fn of_pixels(
+        lights: &'a LightSet<'a>,
+        light: usize,
+        (places, samples): (usize, u32),
+        seed: u64,
+    ) -> Samples<'a> {
+        Samples::new(lights, light, (places, samples), (STAGE_PIXELS, seed))
+    }
+
+    /// Whether the light has no extent.
+    pub(crate) fn is_delta(&self) -> bool {
+        self.lights.is_delta(self.light)
+    }
+
     /// Prepares `samples` of them for each of `places`.
     fn new(
         lights: &'a LightSet<'a>,
@@ -84,9 +101,11 @@ impl<'a> Samples<'a> {
         } else {
             Vec::new()
         };
+        let delta = lights.is_delta(light);
         Samples {
             lights,
             light,
+            count: if delta { 1 } else { samples.max(1) },
             stage,
             seed,
             drawn,
@@ -117,15 +136,12 @@ pub(crate) const LIT: Met = 1;
 pub(crate) const DARK: Met = 2;
 
 /// Adds `contribution(place, sample)` of one light, where its direction `is_above` the place and not occluded, to
-/// `out[place]`, averaged over `samples` samples (one for lights without extent). Places without a hit get nothing. Returns per place
+/// `out[place]`, averaged over the place's samples. Places without a hit get nothing. Returns per place
 /// what those samples met that had anything to add. `run_of`: whose sequence a place's samples are taken from, and from where on.
 fn add_light<D, P>(
     scene: &TracedScene,
-    lights: &LightSet,
-    light: usize,
+    samples: &Samples,
     hits: &[Option<SurfaceHit>],
-    samples: u32,
-    (stage, seed): (u32, u64),
     run_of: impl Fn(usize) -> (usize, u32) + Sync,
     is_above: impl Fn(usize, Vec3) -> bool + Sync,
     contribution: impl Fn(usize, &LightSample) -> Vec3 + Sync,
@@ -136,28 +152,34 @@ where
     D: Fn(usize, [f32; 3]) -> Option<(Vec3, f32)> + Sync,
     P: Fn(usize, Vec3) -> f32 + Sync,
 {
-    let samples = if lights.is_delta(light) { 1 } else { samples.max(1) };
+    let Samples {
+        lights,
+        light,
+        count,
+        stage,
+        seed,
+        ..
+    } = *samples;
     let reflected = if lights.is_emissive(light) {
-        samples.div_ceil(PER_REFLECTED)
+        count.div_ceil(PER_REFLECTED)
     } else {
         0
     };
     // Expected samples per steradian of both kinds, over those of the light's own.
-    let (own, other) = (samples as f32, reflected as f32);
-    let drawn = Samples::new(lights, light, (out.len(), samples), (stage, seed));
+    let (own, other) = (count as f32, reflected as f32);
     let mut met = vec![0; out.len()];
     (out.par_chunks_mut(PACKET).zip(met.par_chunks_mut(PACKET)).enumerate()).for_each_init(
         || (Vec::new(), Vec::new(), Vec::new()),
         |(rays, targets, occluded): &mut (Vec<Ray>, Vec<(usize, LightSample)>, Vec<bool>),
          (chunk, (out, met))| {
-            for index in 0..samples {
+            for index in 0..count {
                 rays.clear();
                 targets.clear();
                 for local in 0..out.len() {
                     let place = chunk * PACKET + local;
                     let Some(hit) = &hits[place] else { continue };
                     let (owner, start) = run_of(place);
-                    let Some(sample) = drawn.at(owner, hit.position, start + index) else {
+                    let Some(sample) = samples.at(owner, hit.position, start + index) else {
                         continue;
                     };
                     if sample.radiance_over_pdf.max_element() > 0.0 && is_above(place, sample.direction) {
@@ -283,13 +305,11 @@ pub fn irradiance_at(
             hits[place].as_ref().map_or(0.0, cosine) * FRAC_1_PI
         },
     };
+    let samples = Samples::new(lights, light, (hits.len(), samples), (STAGE_POINTS, seed));
     add_light(
         scene,
-        lights,
-        light,
+        &samples,
         hits,
-        samples,
-        (STAGE_POINTS, seed),
         own_run,
         is_above,
         contribution,
@@ -299,7 +319,7 @@ pub fn irradiance_at(
 }
 
 /// Every place has a sequence of samples of its own.
-fn own_run(place: usize) -> (usize, u32) {
+pub(crate) fn own_run(place: usize) -> (usize, u32) {
     (place, 0)
 }
 
@@ -316,16 +336,16 @@ pub fn reflected_at(
     seed: u64,
     out: &mut [Vec3],
 ) -> Vec<Met> {
-    reflected_in_runs(scene, (lights, light), (hits, points, views), (samples, seed), own_run, out)
+    let samples = Samples::of_pixels(lights, light, (hits.len(), samples), seed);
+    reflected_in_runs(scene, &samples, (hits, points, views), own_run, out)
 }
 
 /// [`reflected_at`] of places (hits, points, views) that may share sequences of samples: `run_of` says whose a place's samples are
 /// taken from, and from which on. Returns what they met on their way to each.
 pub(crate) fn reflected_in_runs(
     scene: &TracedScene,
-    (lights, light): (&LightSet, usize),
+    samples: &Samples,
     (hits, points, views): (&[Option<SurfaceHit>], &[Option<ShadingPoint>], &[Vec3]),
-    (samples, seed): (u32, u64),
     run_of: impl Fn(usize) -> (usize, u32) + Sync,
     out: &mut [Vec3],
 ) -> Vec<Met> {
@@ -351,11 +371,8 @@ pub(crate) fn reflected_in_runs(
     };
     add_light(
         scene,
-        lights,
-        light,
-        hits,
         samples,
-        (STAGE_PIXELS, seed),
+        hits,
         run_of,
         is_above,
         contribution,

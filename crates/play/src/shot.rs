@@ -69,7 +69,7 @@ struct RayEnd {
 
 /// Ray ends that are kept of a pixel, shared among its fragments by coverage: the error of a straight edge of a shadow
 /// falls with the power 3/4 of their number, to a quarter.
-const ENDS: f32 = 6.0;
+pub(crate) const ENDS: f32 = 6.0;
 const FINER_ENDS: f32 = 16.0;
 
 /// Cosine between the smooth normals of two rays above which they may share a fragment: 8°. A lamp that grazes a fold lights
@@ -446,6 +446,12 @@ impl Shot {
             (hit, point, wo)
         };
         self.ends_of(scene, f).map(start).collect()
+    }
+
+    /// How many of its ends stand for fragment `f` where its pixel has about `of_pixel` of them, or as many as there are.
+    pub(crate) fn ends_for(&self, f: usize, of_pixel: f32) -> usize {
+        let wanted = (of_pixel * self.coverage[f]).ceil() as usize;
+        wanted.min(self.range_of_ends(f).len())
     }
 
     /// Whether [`Shot::ends_of`] has any.
