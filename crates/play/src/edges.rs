@@ -1,11 +1,11 @@
-//! Smooth edges of shadows: direct light is found once per fragment, and where it ends between two pixels, again at
-//! several of the fragment's rays.
+//! Smooth edges of shadows: direct light is found once per fragment, and where it ends between two pixels or within one,
+//! again at several of the fragment's rays.
 //!
 //! A fragment is lit at one place, so an edge of a shadow would follow the pixels' borders in steps. An edge can only
-//! cross a fragment if one of its neighbours is lit and the other is not; those few are lit anew, so that a frame
-//! costs hardly more.
+//! cross a fragment if light is occluded from it or one of its neighbours, and not from all of them; those few are lit anew, so
+//! that a frame costs hardly more.
 
-use crate::lighting::{DARK, LIT, Met, Samples, reflected_in_runs};
+use crate::lighting::{DARK, LIT, Met, Samples, reflected_at};
 use crate::shot::{ENDS, Shot};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -16,8 +16,9 @@ use relight_scene::traced::TracedScene;
 /// Fragments that are lit together: what they take stays in fast memory.
 const TASK: usize = 64;
 
-/// Lights the fragments anew that an edge of a light's shadows may cross. `reflected`: what each sends towards the eye of it;
-/// `met`: what its samples met on their way there.
+/// Lights the fragments anew that an edge of a light's shadows may cross, if it has no extent or is far away: edges of others are
+/// soft and mostly wider than a pixel. `reflected`: what each sends towards the eye of it; `met`: what its samples met on their
+/// way there.
 pub(crate) fn smooth(
     scene: &TracedScene,
     shot: &Shot,
@@ -25,8 +26,11 @@ pub(crate) fn smooth(
     met: &[Met],
     reflected: &mut [Vec3],
 ) {
-    // Of a light without extent each end has one sample, but there are few pixels without any.
-    let of_pixel = if samples.is_delta() { ENDS } else { f32::INFINITY };
+    let of_pixel = match (samples.is_delta(), samples.is_distant()) {
+        (true, _) => ENDS,
+        (_, true) => f32::INFINITY,
+        _ => return,
+    };
     let crossed = crossed(shot, met, of_pixel);
     let lit: Vec<Vec3> = crossed
         .par_chunks(TASK)
@@ -37,7 +41,7 @@ pub(crate) fn smooth(
     }
 }
 
-/// Means over their rays' ends, of which each has some, of what fragments send towards the eye of a light.
+/// Means over their rays' ends, of which a pixel has about `of_pixel`, of what fragments send towards the eye of a light.
 fn lit_at_ends(
     scene: &TracedScene,
     shot: &Shot,
@@ -60,7 +64,7 @@ fn lit_at_ends(
         }
     }
     let mut own = vec![Vec3::ZERO; hits.len()];
-    reflected_in_runs(scene, samples, (&hits, &points, &views), |end| runs[end], &mut own);
+    reflected_at(scene, samples, (&hits, &points, &views), |end| runs[end], &mut own);
     let ends = starts.iter().skip(1).copied().chain([own.len()]);
     (starts.iter().zip(ends))
         .map(|(&start, end)| own[start..end].iter().sum::<Vec3>() / (end - start) as f32)
@@ -143,7 +147,7 @@ mod tests {
         let mut out = vec![Vec3::ZERO; shot.len()];
         let samples = Samples::of_pixels(&lights, 0, (shot.len(), 1), 0);
         let places = (&shot.hits[..], &shot.points[..], &views[..]);
-        let met = reflected_in_runs(&scene, &samples, places, own_run, &mut out);
+        let met = reflected_at(&scene, &samples, places, own_run, &mut out);
         let full = out.iter().map(|v| v.x).fold(0.0, f32::max);
         smooth(&scene, &shot, &samples, &met, &mut out);
         let found = shot.resolve(&out);

@@ -10,7 +10,7 @@ use crate::cuts::sites::FragmentSites;
 use crate::cuts::{SitePlaces, VisibilityCuts};
 use crate::edges;
 use crate::lightcuts::{self, AT_PIXELS, AT_POINTS, LightcutStats, ManyLights};
-use crate::lighting::{self, Samples, own_run, reflected_in_runs};
+use crate::lighting::{self, Samples, own_run};
 use crate::reconstruct;
 use crate::shot::Shot;
 use crate::snap::snapped;
@@ -244,7 +244,7 @@ impl Player {
             let samples = (shot.len(), settings.pixel_samples);
             let samples = Samples::of_pixels(shadowed, light, samples, settings.seed);
             let fragments = (places.fragments, &shot.points[..], &views[..]);
-            let met = reflected_in_runs(&self.scene, &samples, fragments, own_run, &mut reflected);
+            let met = lighting::reflected_at(&self.scene, &samples, fragments, own_run, &mut reflected);
             if !reflected.is_empty() {
                 edges::smooth(&self.scene, shot, &samples, &met, &mut reflected);
             }

@@ -84,6 +84,11 @@ impl<'a> Samples<'a> {
         self.lights.is_delta(self.light)
     }
 
+    /// Whether the light comes from all around: the sun, or lamps of an environment.
+    pub(crate) fn is_distant(&self) -> bool {
+        self.lights.is_distant(self.light)
+    }
+
     /// Prepares `samples` of them for each of `places`.
     fn new(
         lights: &'a LightSet<'a>,
@@ -101,11 +106,10 @@ impl<'a> Samples<'a> {
         } else {
             Vec::new()
         };
-        let delta = lights.is_delta(light);
         Samples {
             lights,
             light,
-            count: if delta { 1 } else { samples.max(1) },
+            count: if lights.is_delta(light) { 1 } else { samples.max(1) },
             stage,
             seed,
             drawn,
@@ -136,8 +140,8 @@ pub(crate) const LIT: Met = 1;
 pub(crate) const DARK: Met = 2;
 
 /// Adds `contribution(place, sample)` of one light, where its direction `is_above` the place and not occluded, to
-/// `out[place]`, averaged over the place's samples. Places without a hit get nothing. Returns per place
-/// what those samples met that had anything to add. `run_of`: whose sequence a place's samples are taken from, and from where on.
+/// `out[place]`, averaged over the place's samples. Places without a hit get nothing. `run_of`: see [`reflected_at`]. Returns
+/// what those of each place's samples met that had anything to add.
 fn add_light<D, P>(
     scene: &TracedScene,
     samples: &Samples,
@@ -323,26 +327,10 @@ pub(crate) fn own_run(place: usize) -> (usize, u32) {
     (place, 0)
 }
 
-/// Radiance that each shading point sends towards its viewer after one reflection of one light. `views` are
-/// unit vectors to the viewer.
-pub fn reflected_at(
-    scene: &TracedScene,
-    lights: &LightSet,
-    light: usize,
-    hits: &[Option<SurfaceHit>],
-    points: &[Option<ShadingPoint>],
-    views: &[Vec3],
-    samples: u32,
-    seed: u64,
-    out: &mut [Vec3],
-) -> Vec<Met> {
-    let samples = Samples::of_pixels(lights, light, (hits.len(), samples), seed);
-    reflected_in_runs(scene, &samples, (hits, points, views), own_run, out)
-}
-
-/// [`reflected_at`] of places (hits, points, views) that may share sequences of samples: `run_of` says whose a place's samples are
-/// taken from, and from which on. Returns what they met on their way to each.
-pub(crate) fn reflected_in_runs(
+/// Adds to `out` the radiance that each place (hits, shading points, unit vectors to their viewers) sends towards its viewer
+/// after one reflection of one light. `run_of` says whose sequence a place's samples are taken from ([`own_run`] for its own), and
+/// from which on. Returns what they met on their way to each.
+pub(crate) fn reflected_at(
     scene: &TracedScene,
     samples: &Samples,
     (hits, points, views): (&[Option<SurfaceHit>], &[Option<ShadingPoint>], &[Vec3]),

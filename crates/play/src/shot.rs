@@ -2,24 +2,26 @@
 //!
 //! A pixel is sampled by several primary rays. Rays that meet the same material, facing the same way, at
 //! neighbouring places make one fragment: it is lit once, at the place nearest its middle, with the mean of
-//! its rays' reflectances and normals, and a lobe as much wider as the normal map spreads them. Nearly all pixels have one fragment, so that antialiased silhouettes and filtered
-//! textures cost a frame little more than one sample per pixel.
+//! its rays' reflectances and normals, and a lobe as much wider as the normal map spreads them. Nearly all pixels have
+//! one fragment, so that antialiased silhouettes and filtered textures cost a frame little more than one sample per pixel.
+
+mod expose;
+
+pub use expose::expose;
+pub(crate) use expose::ENDS;
 
 use crate::cuts::SitePlaces;
 use crate::cuts::sites::FragmentSites;
 use crate::reconstruct;
 use crate::reflections::{self, Reflections, Start};
 use crate::transfer::Transfer;
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::bsdf;
-use relight_scene::camera::Camera;
-use relight_scene::rays::Ray;
 use relight_scene::shading::ShadingPoint;
-use relight_scene::surface::{SurfaceHit, Surfaces};
+use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
 use relight_transport::basis::Level;
-use relight_transport::sampling::r2;
 use relight_transport::sparse::Rows;
 use std::ops::Range;
 
@@ -67,282 +69,18 @@ struct RayEnd {
     front: bool,
 }
 
-/// Ray ends that are kept of a pixel, shared among its fragments by coverage: the error of a straight edge of a shadow
-/// falls with the power 3/4 of their number, to a quarter.
-pub(crate) const ENDS: f32 = 6.0;
-const FINER_ENDS: f32 = 16.0;
-
-/// Cosine between the smooth normals of two rays above which they may share a fragment: 8°. A lamp that grazes a fold lights
-/// one side of it only: 18° left Sponza's mouldings 2.7 % too dark instead of 1.7 %, for a tenth fewer fragments (docs/cuts.md).
-const SAME_FACING: f32 = 0.99;
-
-/// How far, in pixel footprints, the second ray's surface may lie off the first one's tangent plane.
-const SAME_PLANE: f32 = 2.0;
-
-/// First ray of a pixel, in pixels. Of starts a twentieth of a pixel apart the one from which 4, 6 and 16 rays tell best how
-/// much of a pixel lies to one side of a straight line: by 0.11, 0.085 and 0.037 (root mean square; 0.14, 0.16 and 0.075 from
-/// a quarter).
-const PATTERN_START: Vec2 = Vec2::new(0.6, 0.1);
-
-/// Rays of a pixel that sees several things, for each of those that told so. 
-const FINER: u32 = 4;
-
-struct Sample {
-    direction: Vec3,
-    seen: Seen,
-    group: usize,
-}
-
-/// What a ray meets and how that reflects; `None` for the background.
-type Seen = Option<(SurfaceHit, ShadingPoint)>;
-
-/// Casts `samples` primary rays per pixel and groups them; [`FINER`] times as many where a pixel, or one beside it, sees several
-/// things. Deterministic: the same sub-pixel pattern in every pixel.
-pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize, samples: u32) -> Shot {
-    if samples <= 1 {
-        return expose_centres(scene, camera, width, height);
-    }
-    let exposure = Exposure {
-        scene,
-        camera,
-        size: Vec2::new(width as f32, height as f32),
-        pattern: (0..samples * FINER).map(|i| r2(i, PATTERN_START)).collect(),
-        footprint: 2.0 * camera.tan_half_vfov / height as f32,
-    };
-    let coarse = exposure.of_pixels(width, height, (samples, ENDS), |_, _| true);
-    let finer: Vec<bool> = (0..width * height)
-        .into_par_iter()
-        .with_min_len(1024)
-        .map(|pixel| exposure.sees_several(&coarse, pixel))
-        .collect();
-    let fine = exposure.of_pixels(width, height, (samples * FINER, FINER_ENDS), |x, y| finer[y * width + x]);
-    let mut shot = Shot {
-        width,
-        height,
-        eye: camera.position,
-        end_offsets: vec![0],
-        ..Shot::default()
-    };
-    for (pixel, &finer) in finer.iter().enumerate() {
-        shot.push_pixel(if finer { &fine } else { &coarse }, pixel);
-    }
-    shot.offsets.push(shot.coverage.len() as u32);
-    shot
-}
-
-/// What pixels are exposed with.
-struct Exposure<'a> {
-    scene: &'a TracedScene,
-    camera: &'a Camera,
-    /// Pixels across and down.
-    size: Vec2,
-    /// Places within a pixel, in pixels; any number of first ones is evenly spread.
-    pattern: Vec<Vec2>,
-    /// Size of a pixel at distance 1.
-    footprint: f32,
-}
-
-impl Exposure<'_> {
-    /// Fragments of the pixels (x, y) that are `wanted`, by this many rays each. Others have none.
-    fn of_pixels(
-        &self,
-        width: usize,
-        height: usize,
-        (samples, ends): (u32, f32),
-        wanted: impl Fn(usize, usize) -> bool + Sync,
-    ) -> Shot {
-        let rows: Vec<Shot> = (0..height)
-            .into_par_iter()
-            .map(|y| {
-                let mut row = Shot {
-                    end_offsets: vec![0],
-                    ..Shot::default()
-                };
-                let mut pixel: Vec<Sample> = Vec::new();
-                for x in 0..width {
-                    row.offsets.push(row.coverage.len() as u32);
-                    if wanted(x, y) {
-                        let corner = Vec2::new(x as f32, y as f32);
-                        pixel.clear();
-                        pixel.extend(self.pattern[..samples as usize].iter().map(|&offset| {
-                            let direction = self.camera.direction(corner + offset, self.size);
-                            Sample {
-                                direction,
-                                seen: seen_along(self.scene, self.camera, direction),
-                                group: 0,
-                            }
-                        }));
-                        group(&mut pixel, self.footprint);
-                        append_fragments(&pixel, ends, &mut row);
-                    }
-                }
-                row.offsets.push(row.coverage.len() as u32);
-                row
-            })
-            .collect();
-        let mut all = Shot {
-            width,
-            height,
-            end_offsets: vec![0],
-            ..Shot::default()
-        };
-        for row in &rows {
-            for x in 0..width {
-                all.push_pixel(row, x);
-            }
-        }
-        all.offsets.push(all.coverage.len() as u32);
-        all
-    }
-
-    /// Whether a pixel, or it together with one of those around it, has fragments of several things.
-    fn sees_several(&self, shot: &Shot, pixel: usize) -> bool {
-        let (x, y) = (pixel % shot.width, pixel / shot.width);
-        let own = shot.offsets[pixel] as usize;
-        if shot.fragments_of(pixel).len() > 1 {
-            return true;
-        }
-        let beside = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
-        beside(y, shot.height).any(|y| {
-            beside(x, shot.width).any(|x| {
-                shot.fragments_of(y * shot.width + x).any(|f| {
-                    let [a, b] = [own, f].map(|f| shot.hits[f].zip(shot.points[f]));
-                    !are_alike(&a, &b, self.footprint)
-                })
-            })
-        })
-    }
-}
-
-/// [`expose`] by one ray through each pixel's centre: every pixel is one fragment.
-fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: usize) -> Shot {
-    let size = Vec2::new(width as f32, height as f32);
-    let count = width * height;
-    let mut shot = Shot {
-        width,
-        height,
-        offsets: (0..=count as u32).collect(),
-        coverage: vec![1.0; count],
-        eye: camera.position,
-        ..Shot::default()
-    };
-    (0..count)
-        .into_par_iter()
-        .with_min_len(256)
-        .map(|pixel| {
-            let corner = Vec2::new((pixel % width) as f32, (pixel / width) as f32);
-            camera.direction(corner + 0.5, size)
-        })
-        .collect_into_vec(&mut shot.directions);
-    (shot.directions.par_iter())
-        .with_min_len(256)
-        .map(|&direction| seen_along(scene, camera, direction).unzip())
-        .unzip_into_vecs(&mut shot.hits, &mut shot.points);
-    shot
-}
-
-/// What a camera's ray meets.
-fn seen_along(scene: &TracedScene, camera: &Camera, direction: Vec3) -> Seen {
-    let ray = Ray {
-        origin: camera.position,
-        direction,
-        t_min: 0.0,
-        t_max: f32::INFINITY,
-    };
-    scene.closest_hit(&ray).map(|hit| {
-        let point = scene.shading_point(&hit).facing(-direction);
-        (hit, point)
-    })
-}
-
-/// Each ray joins the first group whose first ray it is like. Returns the number of groups.
-fn group(pixel: &mut [Sample], footprint: f32) -> usize {
-    // Indices of the groups' first rays.
-    let mut firsts: Vec<usize> = Vec::new();
-    for i in 0..pixel.len() {
-        let like = |&first: &usize| are_alike(&pixel[first].seen, &pixel[i].seen, footprint);
-        pixel[i].group = firsts.iter().position(like).unwrap_or_else(|| {
-            firsts.push(i);
-            firsts.len() - 1
-        });
-    }
-    firsts.len()
-}
-
-/// Whether two rays may share a fragment.
-fn are_alike(a: &Seen, b: &Seen, footprint: f32) -> bool {
-    match (a, b) {
-        (None, None) => true,
-        (Some((a, p)), Some((b, q))) => {
-            let off_plane = (b.position - a.position).dot(a.geometric_normal).abs();
-            p.material == q.material
-                && a.normal.dot(b.normal) > SAME_FACING
-                && (p.lambert || p.shading_normal.dot(q.shading_normal) > SAME_FACING)
-                && off_plane < SAME_PLANE * footprint * a.t.max(b.t)
-                && (p.emission == Vec3::ZERO) == (q.emission == Vec3::ZERO)
-        }
-        _ => false,
-    }
-}
-
-fn append_fragments(pixel: &[Sample], ends: f32, row: &mut Shot) {
-    let groups = pixel.iter().map(|s| s.group).max().map_or(0, |g| g + 1);
-    for g in 0..groups {
-        let members: Vec<&Sample> = pixel.iter().filter(|s| s.group == g).collect();
-        let count = members.len() as f32;
-        let coverage = count / pixel.len() as f32;
-        row.coverage.push(coverage);
-        // Any number of first rays of the pattern is evenly spread.
-        let kept = (members.iter().filter_map(|m| m.seen.as_ref())).map(|(hit, _)| RayEnd {
-            primitive: hit.primitive,
-            barycentric: hit.barycentric,
-            front: hit.front,
-        });
-        row.ends.extend(kept.take((ends * coverage).ceil() as usize));
-        row.end_offsets.push(row.ends.len() as u32);
-        let middle = members.iter().map(|s| s.direction).sum::<Vec3>() / count;
-        let distance = |s: &&&Sample| (s.direction - middle).length_squared();
-        let Some(nearest) = members.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
-            continue;
-        };
-        row.directions.push(nearest.direction);
-        row.hits.push(nearest.seen.as_ref().map(|s| s.0));
-        row.points.push(nearest.seen.as_ref().map(|s| {
-            let mean = |value: fn(&ShadingPoint) -> Vec3| {
-                members
-                    .iter()
-                    .filter_map(|m| m.seen.as_ref())
-                    .map(|m| value(&m.1))
-                    .sum::<Vec3>()
-                    / count
-            };
-            let normal = mean(|p| p.shading_normal);
-            let point = ShadingPoint {
-                geometric_normal: mean(|p| p.geometric_normal).try_normalize().unwrap_or(s.1.geometric_normal),
-                base_color: mean(|p| p.base_color),
-                diffuse: mean(|p| p.diffuse),
-                f0: mean(|p| p.f0),
-                emission: mean(|p| p.emission),
-                shading_normal: normal.try_normalize().unwrap_or(s.1.shading_normal),
-                ..s.1
-            };
-            // Only what the normal map adds: over a smooth curve normals change evenly, and a lobe of their spread
-            // would have tails that reach farther than any of them.
-            let smooth = mean(|p| p.normal).length();
-            bsdf::spread_by_normals(&point, 1.0 - (smooth - normal.length()).max(0.0))
-        }));
-    }
-}
-
 impl Shot {
-    /// Appends a pixel of another shot.
-    fn push_pixel(&mut self, of: &Shot, pixel: usize) {
-        self.offsets.push(self.coverage.len() as u32);
-        let fragments = of.fragments_of(pixel);
-        for f in fragments.clone() {
-            self.ends.extend_from_slice(&of.ends[of.range_of_ends(f)]);
-            self.end_offsets.push(self.ends.len() as u32);
-        }
+    /// Appends some pixels of another shot; the end of the last one's fragments is left to be told.
+    fn push_pixels(&mut self, of: &Shot, pixels: Range<usize>) {
+        let fragments = of.offsets[pixels.start] as usize..of.offsets[pixels.end] as usize;
+        let moved = |at: u32, from: usize, to: usize| (at as usize - from + to) as u32;
+        let to = self.coverage.len();
+        (self.offsets).extend(of.offsets[pixels].iter().map(|&at| moved(at, fragments.start, to)));
+        let ends = of.end_offsets[fragments.start] as usize..of.end_offsets[fragments.end] as usize;
+        let to = self.ends.len();
+        let last = &of.end_offsets[fragments.start + 1..=fragments.end];
+        (self.end_offsets).extend(last.iter().map(|&at| moved(at, ends.start, to)));
+        self.ends.extend_from_slice(&of.ends[ends]);
         self.coverage.extend_from_slice(&of.coverage[fragments.clone()]);
         self.hits.extend_from_slice(&of.hits[fragments.clone()]);
         self.points.extend_from_slice(&of.points[fragments.clone()]);

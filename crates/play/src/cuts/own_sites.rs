@@ -2,8 +2,8 @@
 //!
 //! Between two sites of which one sees the sky and the other does not, interpolation draws a ramp as wide as they are
 //! apart, whatever really is there: the rim of an arch, the end of a wall. Where a fragment's sites disagree about much of
-//! what it gets of even light, it looks for itself at the lights that they disagree about, from the ends of its rays in
-//! turn, so that its cut is a mean over what its pixel covers.
+//! what it gets of even light, it looks for itself at the lights that they disagree about, from the ends of its rays, so
+//! that its cut is a mean over what its pixel covers.
 
 use super::sites::{FragmentSites, SITES};
 use super::{Directions, NodeView, VisibilityCuts};
@@ -210,7 +210,8 @@ impl Looker<'_> {
     }
 }
 
-/// What a fragment sees of the directions, from each of its places in turn.
+/// What a fragment sees of the directions, from each of its places as often as light from there counts for it: the share of a
+/// pixel that faces a lamp tells whether the lamp is seen.
 struct FragmentSight<'a> {
     scene: &'a TracedScene,
     hits: &'a [SurfaceHit],
@@ -219,21 +220,22 @@ struct FragmentSight<'a> {
 }
 
 impl FragmentSight<'_> {
-    /// Sum of what light from a direction counts for at the places: its cosines.
+    /// Sum over the places of what light from a direction counts for there: the cosines.
     fn counts(&self, direction: Vec3) -> f32 {
         self.hits.iter().map(|hit| cosine(hit, direction)).sum()
     }
 
-    /// The place that looks at a light: each as often as light from there counts for it.
+    /// The place that looks at a light.
     fn looking(&self, light: u32) -> &SurfaceHit {
         let direction = self.leaves[light as usize].direction;
-        // Golden-ratio steps are even among neighbours in the tree.
+        // Steps of the golden ratio are even among neighbours in the tree.
         let mut left = (light as f32 * 0.618_034).fract() * self.counts(direction);
-        let k = self.hits.iter().position(|hit| {
+        let before = self.hits.iter().position(|hit| {
             left -= cosine(hit, direction);
             left < 0.0
         });
-        &self.hits[k.unwrap_or(0)]
+        // Rounding may leave a little of the sum.
+        &self.hits[before.unwrap_or(0)]
     }
 }
 
@@ -252,15 +254,18 @@ impl Sight for FragmentSight<'_> {
 
     fn occluded(&mut self, lights: &[u32], dark: &mut [bool]) {
         self.rays.clear();
+        let mut behind = Vec::with_capacity(lights.len());
         for &light in lights {
             let direction = self.leaves[light as usize].direction;
-            let ray = ray_from(self.looking(light), direction);
+            let hit = self.looking(light);
+            behind.push(hit.geometric_normal.dot(direction) <= 0.0);
+            let ray = ray_from(hit, direction);
             self.rays.push(ray);
         }
         self.scene.occluded_packet(self.rays, dark);
-        for (&light, dark) in lights.iter().zip(dark) {
-            let direction = self.leaves[light as usize].direction;
-            *dark |= self.looking(light).geometric_normal.dot(direction) <= 0.0;
+        // Smooth normals see what the facet they are on hides.
+        for (dark, behind) in dark.iter_mut().zip(behind) {
+            *dark |= behind;
         }
     }
 }
