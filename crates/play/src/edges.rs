@@ -9,16 +9,13 @@ use crate::lighting::{DARK, LIT, Met, Samples, reflected_at};
 use crate::shot::{ENDS, Shot};
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_scene::shading::ShadingPoint;
-use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
 
 /// Fragments that are lit together: what they take stays in fast memory.
 const TASK: usize = 64;
 
-/// Lights the fragments anew that an edge of a light's shadows may cross, if it has no extent or is far away: edges of others are
-/// soft and mostly wider than a pixel. `reflected`: what each sends towards the eye of it; `met`: what its samples met on their
-/// way there.
+/// Lights the fragments anew that an edge of a light's shadows may cross. `reflected`: what each sends towards the eye of it; `met`:
+/// what its samples met on their way there.
 pub(crate) fn smooth(
     scene: &TracedScene,
     shot: &Shot,
@@ -26,11 +23,8 @@ pub(crate) fn smooth(
     met: &[Met],
     reflected: &mut [Vec3],
 ) {
-    let of_pixel = match (samples.is_delta(), samples.is_distant()) {
-        (true, _) => ENDS,
-        (_, true) => f32::INFINITY,
-        _ => return,
-    };
+    // A light without extent has one sample at each end: a pixel has few that count.
+    let of_pixel = if samples.is_delta() { ENDS } else { f32::INFINITY };
     let crossed = crossed(shot, met, of_pixel);
     let lit: Vec<Vec3> = crossed
         .par_chunks(TASK)
@@ -55,35 +49,25 @@ fn lit_at_ends(
     let mut runs: Vec<(usize, u32)> = Vec::new();
     for &f in fragments {
         starts.push(hits.len());
-        for hit in shot.ends_of(scene, f).take(shot.ends_for(f, of_pixel)) {
-            let view = (shot.eye - hit.position).normalize_or_zero();
-            points.push(shot.points[f].map(|point| point_at(&point, &hit, view)));
+        for (hit, point, view) in shot.reflecting_at_ends(scene, f).take(shot.ends_for(f, of_pixel)) {
+            points.push(Some(point));
             views.push(view);
             runs.push((f, (hits.len() - starts[starts.len() - 1]) as u32 * samples.count));
             hits.push(Some(hit));
         }
     }
     let mut own = vec![Vec3::ZERO; hits.len()];
-    reflected_at(scene, samples, (&hits, &points, &views), |end| runs[end], &mut own);
+    reflected_at(
+        scene,
+        samples,
+        (&hits, &points, &views),
+        |end| runs[end],
+        &mut own,
+    );
     let ends = starts.iter().skip(1).copied().chain([own.len()]);
     (starts.iter().zip(ends))
         .map(|(&start, end)| own[start..end].iter().sum::<Vec3>() / (end - start) as f32)
         .collect()
-}
-
-/// How a fragment reflects where one of its rays ends: as the mean of its rays does, but from there, and, where that is
-/// matt, as it faces there. A lobe is the fragment's, which is as wide as its normals are spread.
-fn point_at(point: &ShadingPoint, hit: &SurfaceHit, view: Vec3) -> ShadingPoint {
-    let at = ShadingPoint {
-        position: hit.position,
-        geometric_normal: hit.geometric_normal,
-        ..*point
-    };
-    if point.lambert {
-        ShadingPoint { shading_normal: hit.normal, ..at }.facing(view)
-    } else {
-        at
-    }
 }
 
 /// The fragments of pixels that are lit beside such that are not, and the other way round, if several of their ends can

@@ -245,7 +245,9 @@ impl Player {
             let samples = Samples::of_pixels(shadowed, light, samples, settings.seed);
             let fragments = (places.fragments, &shot.points[..], &views[..]);
             let met = lighting::reflected_at(&self.scene, &samples, fragments, own_run, &mut reflected);
-            if !reflected.is_empty() {
+            // Edges of others are soft, mostly wider than a pixel. What cuts leave of an environment are its small lamps.
+            let small = shadowed.is_delta(light) || (distant.is_some() && shadowed.is_distant(light));
+            if small && !reflected.is_empty() {
                 edges::smooth(&self.scene, shot, &samples, &met, &mut reflected);
             }
             times.direct_pixels += milliseconds(start);

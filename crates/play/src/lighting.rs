@@ -84,11 +84,6 @@ impl<'a> Samples<'a> {
         self.lights.is_delta(self.light)
     }
 
-    /// Whether the light comes from all around: the sun, or lamps of an environment.
-    pub(crate) fn is_distant(&self) -> bool {
-        self.lights.is_distant(self.light)
-    }
-
     /// Prepares `samples` of them for each of `places`.
     fn new(
         lights: &'a LightSet<'a>,
@@ -172,7 +167,10 @@ where
     // Expected samples per steradian of both kinds, over those of the light's own.
     let (own, other) = (count as f32, reflected as f32);
     let mut met = vec![0; out.len()];
-    (out.par_chunks_mut(PACKET).zip(met.par_chunks_mut(PACKET)).enumerate()).for_each_init(
+    (out.par_chunks_mut(PACKET)
+        .zip(met.par_chunks_mut(PACKET))
+        .enumerate())
+    .for_each_init(
         || (Vec::new(), Vec::new(), Vec::new()),
         |(rays, targets, occluded): &mut (Vec<Ray>, Vec<(usize, LightSample)>, Vec<bool>),
          (chunk, (out, met))| {

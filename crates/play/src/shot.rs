@@ -7,8 +7,8 @@
 
 mod expose;
 
-pub use expose::expose;
 pub(crate) use expose::ENDS;
+pub use expose::expose;
 
 use crate::cuts::SitePlaces;
 use crate::cuts::sites::FragmentSites;
@@ -75,7 +75,11 @@ impl Shot {
         let fragments = of.offsets[pixels.start] as usize..of.offsets[pixels.end] as usize;
         let moved = |at: u32, from: usize, to: usize| (at as usize - from + to) as u32;
         let to = self.coverage.len();
-        (self.offsets).extend(of.offsets[pixels].iter().map(|&at| moved(at, fragments.start, to)));
+        (self.offsets).extend(
+            of.offsets[pixels]
+                .iter()
+                .map(|&at| moved(at, fragments.start, to)),
+        );
         let ends = of.end_offsets[fragments.start] as usize..of.end_offsets[fragments.end] as usize;
         let to = self.ends.len();
         let last = &of.end_offsets[fragments.start + 1..=fragments.end];
@@ -163,9 +167,7 @@ impl Shot {
         places
     }
 
-    /// Where rays of a fragment's lobe start: at its rays' ends, or, where none are kept, at the place where it is lit. Colours
-    /// are the fragment's, as a mean of more rays; normals and roughness are those of each end, whose mean would
-    /// reflect far less sharply.
+    /// Where rays of a fragment's lobe start: at its rays' ends, or, where none are kept, at the place where it is lit.
     fn starts_of(&self, scene: &TracedScene, f: usize) -> Vec<Start> {
         let (Some(lit), Some(point)) = (self.hits[f], self.points[f]) else {
             return Vec::new();
@@ -173,17 +175,29 @@ impl Shot {
         if !self.has_ends(f) {
             return vec![(lit, point, -self.directions[f])];
         }
-        let start = |hit: SurfaceHit| {
+        self.reflecting_at_ends(scene, f).collect()
+    }
+
+    /// The ends of a fragment's rays, how they reflect and the unit directions from them to the eye. Colours are the fragment's, as a
+    /// mean of more rays; normals and roughness are those of each end, whose mean would reflect far less sharply.
+    pub(crate) fn reflecting_at_ends(&self, scene: &TracedScene, f: usize) -> impl Iterator<Item = Start> {
+        let point = self.points[f];
+        self.ends_of(scene, f).filter_map(move |hit| {
+            let point = point?;
             let wo = (self.eye - hit.position).normalize_or_zero();
+            let own = if point.lambert {
+                ShadingPoint::lambert(&hit, point.diffuse)
+            } else {
+                scene.shading_point(&hit)
+            };
             let point = ShadingPoint {
                 base_color: point.base_color,
                 diffuse: point.diffuse,
                 f0: point.f0,
-                ..scene.shading_point(&hit).facing(wo)
+                ..own.facing(wo)
             };
-            (hit, point, wo)
-        };
-        self.ends_of(scene, f).map(start).collect()
+            Some((hit, point, wo))
+        })
     }
 
     /// How many of its ends stand for fragment `f` where its pixel has about `of_pixel` of them, or as many as there are.

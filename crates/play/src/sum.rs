@@ -29,7 +29,8 @@ impl Sum {
                 Sum::Several(both.map(|(a, b)| a.as_dvec3() + b.as_dvec3()).collect())
             }
             Sum::Several(mut sums) => {
-                (sums.par_iter_mut().zip(part).with_min_len(TASK)).for_each(|(sum, part)| *sum += part.as_dvec3());
+                (sums.par_iter_mut().zip(part).with_min_len(TASK))
+                    .for_each(|(sum, part)| *sum += part.as_dvec3());
                 Sum::Several(sums)
             }
         };

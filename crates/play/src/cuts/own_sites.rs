@@ -7,8 +7,8 @@
 
 use super::sites::{FragmentSites, SITES};
 use super::{Directions, NodeView, VisibilityCuts};
-use glam::Vec3;
 use crate::shot::Shot;
+use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
@@ -272,10 +272,12 @@ impl Sight for FragmentSight<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::{FragmentSight, NodeView};
     use crate::cuts::illumination::Illumination;
     use crate::cuts::shade::shade;
     use crate::cuts::tests::{HalfRoof, LIGHTS};
     use glam::Vec3;
+    use relight_scene::surface::SurfaceHit;
 
     /// Truth: what the roof leaves of the sky, weighted by cosines, is a wedge of angles 0 to φ: (1 − cos φ)/2. Tolerance: a
     /// direction is 0.11 wide, so that the roof's edge is off by up to 0.055 and the irradiance by half of that, and
@@ -298,5 +300,40 @@ mod tests {
         };
         assert!(worst(false) > 0.1, "{}", worst(false));
         assert!(worst(true) < 0.04, "{}", worst(true));
+    }
+
+    /// Truth: cosines. A fold with sides that lean by ±α (sin α = 0.6) shows a light along x one side only, one from above
+    /// both alike, and one in between (0.6, 0.8, 0) the one side by 1, the other by 0.28.
+    #[test]
+    fn the_sides_of_a_fold_look_as_often_as_light_counts_for_them() {
+        let roof = HalfRoof::new(false);
+        let hit = roof.shot.hits.iter().flatten().next().unwrap();
+        let side = |lean: f32| SurfaceHit {
+            normal: Vec3::new(lean, 0.8, 0.0),
+            ..*hit
+        };
+        let hits = [side(0.6), side(-0.6)];
+        for (direction, share) in [
+            (Vec3::X, 1.0),
+            (Vec3::Y, 0.5),
+            (Vec3::new(0.6, 0.8, 0.0), 1.0 / 1.28),
+        ] {
+            let view = NodeView {
+                direction,
+                length: 1.0,
+                radius: 0.0,
+            };
+            let sight = FragmentSight {
+                scene: &roof.scene,
+                hits: &hits,
+                leaves: &[view; 64],
+                rays: &mut Vec::new(),
+            };
+            let first = (0..64)
+                .filter(|&light| sight.looking(light).normal.x > 0.0)
+                .count();
+            // Steps of the golden ratio are even to one or two in 64.
+            assert!((first as f32 - 64.0 * share).abs() <= 2.0, "{direction}: {first}");
+        }
     }
 }
