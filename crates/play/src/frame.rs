@@ -28,6 +28,10 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 use std::time::Instant;
 
+/// Of so many samples of a small lamp one is cast everywhere, and tells where edges of its shadows are near; all are cast there
+/// (a quarter everywhere: a tenth more error, docs/cuts.md).
+const FIRST: u32 = 2;
+
 /// A scene with its transport, ready to be lit.
 pub struct Player {
     /// Surfaces and materials.
@@ -241,14 +245,15 @@ impl Player {
             times.direct_points += milliseconds(start);
             let start = Instant::now();
             let mut reflected = vec![Vec3::ZERO; places.fragments.len()];
-            let samples = (shot.len(), settings.pixel_samples);
-            let samples = Samples::of_pixels(shadowed, light, samples, settings.seed);
+            // Shadows of others are soft, mostly wider than a pixel. What cuts leave of an environment are its small lamps.
+            let small = shadowed.is_delta(light) || (distant.is_some() && shadowed.is_distant(light));
+            let most = settings.pixel_samples;
+            let first = if small { most.div_ceil(FIRST) } else { most };
+            let samples = Samples::of_pixels(shadowed, light, (shot.len(), first), settings.seed);
             let fragments = (places.fragments, &shot.points[..], &views[..]);
             let met = lighting::reflected_at(&self.scene, &samples, fragments, own_run, &mut reflected);
-            // Edges of others are soft, mostly wider than a pixel. What cuts leave of an environment are its small lamps.
-            let small = shadowed.is_delta(light) || (distant.is_some() && shadowed.is_distant(light));
             if small && !reflected.is_empty() {
-                edges::smooth(&self.scene, shot, &samples, &met, &mut reflected);
+                edges::smooth(&self.scene, shot, &samples.of_each(most), &met, &mut reflected);
             }
             times.direct_pixels += milliseconds(start);
             if settings.per_light

@@ -79,6 +79,12 @@ impl<'a> Samples<'a> {
         Samples::new(lights, light, (places, samples), (STAGE_PIXELS, seed))
     }
 
+    /// So many for each place; one of lights without extent.
+    pub(crate) fn of_each(self, samples: u32) -> Samples<'a> {
+        let count = if self.is_delta() { 1 } else { samples.max(1) };
+        Samples { count, ..self }
+    }
+
     /// Whether the light has no extent.
     pub(crate) fn is_delta(&self) -> bool {
         self.lights.is_delta(self.light)
