@@ -94,7 +94,7 @@ pub struct PlayArgs {
     /// cuts.
     #[arg(long, value_name = "N", default_value_t = ILLUMINATION_CUT, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub illumination_cut: u32,
-    /// Samples per pixel [default: transfer 16, with a moving camera 1; brute 16; lightcuts 4, with reconstruction 5 to 50; pixelcuts 1; path 64].
+    /// Samples per pixel; of transfer and cuts four times as many where a pixel sees several things [default: transfer 16, with a moving camera 1; brute 16; lightcuts 4, with reconstruction 5 to 50; pixelcuts 1; path 64].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub spp: Option<u32>,
     /// Most reflections of a path (path only) [default: no limit].

@@ -20,7 +20,7 @@ use std::ops::Range;
 pub(crate) const ENDS: f32 = 6.0;
 
 /// Ray ends that are kept of a pixel that sees several things, shared among its fragments by coverage. With 6 the Sponza with
-/// leaves under lamps had a fifth more error (docs/cuts.md).
+/// leaves under lamps had a quarter more error (docs/cuts.md).
 const FINER_ENDS: f32 = 16.0;
 
 /// Rays of a pixel that sees several things, or lies beside one that does, for each that others get. Twice as many lower the
