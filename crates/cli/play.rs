@@ -17,23 +17,25 @@ use relight_play::lightcuts::{AT_PIXELS, worthwhile};
 use relight_play::load::{Loaded, check_camera, check_kept, load};
 use relight_scene::camera::CameraTrack;
 use relight_scene::image::preview::tone_mapped;
-use relight_scene::image::{BEAUTY, ExrHeader, Layers, write_exr, write_png};
+use relight_scene::image::{BEAUTY, ExrHeader, ExrWarning, ImageError, Layers, write_exr, write_png};
 use relight_scene::light_set::{LightRig, SceneEmitters};
 use relight_scene::scene::Scene;
 use relight_scene::sequence::{Sequence, SequenceCamera, read_sequence};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::thread::ScopedJoinHandle;
 use std::time::Instant;
 
 /// Relight an asset for a sequence of lights and write OpenEXR frames.
 ///
 /// beauty = emission (light seen directly) + direct (one reflection) + indirect (two and more). Each frame is
-/// written as soon as it is done, complete or not at all.
+/// written, complete or not at all, while the next one is lit.
 #[derive(Args)]
 #[command(after_help = "\
 The JSON of --json: frames, an array of {frame, total, direct_points, bounces, transfer, flatten, direct_pixels,
-reconstruct, resolve, write} in milliseconds (brute and path: {frame, total, render, write}); once_per_shot, what
+reconstruct, resolve, write} in milliseconds (brute and path: {frame, total, render, write}); total is what the frame adds
+to the run, which is less than its parts where the frame before is written beside it; once_per_shot, what
 is done once: load, expose, weigh (with a moving camera expose and weigh are in the frames). Over lights without
 extent a frame also has points (milliseconds), lights, virtual_lights and shadow_rays_per_pixel; with lightcuts also
 tree and light (milliseconds), tree_bytes, nodes_per_pixel, limited_cuts_per_pixel (with --reconstruction on
@@ -256,40 +258,47 @@ pub fn play(
     };
     let total = range.iter().count();
     console.begin("Lighting frames", Some(total as u64));
-    let mut times = Vec::new();
+    let mut times: Vec<Map<String, Value>> = Vec::new();
     let mut warnings = BTreeSet::new();
-    for (done, frame) in range.iter().enumerate() {
-        signals::go_on()?;
-        let start = Instant::now();
-        let edit_ms = session.edit(frame)?;
-        let (all, mut frame_times) = session.render(frame, &track.at(frame.into()), console)?;
-        signals::go_on()?;
-        seen(frame, &all);
-        frame_times.extend(edit_ms.map(|ms| ("edit".to_owned(), ms.into())));
-        let write = Instant::now();
-        let header = ExrHeader {
-            asset_hash: Some(format!("{hash:016x}")),
-            seed: Some(seed),
-            frames_per_second: Some(sequence.fps),
-            frame: Some(frame),
-            ..ExrHeader::new()
-        };
-        let file = args.output.file(frame);
-        for warning in write_exr(&file, &chosen(&all, &args.layers), &header, args.float)? {
-            warnings.insert(warning.to_string());
+    // A frame is written while the next one is lit: compressing and syncing leave cores idle.
+    std::thread::scope(|scope| -> Result<(), Failure> {
+        let mut writing: Option<ScopedJoinHandle<Result<Written, ImageError>>> = None;
+        let mut since = Instant::now();
+        for frame in range.iter() {
+            signals::go_on()?;
+            let edit_ms = session.edit(frame)?;
+            let (all, mut frame_times) = session.render(frame, &track.at(frame.into()), console)?;
+            signals::go_on()?;
+            seen(frame, &all);
+            frame_times.extend(edit_ms.map(|ms| ("edit".to_owned(), ms.into())));
+            if let Some(last) = writing.take() {
+                note_written(joined(last)?, &mut times, &mut warnings, console);
+            }
+            let header = ExrHeader {
+                asset_hash: Some(format!("{hash:016x}")),
+                seed: Some(seed),
+                frames_per_second: Some(sequence.fps),
+                frame: Some(frame),
+                ..ExrHeader::new()
+            };
+            let file = args.output.file(frame);
+            writing = Some(scope.spawn(move || write(args, file, &all, &header)));
+            let total_ms = milliseconds(since) - std::mem::take(&mut session.apart_ms);
+            since = Instant::now();
+            frame_times.insert("total".into(), total_ms.into());
+            frame_times.insert("frame".into(), frame.into());
+            times.push(frame_times);
         }
-        if args.png {
-            let beauty = all.rgb(BEAUTY).unwrap_or_default();
-            write_png(&file.with_extension("png"), &tone_mapped(&beauty, args.exposure))?;
+        if let Some(last) = writing {
+            let written = joined(last)?;
+            // Nothing hides the last one.
+            if let Some(total) = times.last_mut().and_then(|times| times.get_mut("total")) {
+                *total = (total.as_f64().unwrap_or_default() + milliseconds(since)).into();
+            }
+            note_written(written, &mut times, &mut warnings, console);
         }
-        frame_times.insert("write".into(), milliseconds(write).into());
-        let total_ms = milliseconds(start) - std::mem::take(&mut session.apart_ms);
-        frame_times.insert("total".into(), total_ms.into());
-        frame_times.insert("frame".into(), frame.into());
-        console.advance_to(done as u64 + 1);
-        console.detail(format!("{}: {total_ms:.1} ms", file.display()));
-        times.push(Value::Object(frame_times));
-    }
+        Ok(())
+    })?;
     console.close();
     for warning in warnings {
         console.note(format!("warning: {warning}"));
@@ -310,7 +319,56 @@ pub fn play(
     }))
 }
 
-fn summary(times: &[Value], integrator: Integrator, args: &PlayArgs, range: FrameRange) -> String {
+/// A frame's files.
+struct Written {
+    file: PathBuf,
+    milliseconds: f64,
+    warnings: Vec<ExrWarning>,
+}
+
+/// Writes the layers of a frame that are asked for.
+fn write(args: &PlayArgs, file: PathBuf, all: &Layers, header: &ExrHeader) -> Result<Written, ImageError> {
+    let start = Instant::now();
+    let warnings = write_exr(&file, &chosen(all, &args.layers), header, args.float)?;
+    if args.png {
+        let beauty = all.rgb(BEAUTY).unwrap_or_default();
+        write_png(&file.with_extension("png"), &tone_mapped(&beauty, args.exposure))?;
+    }
+    Ok(Written {
+        file,
+        milliseconds: milliseconds(start),
+        warnings,
+    })
+}
+
+fn joined(writing: ScopedJoinHandle<Result<Written, ImageError>>) -> Result<Written, ImageError> {
+    writing
+        .join()
+        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
+/// Notes that the last of the frames in `times` is written.
+fn note_written(
+    written: Written,
+    times: &mut [Map<String, Value>],
+    warnings: &mut BTreeSet<String>,
+    console: &Console,
+) {
+    warnings.extend(written.warnings.iter().map(ToString::to_string));
+    console.advance_to(times.len() as u64);
+    if let Some(times) = times.last_mut() {
+        times.insert("write".into(), written.milliseconds.into());
+        let total = times.get("total").and_then(Value::as_f64).unwrap_or_default();
+        console.detail(format!("{}: {total:.1} ms", written.file.display()));
+    }
+}
+
+fn summary(
+    times: &[Map<String, Value>],
+    integrator: Integrator,
+    args: &PlayArgs,
+    range: FrameRange,
+) -> String {
     let median = median(times.iter().filter_map(|t| t["total"].as_f64()));
     let name = integrator
         .to_possible_value()
