@@ -8,7 +8,7 @@ use crate::frames;
 use crate::lightcuts::LightcutArgs;
 use crate::many_lights::{PixelcutsArgs, PointArgs};
 use crate::output;
-use crate::play::{self, Integrator, LayerName, PlayArgs};
+use crate::play::{self, Integrator, LayerName, Pace, PlayArgs};
 use crate::session::median;
 use crate::words;
 use clap::Args;
@@ -77,7 +77,7 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
         png: true,
         ..play_args(&asset, &data, folder, "frame_####.exr")?
     };
-    let played = play::play(&frames, seed, console, |_, layers| {
+    let played = play::play(&frames, seed, console, Pace::Overlapping, |_, layers| {
         thumbnails.push(shrunk(&layers.rgb(BEAUTY).unwrap_or_default(), SHEET_SHRINK));
     })?;
     let sheet = contact_sheet(&thumbnails, SHEET_COLUMNS)?;
@@ -165,7 +165,9 @@ fn check(asset: &Path, data: &Path, folder: &Path, seed: u64, console: &Console)
             ..play_args(asset, data, &folder.join("check"), name)?
         };
         let mut kept = Layers::default();
-        let played = play::play(&args, seed, console, |_, layers| kept = layers.clone())?;
+        let played = play::play(&args, seed, console, Pace::Overlapping, |_, layers| {
+            kept = layers.clone()
+        })?;
         Ok((kept, played))
     };
     // 16 primary rays: the reference is a mean over the pixel.

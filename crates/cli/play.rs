@@ -181,7 +181,7 @@ const DEFAULT_ASPECT: f32 = 16.0 / 9.0;
 
 /// Runs the command.
 pub fn run(args: &PlayArgs, seed: u64, console: &Console) -> Result<Outcome, Failure> {
-    let json = play(args, seed, console, |_, _| {})?;
+    let json = play(args, seed, console, Pace::Overlapping, |_, _| {})?;
     if args.json {
         output::print_json(&json)?;
     }
@@ -193,6 +193,7 @@ pub fn play(
     args: &PlayArgs,
     seed: u64,
     console: &Console,
+    pace: Pace,
     mut seen: impl FnMut(u32, &Layers),
 ) -> Result<Value, Failure> {
     if !args.exposure.is_finite() {
@@ -258,9 +259,9 @@ pub fn play(
     };
     let total = range.iter().count();
     console.begin("Lighting frames", Some(total as u64));
+    let last_frame = range.iter().last();
     let mut times: Vec<Map<String, Value>> = Vec::new();
     let mut warnings = BTreeSet::new();
-    // A frame is written while the next one is lit: compressing and syncing leave cores idle.
     std::thread::scope(|scope| -> Result<(), Failure> {
         let mut writing: Option<ScopedJoinHandle<Result<Written, ImageError>>> = None;
         let mut since = Instant::now();
@@ -282,20 +283,22 @@ pub fn play(
                 ..ExrHeader::new()
             };
             let file = args.output.file(frame);
-            writing = Some(scope.spawn(move || write(args, file, &all, &header)));
+            let handle = scope.spawn(move || write(args, file, &all, &header));
+            let wait = pace == Pace::OneByOne || Some(frame) == last_frame;
+            let written = if wait {
+                Some(joined(handle)?)
+            } else {
+                writing = Some(handle);
+                None
+            };
             let total_ms = milliseconds(since) - std::mem::take(&mut session.apart_ms);
             since = Instant::now();
             frame_times.insert("total".into(), total_ms.into());
             frame_times.insert("frame".into(), frame.into());
             times.push(frame_times);
-        }
-        if let Some(last) = writing {
-            let written = joined(last)?;
-            // Nothing hides the last one.
-            if let Some(total) = times.last_mut().and_then(|times| times.get_mut("total")) {
-                *total = (total.as_f64().unwrap_or_default() + milliseconds(since)).into();
+            if let Some(written) = written {
+                note_written(written, &mut times, &mut warnings, console);
             }
-            note_written(written, &mut times, &mut warnings, console);
         }
         Ok(())
     })?;
@@ -317,6 +320,15 @@ pub fn play(
         "once_per_shot": session.once,
         "frames": times,
     }))
+}
+
+/// When the next frame begins.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Pace {
+    /// While the last one is written: compressing and syncing leave cores idle for a sixth of the time.
+    Overlapping,
+    /// Once the last one is written: its times are its own.
+    OneByOne,
 }
 
 /// A frame's files.

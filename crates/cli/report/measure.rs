@@ -8,7 +8,7 @@ use crate::bake::{self, BakeArgs, Job};
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::output;
-use crate::play;
+use crate::play::{self, Pace};
 use crate::session::median;
 use relight_scene::image::Layers;
 use relight_scene::image::metrics::{Comparison, compare};
@@ -335,7 +335,7 @@ fn play_once(runs: &Runs, one: &mut Measured, console: &Console) -> Result<(), F
     let args = task.play_args(&one.asset, &output, task.frames, &one.setting.play_words())?;
     forget_peak_memory();
     // Not the references' seed: they must not share random numbers.
-    let played = play::play(&args, task.seed ^ 1, &console.silent(), |_, _| {})?;
+    let played = play::play(&args, task.seed ^ 1, &console.silent(), Pace::OneByOne, |_, _| {})?;
     one.peak_memory = one.peak_memory.max(output::peak_memory_bytes());
     let frames = played["frames"].as_array().map_or(&[][..], Vec::as_slice);
     let mean =

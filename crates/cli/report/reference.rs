@@ -4,7 +4,7 @@ use super::{Task, cache};
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::frames::FrameRange;
-use crate::play;
+use crate::play::{self, Pace};
 use relight_scene::image::metrics::compare;
 use relight_scene::image::{
     BEAUTY, ExrHeader, FloatImage, ImageError, Layers, Limits, read_exr, write_atomically, write_exr,
@@ -227,7 +227,7 @@ impl Growing {
                 format!("{} {} {half} {}", task.seed, self.frame, self.spp).as_bytes(),
             );
             let mut layers = Layers::default();
-            play::play(&args, seed, &quiet, |_, all| layers = all.clone())?;
+            play::play(&args, seed, &quiet, Pace::OneByOne, |_, all| layers = all.clone())?;
             let share = f64::from(more) / f64::from(self.spp + more);
             let mut sum = Layers::new(task.size.0, task.size.1);
             for name in LAYERS {
