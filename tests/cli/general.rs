@@ -143,11 +143,23 @@ fn the_demo_says_where_it_can_run() {
     // The program itself lies in the clone's target folder unless that is elsewhere; copied away, it is lost.
     let program = folder.path().join("relight");
     std::fs::copy(env!("CARGO_BIN_EXE_relight"), &program).unwrap();
-    let output = std::process::Command::new(&program)
-        .arg("demo")
-        .current_dir(folder.path())
-        .output()
-        .unwrap();
+    let demo = || {
+        std::process::Command::new(&program)
+            .arg("demo")
+            .current_dir(folder.path())
+            .output()
+    };
+    // A process that another test starts holds the copy open for writing until it becomes its program.
+    let busy = |e: &std::io::Error| e.kind() == std::io::ErrorKind::ExecutableFileBusy;
+    let mut output = demo();
+    for _ in 0..100 {
+        if !output.as_ref().is_err_and(busy) {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+        output = demo();
+    }
+    let output = output.unwrap();
     assert_eq!(output.status.code(), Some(1));
     let text = String::from_utf8(output.stderr).unwrap();
     assert!(text.contains("clone of the repository"), "{text}");
