@@ -110,11 +110,12 @@ impl<'a> Samples<'a> {
         Samples {
             lights,
             light,
-            count: if lights.is_delta(light) { 1 } else { samples.max(1) },
+            count: 1,
             stage,
             seed,
             drawn,
         }
+        .of_each(samples)
     }
 
     /// The `index`-th sample of a place at `position`.

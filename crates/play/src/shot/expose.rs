@@ -71,11 +71,8 @@ pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize,
         .map(|band| exposure.band(band * BAND..height.min((band + 1) * BAND)))
         .collect();
     let mut shot = Shot {
-        width,
-        height,
         eye: camera.position,
-        end_offsets: vec![0],
-        ..Shot::default()
+        ..exposure.empty(height)
     };
     for band in bands {
         shot.push_pixels(&band, 0..width * band.height);
@@ -124,6 +121,7 @@ impl Exposure<'_> {
         band
     }
 
+    /// A shot as wide, to which pixels are appended.
     fn empty(&self, height: usize) -> Shot {
         Shot {
             width: self.width,
@@ -206,8 +204,8 @@ fn seen_along(scene: &TracedScene, camera: &Camera, direction: Vec3) -> Seen {
     })
 }
 
-/// Each ray joins the first group whose first ray it is like. Returns the number of groups.
-fn group(pixel: &mut [Sample], footprint: f32) -> usize {
+/// Each ray joins the first group whose first ray it is like.
+fn group(pixel: &mut [Sample], footprint: f32) {
     // Indices of the groups' first rays.
     let mut firsts: Vec<usize> = Vec::new();
     for i in 0..pixel.len() {
@@ -217,7 +215,6 @@ fn group(pixel: &mut [Sample], footprint: f32) -> usize {
             firsts.len() - 1
         });
     }
-    firsts.len()
 }
 
 /// Whether two rays may share a fragment.
@@ -269,6 +266,7 @@ fn append_fragments(pixel: &[Sample], ends: f32, row: &mut Shot) {
             };
             let normal = mean(|p| p.shading_normal);
             let point = ShadingPoint {
+                // The facet that the middle ray meets may face a grazing lamp less than the others do.
                 geometric_normal: mean(|p| p.geometric_normal)
                     .try_normalize()
                     .unwrap_or(s.1.geometric_normal),
