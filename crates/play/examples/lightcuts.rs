@@ -376,7 +376,7 @@ impl Study<'_> {
                 &settings,
                 &self.watch,
             )?;
-            for doubt in [f32::INFINITY, 0.2, 0.1, 0.07, 0.05, 0.035, 0.025] {
+            for doubt in [f32::INFINITY, 0.1, 0.05, 0.025, 0.0125] {
                 let settings = LightcutSettings {
                     doubt,
                     ..Self::settings()

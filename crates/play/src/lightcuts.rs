@@ -3,7 +3,8 @@
 //! Source: Walter et al. 2005. All lights become lights without extent ([`crate::many_lights`]); trees over them hold
 //! clusters ([`relight_transport::light_clusters`]), and every eye ray's point gets the coarsest cut through them whose
 //! nodes' error bounds ([`relight_transport::light_bounds`], [`relight_scene::bsdf::bounds`]) are each at most a share
-//! of the light there. Clusters that are hidden for sure (`hidden`) have no error.
+//! of the light there. Clusters that are hidden for sure (`hidden`) have no error; those that little lies in front of
+//! are as visible as their parts are (`sights`).
 //!
 //! Lights that shine directly and virtual lights are trees apart, so that layers add up, and with light layers every
 //! source has its own; the error is relative to all light together.
@@ -15,7 +16,9 @@ mod blocks;
 pub(crate) mod cut;
 mod gather;
 mod hidden;
+mod lit;
 mod sample;
+mod sights;
 mod tightness;
 
 use crate::direct::light_met;
@@ -24,8 +27,9 @@ use crate::many_lights::PointLights;
 use crate::path::{eye_ray, see};
 use crate::sampler::Sampler;
 pub use blocks::{EyeRays, render as render_reconstructed};
-use cut::{Cut, Lit, Receiver};
+use cut::Cut;
 use glam::Vec3;
+use lit::{Lit, Receiver};
 use relight_scene::bsdf;
 use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
@@ -35,6 +39,7 @@ use relight_scene::shading::{Gloss, MIN_ALPHA, ShadingPoint};
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::TracedScene;
 use relight_transport::light_clusters::{BuildSettings, LightClusters, build};
+use sights::Sights;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 pub use gather::{AT_PIXELS, AT_POINTS, Crossover, ManyLights, worthwhile};
@@ -49,7 +54,7 @@ pub struct LightcutSettings {
     /// Most error of a cut's node, as a share of the light at the point. The paper: 2 % is not visible.
     pub error_ratio: f32,
     /// Most change that a node's parents make expect, in units of `error_ratio`; infinite as in the paper, which minds
-    /// the bounds alone.
+    /// the bounds alone, and takes a cluster to be as visible as its representative.
     pub doubt: f32,
     /// Most nodes of a cut: reached in the dark only, where errors are not visible (section 3).
     pub max_nodes: usize,
@@ -65,7 +70,7 @@ impl Default for LightcutSettings {
         LightcutSettings {
             spp: 4,
             error_ratio: 0.02,
-            doubt: 0.05,
+            doubt: 0.025,
             max_nodes: 1000,
             seed: 0,
             light_layers: false,
@@ -126,32 +131,48 @@ pub fn render(
         max_nodes: settings.max_nodes.max(1),
     };
     let sums_of = Counters::default();
-    let block = |cut: &mut Cut, tile: &crate::layers::Tile, sums: &mut [PixelSum]| {
+    let block = |state: &mut State, tile: &crate::layers::Tile, sums: &mut [PixelSum]| {
         let mut stats = LightcutStats::default();
         for ((x, y), sums) in tile.pixels().zip(sums) {
             let pixel = (y * size.width + x) as u64;
             sums.samples = settings.spp;
+            state.views.clear();
             for sample in 0..settings.spp {
                 let mut sampler = Sampler::new(settings.seed, pixel, sample);
                 let eye = eye_ray(camera, size, x, y, &mut sampler);
-                let Some(hit) = see(scene, lights, &eye, sums) else {
-                    continue;
-                };
-                let Some(view) = follow_mirrors(scene, lights, hit, -eye.direction, sums) else {
-                    continue;
-                };
-                let receiver = Receiver::new(&view.hit, &view.point, view.wo);
-                cut.choose(&lit, &receiver, &mut stats.shadow_rays);
-                stats.count(cut, &lit);
-                cut.light(&lit, |root, radiance| {
-                    add(&lit, settings.light_layers, &view, root, radiance, sums);
-                });
+                let view = see(scene, lights, &eye, sums)
+                    .and_then(|hit| follow_mirrors(scene, lights, hit, -eye.direction, sums));
+                state.views.extend(view);
+            }
+            // Stable, so that what is on one triangle keeps its order.
+            state.views.sort_by_key(|view| view.hit.primitive);
+            for views in state.views.chunk_by(|a, b| a.hit.primitive == b.hit.primitive) {
+                lit.begin(&mut state.sights, views.iter().map(|view| &view.hit));
+                for view in views {
+                    let receiver = Receiver::new(&view.hit, &view.point, view.wo);
+                    state
+                        .cut
+                        .choose(&lit, &receiver, &mut state.sights, &mut stats.shadow_rays);
+                    stats.count(&state.cut, &lit);
+                    state.cut.light(&lit, |root, radiance| {
+                        add(&lit, settings.light_layers, view, root, radiance, sums);
+                    });
+                }
             }
         }
         sums_of.add(&stats);
     };
-    let layers = render_blocks(size, lights, settings.light_layers, watch, Cut::default, block)?;
+    let layers = render_blocks(size, lights, settings.light_layers, watch, State::default, block)?;
     Ok((layers, sums_of.total()))
+}
+
+/// What a worker keeps from pixel to pixel.
+#[derive(Default)]
+struct State {
+    cut: Cut,
+    sights: Sights,
+    /// What the pixel's eye rays see.
+    views: Vec<View>,
 }
 
 impl LightcutStats {

@@ -107,6 +107,8 @@ pub struct PointLights {
     /// [`PointSettings::clamp`].
     pub clamp: f32,
     ends: Vec<End>,
+    /// As [`PointLights::ends`].
+    surfaces: (f32, bool),
     spheres: Vec<Sphere>,
 }
 
@@ -165,6 +167,7 @@ impl PointLights {
         }
         points.direct = points.lights.len();
         virtual_lights::push(&mut points, scene, settings);
+        points.surfaces = surfaces(&points.ends);
         points
     }
 
@@ -186,6 +189,11 @@ impl PointLights {
     /// Whether shadow rays end at the lights: those to spherical lights end where they meet the sphere.
     pub(crate) fn rays_end_at_lights(&self) -> bool {
         self.spheres.is_empty()
+    }
+
+    /// The largest clearance within which shadow rays end above surfaces (metres), and whether all of them do.
+    pub(crate) fn ends(&self) -> (f32, bool) {
+        self.surfaces
     }
 
     /// Adds a light unless it is dark or beyond what f32 holds.
@@ -249,6 +257,15 @@ impl PointLights {
             }
         }
     }
+}
+
+fn surfaces(ends: &[End]) -> (f32, bool) {
+    let clearance = |end: &End| match end {
+        End::Surface { clearance } => Some(*clearance),
+        End::Free | End::Sphere(_) => None,
+    };
+    let largest = ends.iter().filter_map(clearance).fold(0.0, f32::max);
+    (largest, ends.iter().all(|end| clearance(end).is_some()))
 }
 
 /// Largest contribution of a virtual light, in the measure of [`clamped`], where all lights together give `total`

@@ -17,7 +17,7 @@ mod tests;
 use crate::bsdf;
 use crate::image::ImageError;
 use crate::material::{AlphaMode, Material};
-use crate::rays::{Hit, Ray, SurfacePoint, TriangleBvh, surface_point};
+use crate::rays::{BvhPart, Hit, Ray, SurfacePoint, TriangleBvh, surface_point};
 use crate::scene::{Mesh, Scene};
 use crate::surface::{SurfaceHit, Surfaces};
 use crate::texture::DecodedTexture;
@@ -277,12 +277,25 @@ impl TracedScene {
 
     /// What stops a ray, not always what it meets first: `None` where [`Surfaces::occluded`] says no.
     pub fn stop(&self, ray: &Ray) -> Option<Stop> {
-        let hit = self.stopping_hit(ray)?;
-        Some(if self.opaque || self.traced_instance(hit.triangle).opaque {
+        self.stopping_hit(ray).map(|hit| self.stop_at(&hit))
+    }
+
+    /// As [`TracedScene::stop`], among some parts of the ray caster ([`TriangleBvh::some_hit_among`]).
+    pub fn stop_among(&self, ray: &Ray, parts: &[BvhPart]) -> Option<Stop> {
+        let hit = if self.opaque {
+            self.bvh.some_hit_among(ray, parts, |_| true)
+        } else {
+            self.bvh.some_hit_among(ray, parts, |hit| self.stops(ray, hit))
+        };
+        hit.map(|hit| self.stop_at(&hit))
+    }
+
+    fn stop_at(&self, hit: &Hit) -> Stop {
+        if self.opaque || self.traced_instance(hit.triangle).opaque {
             Stop::Opaque(hit.triangle)
         } else {
             Stop::Other
-        })
+        }
     }
 
     fn stopping_hit(&self, ray: &Ray) -> Option<Hit> {

@@ -6,8 +6,10 @@
 //! cone over another (the paper gives no angle; 60° about the normal passes what curves by less than 30° and fails
 //! steps that are deeper than some half of their distance).
 
-use super::cut::{Cut, Lit};
+use super::cut::Cut;
+use super::lit::Lit;
 use super::sample::{MOST_SAMPLES, ReconstructionStats, Sample, Traversal};
+use super::sights::Sights;
 use super::{LightcutSettings, View, add, follow_mirrors};
 use crate::layers::{Cancelled, PixelSum, RenderSize, TILE, Tile, Watch, render_blocks};
 use crate::many_lights::PointLights;
@@ -171,6 +173,7 @@ struct EyeHit {
 #[derive(Default)]
 struct State {
     cut: Cut,
+    sights: Sights,
     estimates: Vec<(Vec3, Vec3)>,
     traversal: Traversal,
     samples: Vec<Sample>,
@@ -278,7 +281,8 @@ impl Image<'_> {
     fn sample(&self, state: &mut State, view: View) -> u32 {
         state.stats.samples += 1;
         let rays = &mut state.stats.sample_rays;
-        let sample = Sample::new(&self.lit, view, &mut state.cut, &mut state.estimates, rays);
+        let buffers = (&mut state.cut, &mut state.sights);
+        let sample = Sample::new(&self.lit, view, buffers, &mut state.estimates, rays);
         state.stats.sample_nodes += state.cut.len() as u64;
         state.samples.push(sample);
         state.samples.len() as u32 - 1
@@ -318,6 +322,14 @@ impl Image<'_> {
                 }
                 return;
             };
+            let State {
+                hits, starts, sights, ..
+            } = state;
+            let places = pixels().flat_map(|pixel| {
+                let range = starts[pixel] as usize..starts[pixel + 1] as usize;
+                hits[range].iter().map(|hit| &hit.view.hit)
+            });
+            self.lit.begin(sights, places);
             let low = Vec2::new(at[0] as f32, at[1] as f32);
             let extent = Vec2::new(end[0] as f32, end[1] as f32) - low;
             for pixel in pixels() {
@@ -379,9 +391,11 @@ impl Image<'_> {
         for f in &mut found[..count] {
             f.1 = f.1 / largest / sum;
         }
+        self.lit.begin(&mut state.sights, std::iter::once(&view.hit));
         self.reconstruct(state, view, &found[..count], sums);
     }
 
+    /// Lights a view; [`State::sights`] have begun at places with it among them.
     fn reconstruct(&self, state: &mut State, view: &View, samples: &[(u32, f32)], sums: &mut PixelSum) {
         let mut near = [(&state.samples[0], 0.0); MOST_SAMPLES];
         for (near, &(sample, weight)) in near.iter_mut().zip(samples) {
@@ -389,11 +403,16 @@ impl Image<'_> {
         }
         let near = &near[..samples.len().min(MOST_SAMPLES)];
         let light = self.settings.light_layers;
-        state
-            .traversal
-            .light(&self.lit, view, near, &mut state.stats, |root, radiance| {
+        state.traversal.light(
+            &self.lit,
+            view,
+            near,
+            &mut state.sights,
+            &mut state.stats,
+            |root, radiance| {
                 add(&self.lit, light, view, root, radiance, sums);
-            });
+            },
+        );
     }
 
     /// More eye rays for pixels whose rays disagree, from the samples at the pixel's corners, if there are any.

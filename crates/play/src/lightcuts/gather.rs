@@ -3,7 +3,9 @@
 //! The twin of [`crate::lighting`] for frames with so many lights that a shadow ray for each costs more than a cut
 //! ([`worthwhile`]).
 
-use super::cut::{Cut, Lit, Receiver};
+use super::cut::Cut;
+use super::lit::{Lit, Receiver};
+use super::sights::Sights;
 use super::{LightcutSettings, LightcutStats, trees};
 use crate::many_lights::{PointLights, PointSettings};
 use glam::Vec3;
@@ -126,9 +128,11 @@ impl ManyLights {
         let stats = (out.par_chunks_mut(CHUNK).enumerate())
             .map_init(Cut::default, |cut, (chunk, out)| {
                 let mut stats = LightcutStats::default();
+                let mut sights = Sights::default();
                 for (local, out) in out.iter_mut().enumerate() {
                     let mut light = |receiver: &Receiver<'_>| {
-                        cut.choose(&lit, receiver, &mut stats.shadow_rays);
+                        lit.begin(&mut sights, std::iter::once(receiver.hit));
+                        cut.choose(&lit, receiver, &mut sights, &mut stats.shadow_rays);
                         stats.count(cut, &lit);
                         cut.total.as_vec3()
                     };

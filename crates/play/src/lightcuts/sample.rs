@@ -4,7 +4,9 @@
 //! interpolate, cluster-evaluate and refine, with their three exceptions.
 
 use super::View;
-use super::cut::{Cut, Lit, Receiver, Slot, Term};
+use super::cut::{Cut, Slot};
+use super::lit::{Lit, Receiver, Term};
+use super::sights::Sights;
 use crate::many_lights::clamp_limit;
 use glam::Vec3;
 use relight_scene::bsdf;
@@ -33,17 +35,18 @@ pub(crate) struct Sample {
 }
 
 impl Sample {
-    /// Chooses a lightcut at a view and makes impostors of it. `cut` and `estimates` are buffers.
+    /// Chooses a lightcut at a view and makes impostors of it. `cut`, `sights` and `estimates` are buffers.
     pub fn new(
         lit: &Lit<'_>,
         view: View,
-        cut: &mut Cut,
+        (cut, sights): (&mut Cut, &mut Sights),
         estimates: &mut Vec<(Vec3, Vec3)>,
         shadow_rays: &mut u64,
     ) -> Sample {
         let receiver = Receiver::new(&view.hit, &view.point, view.wo);
         cut.keep = true;
-        cut.choose(lit, &receiver, shadow_rays);
+        lit.begin(sights, std::iter::once(&view.hit));
+        cut.choose(lit, &receiver, sights, shadow_rays);
         let total = cut.total.as_vec3();
         let limit = clamp_limit(total, lit.points.clamp);
         // Per slot its radiance and the direction from which that comes, not yet a unit vector.
@@ -135,6 +138,8 @@ struct Place {
 struct Visit {
     node: u32,
     root: u32,
+    /// Place among those of [`Sights`].
+    place: u32,
     /// Evaluate, whatever the samples say (third exception), with the representative's term where it is known.
     evaluate: bool,
     known: Option<Term>,
@@ -174,12 +179,13 @@ const GLOSSY: f32 = FRAC_1_PI * 1.0001;
 
 impl Traversal {
     /// A reconstruction cut at `view` from `samples` (at most [`MOST_SAMPLES`]) with weights that sum to 1: calls
-    /// `visit(root, radiance)`.
+    /// `visit(root, radiance)`. `sights` have begun at places with the view among them.
     pub fn light(
         &mut self,
         lit: &Lit<'_>,
         view: &View,
         samples: &[(&Sample, f32)],
+        sights: &mut Sights,
         stats: &mut ReconstructionStats,
         mut visit: impl FnMut(u32, Vec3),
     ) {
@@ -204,6 +210,7 @@ impl Traversal {
             self.stack.push(Visit {
                 node: start.node,
                 root: root as u32,
+                place: root as u32,
                 evaluate: false,
                 known: None,
                 places,
@@ -249,18 +256,26 @@ impl Traversal {
                     continue;
                 }
                 let representative = lit.clusters.nodes[at.node as usize].representative;
-                let term =
-                    (at.known).unwrap_or_else(|| lit.term(representative, &receiver, &mut stats.shadow_rays));
+                let sight = sights.of(lit, at.place, at.node);
+                let term = if sight.closed && children.is_some() {
+                    lit.seen_term(at.node, &receiver, sights.parts(sight))
+                } else {
+                    (at.known).unwrap_or_else(|| {
+                        lit.seen_from(representative, &receiver, sights, sight, &mut stats.shadow_rays)
+                    })
+                };
                 let radiance = lit.clamped(at.node, term, limit);
                 let unexpected = expected > 0.0 && radiance.max_element() > expected;
                 match children {
                     Some(children) if unexpected => {
-                        for node in children {
+                        let place = sights.children(at.place);
+                        for (side, node) in children.into_iter().enumerate() {
                             let shared = lit.clusters.nodes[node as usize].representative == representative;
                             self.stack.push(Visit {
                                 node,
+                                place: place + side as u32,
                                 evaluate: true,
-                                known: shared.then_some(term),
+                                known: (shared && !sight.closed).then_some(term),
                                 ..at
                             });
                         }
@@ -272,6 +287,7 @@ impl Traversal {
             // Refine.
             let Some(children) = children else { continue };
             let parent = lit.clusters.nodes[at.node as usize].intensity.element_sum();
+            let first_place = sights.children(at.place);
             for (side, node) in children.into_iter().enumerate() {
                 let mut places = at.places;
                 for (place, (sample, _)) in places.iter_mut().zip(samples) {
@@ -285,7 +301,12 @@ impl Traversal {
                         place.below = true;
                     }
                 }
-                self.stack.push(Visit { node, places, ..at });
+                self.stack.push(Visit {
+                    node,
+                    place: first_place + side as u32,
+                    places,
+                    ..at
+                });
             }
         }
     }

@@ -1,7 +1,7 @@
 //! How tight the bounds are where they are used.
 
 use super::View;
-use super::cut::Receiver;
+use super::lit::Receiver;
 use crate::direct::reflected;
 use crate::layers::{PixelSum, RenderSize};
 use crate::many_lights::PointLights;

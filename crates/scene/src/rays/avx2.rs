@@ -13,6 +13,7 @@ use std::mem::MaybeUninit;
 use super::layout::{Block, LEAF_BIT, Node, STACK_SIZE, Tree};
 use super::ray_setup::RaySetup;
 use super::scalar::Best;
+use super::shaft::{self, BvhPart, ShaftEnd, ShaftSetup, ShaftStart};
 use super::{Hit, Ray};
 
 /// Proof that the processor has the instructions that this module is compiled for.
@@ -40,6 +41,33 @@ impl Avx2 {
         unsafe { cast::<ANY>(tree, ray, accept) }
     }
 
+    /// See [`super::TriangleBvh::narrow`].
+    pub(super) fn narrow(
+        self,
+        tree: &Tree,
+        shaft: (&ShaftStart, &ShaftEnd),
+        among: &[BvhPart],
+        steps: usize,
+        most: usize,
+        kept: &mut Vec<BvhPart>,
+    ) -> bool {
+        // SAFETY: a value of this type exists only where `detect` found the instructions.
+        unsafe { narrow(tree, shaft, among, steps, most, kept) }
+    }
+
+    /// Some accepted hit of the parts' triangles.
+    #[inline(always)]
+    pub(super) fn cast_among(
+        self,
+        tree: &Tree,
+        ray: &Ray,
+        parts: &[BvhPart],
+        accept: &impl Fn(&Hit) -> bool,
+    ) -> Option<Hit> {
+        // SAFETY: a value of this type exists only where `detect` found the instructions.
+        unsafe { cast_among(tree, ray, parts, accept) }
+    }
+
     /// See [`super::TriangleBvh::any_hit_packet`].
     pub(super) fn any_hit_packet(self, tree: &Tree, rays: &[Ray], occluded: &mut [bool]) {
         // SAFETY: a value of this type exists only where `detect` found the instructions.
@@ -51,6 +79,34 @@ impl Avx2 {
 fn cast<const ANY: bool>(tree: &Tree, ray: &Ray, accept: &impl Fn(&Hit) -> bool) -> Option<Hit> {
     let setup = RaySetup::new(tree, ray)?;
     traverse::<ANY>(tree, &setup, 0, accept)
+}
+
+/// The portable code, compiled for these instructions: its loops over lanes become vectors.
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn narrow(
+    tree: &Tree,
+    (start, end): (&ShaftStart, &ShaftEnd),
+    among: &[BvhPart],
+    steps: usize,
+    most: usize,
+    kept: &mut Vec<BvhPart>,
+) -> bool {
+    ShaftSetup::new(tree, start, end)
+        .is_some_and(|shaft| shaft::narrow(tree, &shaft, among, steps, most, kept))
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn cast_among(tree: &Tree, ray: &Ray, parts: &[BvhPart], accept: &impl Fn(&Hit) -> bool) -> Option<Hit> {
+    let setup = RaySetup::new(tree, ray)?;
+    let lanes = Lanes::new(&setup);
+    let mut best = Best::new(&setup);
+    for part in parts.iter().filter(|part| part.is_triangles()) {
+        let block = &tree.blocks[(part.0 & !LEAF_BIT) as usize];
+        if meet_triangles(block, &setup, &lanes, &mut best, accept) {
+            break;
+        }
+    }
+    best.hit
 }
 
 /// The per-ray constants in registers.

@@ -1,6 +1,7 @@
 //! Stands in for the AVX2 kernel where there is none: a type without values.
 
 use super::layout::Tree;
+use super::shaft::{BvhPart, ShaftEnd, ShaftStart};
 use super::{Hit, Ray};
 
 /// Proof that the processor runs the AVX2 kernel: none here.
@@ -13,6 +14,28 @@ impl Avx2 {
     }
 
     pub(super) fn cast<const ANY: bool>(self, _: &Tree, _: &Ray, _: &impl Fn(&Hit) -> bool) -> Option<Hit> {
+        match self {}
+    }
+
+    pub(super) fn narrow(
+        self,
+        _: &Tree,
+        _: (&ShaftStart, &ShaftEnd),
+        _: &[BvhPart],
+        _: usize,
+        _: usize,
+        _: &mut Vec<BvhPart>,
+    ) -> bool {
+        match self {}
+    }
+
+    pub(super) fn cast_among(
+        self,
+        _: &Tree,
+        _: &Ray,
+        _: &[BvhPart],
+        _: &impl Fn(&Hit) -> bool,
+    ) -> Option<Hit> {
         match self {}
     }
 

@@ -18,6 +18,7 @@ mod packet;
 mod ray_setup;
 mod scalar;
 mod secondary;
+mod shaft;
 
 use glam::Vec3;
 
@@ -26,9 +27,12 @@ pub use secondary::{
     surface_point,
 };
 
+pub use shaft::{BvhPart, ShaftEnd, ShaftStart};
+
 use avx2::Avx2;
 use layout::{BLOCK_WIDTH, Tree};
 use ray_setup::RaySetup;
+use shaft::ShaftSetup;
 
 /// A part of a straight line: `origin + t * direction` for `t_min <= t <= t_max`, in world space.
 ///
@@ -174,6 +178,34 @@ impl TriangleBvh {
     /// each other in the slice. If the slices differ in length, the shorter one counts.
     pub fn any_hit_packet(&self, rays: &[Ray], occluded: &mut [bool]) {
         packet::any_hit_packet(&self.tree, self.simd, rays, occluded);
+    }
+
+    /// Appends to `kept` what rays within the shaft may meet of `among`, with up to `steps` boxes of boxes opened: the rest
+    /// stays whole. `false` if it is more than `most` parts; then only some are appended.
+    pub fn narrow(
+        &self,
+        start: &ShaftStart,
+        end: &ShaftEnd,
+        among: &[BvhPart],
+        steps: usize,
+        most: usize,
+        kept: &mut Vec<BvhPart>,
+    ) -> bool {
+        if let Some(simd) = self.simd {
+            return simd.narrow(&self.tree, (start, end), among, steps, most, kept);
+        }
+        ShaftSetup::new(&self.tree, start, end)
+            .is_some_and(|shaft| shaft::narrow(&self.tree, &shaft, among, steps, most, kept))
+    }
+
+    /// As [`TriangleBvh::some_hit_where`], of the triangles of some parts of this hierarchy; of those parts that are not
+    /// a few triangles, nothing is met.
+    pub fn some_hit_among(&self, ray: &Ray, parts: &[BvhPart], accept: impl Fn(&Hit) -> bool) -> Option<Hit> {
+        if let Some(simd) = self.simd {
+            return simd.cast_among(&self.tree, ray, parts, &accept);
+        }
+        let setup = RaySetup::new(&self.tree, ray)?;
+        scalar::meet_among(&self.tree, &setup, parts, &accept)
     }
 
     #[inline(always)]

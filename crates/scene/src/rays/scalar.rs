@@ -4,6 +4,7 @@
 use super::Hit;
 use super::layout::{BLOCK_WIDTH, Block, LEAF_BIT, NO_TRIANGLE, NODE_WIDTH, Node, STACK_SIZE, Tree};
 use super::ray_setup::RaySetup;
+use super::shaft::BvhPart;
 
 /// The closest accepted hit (`ANY` = false) or some accepted hit. Of hits at equal t the lowest triangle index wins.
 pub(super) fn traverse<const ANY: bool>(
@@ -44,6 +45,23 @@ pub(super) fn traverse<const ANY: bool>(
             }
             stack[place] = (child, near);
             top += 1;
+        }
+    }
+    best.hit
+}
+
+/// Some accepted hit of the parts' triangles.
+pub(super) fn meet_among(
+    tree: &Tree,
+    ray: &RaySetup,
+    parts: &[BvhPart],
+    accept: &impl Fn(&Hit) -> bool,
+) -> Option<Hit> {
+    let mut best = Best::new(ray);
+    for part in parts.iter().filter(|part| part.is_triangles()) {
+        let block = &tree.blocks[(part.0 & !LEAF_BIT) as usize];
+        if intersect_block(block, ray, &mut best, accept) {
+            break;
         }
     }
     best.hit
