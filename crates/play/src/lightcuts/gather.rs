@@ -22,9 +22,9 @@ use std::f32::consts::PI;
 pub struct Crossover(u64);
 
 /// At points of the basis, whose cuts have no doubt.
-pub const AT_POINTS: Crossover = Crossover(300);
+pub const AT_POINTS: Crossover = Crossover(350);
 /// At pixels.
-pub const AT_PIXELS: Crossover = Crossover(850);
+pub const AT_PIXELS: Crossover = Crossover(400);
 
 /// Whether a place would send more shadow rays to the lights themselves, `samples` to each with extent, than are worth
 /// it.

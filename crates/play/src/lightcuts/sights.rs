@@ -114,8 +114,7 @@ impl Sights {
             return Sight::OPEN;
         };
         let Place { asked, mut sight, .. } = self.places[place as usize];
-        // A single light is asked by a ray.
-        if asked || sight.is_clear() || lit.clusters.children(node).is_none() {
+        if asked || sight.is_clear() {
             return sight;
         }
         let emission = lit.clusters.emission(node);
