@@ -269,6 +269,7 @@ fn many_lights(full: bool) -> Vec<Setting> {
     } else {
         &["0.1"]
     };
+    all.push(of("lightcuts", &[("--cluster-visibility", "representative")]));
     all.extend(ratios.iter().map(|r| of("lightcuts", &[("--error-ratio", r)])));
     let nodes: &[&str] = if full { &["50", "100", "300"] } else { &["100"] };
     all.extend(nodes.iter().map(|n| of("lightcuts", &[("--max-nodes", n)])));
