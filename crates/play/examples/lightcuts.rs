@@ -22,6 +22,7 @@ use relight_play::brute::{self, PointsSettings};
 use relight_play::layers::{RenderSize, Watch};
 use relight_play::lightcuts::{self, EyeRays, LightcutSettings};
 use relight_play::many_lights::{PointLights, PointSettings};
+use relight_scene::bsdf::Viewed;
 use relight_scene::camera::Camera;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::image::{Layers, metrics};
@@ -272,9 +273,10 @@ impl Study<'_> {
                     };
                     let wo = -eye.direction;
                     let point = self.scene.shading_point(&hit).facing(wo);
+                    let viewed = Viewed::new(&point, wo);
                     order.clear();
                     order.extend((0..points.len()).filter_map(|i| {
-                        let radiance = points.unoccluded(i, &hit, &point, wo)?;
+                        let radiance = points.unoccluded(i, &hit, &viewed)?;
                         Some((radiance.max_element(), i))
                     }));
                     order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));

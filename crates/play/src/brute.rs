@@ -10,6 +10,7 @@ use crate::many_lights::{PointLights, clamp_limit, clamped};
 use crate::path::{eye_ray, see};
 use crate::sampler::Sampler;
 use glam::{DVec3, Vec3};
+use relight_scene::bsdf::Viewed;
 use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
 use relight_scene::light_set::LightSet;
@@ -147,13 +148,14 @@ pub fn render_points(
                 };
                 let wo = -eye.direction;
                 let point = scene.shading_point(&hit).facing(wo);
+                let viewed = Viewed::new(&point, wo);
                 let mut total = DVec3::ZERO;
                 passed_on.clear();
                 for first in (0..points.len()).step_by(TOGETHER) {
                     rays.clear();
                     reached.clear();
                     for i in first..(first + TOGETHER).min(points.len()) {
-                        if let Some(radiance) = points.unoccluded(i, &hit, &point, wo)
+                        if let Some(radiance) = points.unoccluded(i, &hit, &viewed)
                             && let Some(ray) = points.shadow_ray(i, &ray_end(&hit))
                         {
                             rays.push(ray);

@@ -16,11 +16,10 @@ mod virtual_lights;
 #[cfg(test)]
 pub(crate) mod tests;
 
-use crate::direct::reflected;
 use glam::Vec3;
+use relight_scene::bsdf::Viewed;
 use relight_scene::light_set::{LightForm, LightSet};
 use relight_scene::rays::{self, Ray, SurfacePoint};
-use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, ray_from_end};
 use relight_scene::traced::TracedScene;
 use relight_transport::point_light::{Emission, PointLight};
@@ -205,12 +204,12 @@ impl PointLights {
         }
     }
 
-    /// Radiance towards `wo` by light `i` if nothing is in between, before any clamp: M G I of the paper's equation 1,
+    /// Radiance towards the viewer by light `i` if nothing is in between, before any clamp: M G I of the paper's equation 1,
     /// RGB. `None` where it is zero or beyond what f32 holds. `hit` and `point` are the same place.
-    pub fn unoccluded(&self, i: usize, hit: &SurfaceHit, point: &ShadingPoint, wo: Vec3) -> Option<Vec3> {
+    pub fn unoccluded(&self, i: usize, hit: &SurfaceHit, point: &Viewed<'_>) -> Option<Vec3> {
         let light = &self.lights[i];
         let arrival = light.arrival(hit.position)?;
-        let reflected = reflected(point, wo, arrival.direction);
+        let reflected = point.reflected(arrival.direction);
         if reflected == Vec3::ZERO {
             return None;
         }

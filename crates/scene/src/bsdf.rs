@@ -39,7 +39,7 @@ use glam::Vec3;
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 
 pub use albedo::hemispherical_albedo;
-pub use integrate::{Incident, integrate, integrate_diffuse, irradiance};
+pub use integrate::{Incident, Viewed, integrate, integrate_diffuse, irradiance};
 pub use lobe::{Lobe, at_least_as_wide, lobe, spread_by_normals, width_facing};
 pub use phong::{MAX_EXPONENT, exponent_of_alpha};
 

@@ -1,10 +1,10 @@
 //! What clusters of lights give a receiver: the terms of Walter et al. 2005, equations 1 and 2.
 
 use super::sights::{Sight, Sights};
-use crate::direct::reflected;
 use crate::lighting::cosine_over;
 use crate::many_lights::{PointLights, clamped};
 use glam::Vec3;
+use relight_scene::bsdf::Viewed;
 use relight_scene::bsdf::bounds::ReflectionBound;
 use relight_scene::rays::{BvhPart, Ray, ShaftStart};
 use relight_scene::shading::ShadingPoint;
@@ -18,9 +18,9 @@ use relight_transport::point_light::Emission;
 pub(crate) struct Receiver<'a> {
     pub hit: &'a SurfaceHit,
     pub point: &'a ShadingPoint,
-    pub wo: Vec3,
     /// Surface, m², that the place stands for.
     footprint: f32,
+    viewed: Viewed<'a>,
     bound: ReflectionBound,
     axes: [Axis; 4],
 }
@@ -31,8 +31,8 @@ impl<'a> Receiver<'a> {
         Receiver {
             hit,
             point,
-            wo,
             footprint: 0.0,
+            viewed: Viewed::new(point, wo),
             axes: bound.axes.map(Axis::new),
             bound,
         }
@@ -178,12 +178,12 @@ impl Lit<'_> {
 
     /// M G of the paper's equation 1: radiance by light `i` per unit of its intensity, if nothing is in between.
     fn unshadowed(&self, i: u32, receiver: &Receiver<'_>) -> Vec3 {
-        let Receiver { hit, point, wo, .. } = *receiver;
+        let Receiver { hit, point, .. } = *receiver;
         let light = &self.points.lights[i as usize];
         let Some(arrival) = light.arrival(hit.position) else {
             return Vec3::ZERO;
         };
-        let reflected = reflected(point, wo, arrival.direction);
+        let reflected = receiver.viewed.reflected(arrival.direction);
         let stands_for_more = receiver.footprint > 0.0;
         if reflected == Vec3::ZERO || stands_for_more && hit.geometric_normal.dot(arrival.direction) <= 0.0 {
             return Vec3::ZERO;

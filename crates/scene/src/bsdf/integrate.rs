@@ -3,7 +3,7 @@
 mod lanes;
 
 use super::albedo::{self, DiffuseScale};
-use super::{FRAC_1_PI, MIN_COSINE, PI, cosine_above, eval, smith_root};
+use super::{FRAC_1_PI, Half, MIN_COSINE, PI, cosine_above, eval, fresnel, ggx_distribution, smith_root};
 use crate::shading::{Gloss, ShadingPoint};
 use glam::Vec3;
 use lanes::{LANES, Lanes};
@@ -99,6 +99,35 @@ fn one_by_one(point: &ShadingPoint, wo: Vec3, light: &Incident) -> Vec3 {
     sum
 }
 
+/// A point as one viewer sees it: what many lights one after another share is found once.
+pub struct Viewed<'a> {
+    point: &'a ShadingPoint,
+    wo: Vec3,
+    /// Of the metallic-roughness BRDF.
+    ggx: Option<Ggx<'a>>,
+}
+
+impl<'a> Viewed<'a> {
+    /// Seen from `wo`, a unit vector away from the surface.
+    pub fn new(point: &'a ShadingPoint, wo: Vec3) -> Viewed<'a> {
+        let plain = point.lambert || !matches!(point.gloss, Gloss::Ggx);
+        Viewed {
+            point,
+            wo,
+            ggx: if plain { None } else { Ggx::new(point, wo) },
+        }
+    }
+
+    /// BRDF × cosine, 1/sr, for light from `wi` (unit, away from the surface): [`eval`]'s but for rounding.
+    pub fn reflected(&self, wi: Vec3) -> Vec3 {
+        let cosine = self.point.shading_normal.dot(wi).max(0.0);
+        match &self.ggx {
+            Some(ggx) => ggx.eval(wi) * cosine,
+            None => eval(self.point, self.wo, wi) * cosine,
+        }
+    }
+}
+
 /// What of the metallic-roughness BRDF does not depend on where light comes from.
 struct Ggx<'a> {
     point: &'a ShadingPoint,
@@ -129,6 +158,27 @@ impl<'a> Ggx<'a> {
             unscaled: scale.as_ref().map_or(0.0, DiffuseScale::unscaled_from),
             scale,
         })
+    }
+
+    fn eval(&self, wi: Vec3) -> Vec3 {
+        let point = self.point;
+        let Some(cos_i) = cosine_above(point, wi) else {
+            return Vec3::ZERO;
+        };
+        let half = Half::new(point.shading_normal, self.wo, wi);
+        let fresnel = fresnel(point.f0, half.cos_oh);
+        let root_i = smith_root(cos_i, point.alpha);
+        let visibility = 0.5 / (cos_i * self.root_o + self.cos_o * root_i);
+        let mut f = fresnel * (ggx_distribution(half.sin2_h, point.alpha) * visibility);
+        if let Some(scale) = &self.scale {
+            let diffuse = (Vec3::ONE - fresnel) * self.diffuse;
+            f += if cos_i >= self.unscaled {
+                diffuse
+            } else {
+                diffuse * scale.at(cos_i)
+            };
+        }
+        f
     }
 
     fn integrate(&self, light: &Incident) -> Vec3 {
@@ -271,6 +321,17 @@ mod tests {
                 ..ShadingPoint::lambert(&hit, Vec3::new(white, 0.5, 0.0))
             };
             let wo = (normal + unit() * 0.9).normalize();
+            let viewed = Viewed::new(&point, wo);
+            for &wi in &directions {
+                let truth = eval(&point, wo, wi) * point.shading_normal.dot(wi).max(0.0);
+                let found = viewed.reflected(wi);
+                // Some f32 roundings of products.
+                let bound = 4e-6 * truth.max_element();
+                assert!(
+                    (found - truth).abs().max_element() <= bound,
+                    "{case}: {found} {truth}"
+                );
+            }
             let truth = one_by_one(&point, wo, &light);
             let found = integrate(&point, wo, &light);
             // f32 sums of 200 terms; the narrowest lobe magnifies the rounding of the half vector by 1/α².
