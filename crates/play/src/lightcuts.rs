@@ -147,7 +147,7 @@ pub fn render(
             // Stable, so that what is on one triangle keeps its order.
             state.views.sort_by_key(|view| view.hit.primitive);
             for views in state.views.chunk_by(|a, b| a.hit.primitive == b.hit.primitive) {
-                lit.begin(&mut state.sights, views.iter().map(|view| &view.hit));
+                state.sights.begin(&lit, views.iter().map(|view| &view.hit));
                 for view in views {
                     let receiver = Receiver::new(&view.hit, &view.point, view.wo);
                     state

@@ -265,7 +265,13 @@ fn smith_root(cos: f32, alpha: f32) -> f32 {
 
 /// V = G / (4 cos_o cos_i), Smith's height-correlated form.
 fn visibility(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
-    0.5 / (cos_i * smith_root(cos_o, alpha) + cos_o * smith_root(cos_i, alpha))
+    let with_root = |cos| (cos, smith_root(cos, alpha));
+    visibility_by_roots(with_root(cos_o), with_root(cos_i))
+}
+
+/// [`visibility`] from each cosine with its [`smith_root`].
+fn visibility_by_roots((cos_o, root_o): (f32, f32), (cos_i, root_i): (f32, f32)) -> f32 {
+    0.5 / (cos_i * root_o + cos_o * root_i)
 }
 
 /// G2/G1, both in Smith's height-correlated form: what is left of a visible normal's reflection.

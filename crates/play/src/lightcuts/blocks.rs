@@ -329,7 +329,7 @@ impl Image<'_> {
                 let range = starts[pixel] as usize..starts[pixel + 1] as usize;
                 hits[range].iter().map(|hit| &hit.view.hit)
             });
-            self.lit.begin(sights, places);
+            sights.begin(&self.lit, places);
             let low = Vec2::new(at[0] as f32, at[1] as f32);
             let extent = Vec2::new(end[0] as f32, end[1] as f32) - low;
             for pixel in pixels() {
@@ -391,7 +391,7 @@ impl Image<'_> {
         for f in &mut found[..count] {
             f.1 = f.1 / largest / sum;
         }
-        self.lit.begin(&mut state.sights, std::iter::once(&view.hit));
+        state.sights.begin(&self.lit, std::iter::once(&view.hit));
         self.reconstruct(state, view, &found[..count], sums);
     }
 

@@ -131,7 +131,7 @@ impl ManyLights {
                 let mut sights = Sights::default();
                 for (local, out) in out.iter_mut().enumerate() {
                     let mut light = |receiver: &Receiver<'_>| {
-                        lit.begin(&mut sights, std::iter::once(receiver.hit));
+                        sights.begin(&lit, std::iter::once(receiver.hit));
                         cut.choose(&lit, receiver, &mut sights, &mut stats.shadow_rays);
                         stats.count(cut, &lit);
                         cut.total.as_vec3()

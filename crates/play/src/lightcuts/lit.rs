@@ -6,13 +6,13 @@ use crate::many_lights::{PointLights, clamped};
 use glam::Vec3;
 use relight_scene::bsdf::Viewed;
 use relight_scene::bsdf::bounds::ReflectionBound;
-use relight_scene::rays::{BvhPart, Ray, ShaftStart};
+use relight_scene::rays::{BvhPart, Ray};
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, ray_end};
 use relight_scene::traced::{Stop, TracedScene};
 use relight_transport::light_bounds::{Axis, LightBox, geometric_bound};
 use relight_transport::light_clusters::LightClusters;
-use relight_transport::point_light::Emission;
+use relight_transport::point_light::{Arrival, Emission};
 
 /// Where light arrives and who looks at it.
 pub(crate) struct Receiver<'a> {
@@ -116,12 +116,6 @@ impl Term {
 }
 
 impl Lit<'_> {
-    /// Makes `sights` those of some places. Without a limit on the doubt, as in the paper, none are sought.
-    pub fn begin<'h>(&self, sights: &mut Sights, places: impl Iterator<Item = &'h SurfaceHit> + Clone) {
-        let start = (self.doubt < f32::INFINITY).then(|| ShaftStart::around(places.map(ray_end)));
-        sights.begin(self, start);
-    }
-
     /// What light `i` gives, shadow ray included.
     fn term(&self, i: u32, receiver: &Receiver<'_>, shadow_rays: &mut u64) -> Term {
         let unshadowed = self.unshadowed(i, receiver);
@@ -147,15 +141,10 @@ impl Lit<'_> {
         }
     }
 
-    /// What a node gives per unit of its intensity, where nothing but `parts` may be in between.
-    pub fn seen_term(&self, node: u32, receiver: &Receiver<'_>, parts: &[BvhPart]) -> Term {
-        Term::DARK.with(self.mean_among(node, receiver, parts))
-    }
-
     /// As [`Lit::term`], where nothing but `parts` may be in between.
     fn term_among(&self, i: u32, receiver: &Receiver<'_>, parts: &[BvhPart]) -> Term {
         let unshadowed = self.unshadowed(i, receiver);
-        if parts.is_empty() && self.points.rays_end_at_lights() {
+        if self.is_clear(parts) {
             return Term {
                 radiance: unshadowed,
                 unshadowed,
@@ -165,24 +154,37 @@ impl Lit<'_> {
         self.shadowed(i, unshadowed, receiver, |ray| self.scene.stop_among(ray, parts))
     }
 
-    /// Whether light `i` comes from above the horizon and past `parts`. Asked first, since most parts of a cluster in
-    /// the dark are hidden, and shading takes longer.
-    fn is_lit_among(&self, i: u32, receiver: &Receiver<'_>, parts: &[BvhPart]) -> bool {
-        let hit = receiver.hit;
-        let arrival = self.points.lights[i as usize].arrival(hit.position);
-        arrival.is_some_and(|arrival| receiver.point.shading_normal.dot(arrival.direction) > 0.0)
-            && (parts.is_empty() && self.points.rays_end_at_lights()
-                || (self.points.shadow_ray(i as usize, &ray_end(hit)))
-                    .is_some_and(|ray| self.scene.stop_among(&ray, parts).is_none()))
+    /// Whether a light is seen for sure: one with a sphere is not from inside of it.
+    fn is_clear(&self, parts: &[BvhPart]) -> bool {
+        parts.is_empty() && self.points.rays_end_at_lights()
+    }
+
+    /// M G V of the paper's equation 1, where nothing but `parts` may be in between. Visibility is asked first, since most
+    /// parts of a cluster in the dark are hidden, and shading takes longer.
+    fn radiance_among(&self, i: u32, receiver: &Receiver<'_>, parts: &[BvhPart]) -> Option<Vec3> {
+        let arrival = self.points.lights[i as usize].arrival(receiver.hit.position)?;
+        if receiver.point.shading_normal.dot(arrival.direction) <= 0.0 {
+            return None;
+        }
+        if !self.is_clear(parts) {
+            let ray = self.points.shadow_ray(i as usize, &ray_end(receiver.hit))?;
+            if self.scene.stop_among(&ray, parts).is_some() {
+                return None;
+            }
+        }
+        Some(self.reflected(i, &arrival, receiver))
     }
 
     /// M G of the paper's equation 1: radiance by light `i` per unit of its intensity, if nothing is in between.
     fn unshadowed(&self, i: u32, receiver: &Receiver<'_>) -> Vec3 {
+        let arrival = self.points.lights[i as usize].arrival(receiver.hit.position);
+        arrival.map_or(Vec3::ZERO, |arrival| self.reflected(i, &arrival, receiver))
+    }
+
+    /// The same of what arrives.
+    fn reflected(&self, i: u32, arrival: &Arrival, receiver: &Receiver<'_>) -> Vec3 {
         let Receiver { hit, point, .. } = *receiver;
         let light = &self.points.lights[i as usize];
-        let Some(arrival) = light.arrival(hit.position) else {
-            return Vec3::ZERO;
-        };
         let reflected = receiver.viewed.reflected(arrival.direction);
         let stands_for_more = receiver.footprint > 0.0;
         if reflected == Vec3::ZERO || stands_for_more && hit.geometric_normal.dot(arrival.direction) <= 0.0 {
@@ -247,8 +249,7 @@ impl Lit<'_> {
         let mut sum = Vec3::ZERO;
         for &cluster in &clusters[..count] {
             let representative = self.clusters.nodes[cluster as usize].representative;
-            if self.is_lit_among(representative, receiver, parts) {
-                let radiance = self.unshadowed(representative, receiver);
+            if let Some(radiance) = self.radiance_among(representative, receiver, parts) {
                 sum += self.estimate(cluster, Term::DARK.with(radiance));
             }
         }

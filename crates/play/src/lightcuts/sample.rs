@@ -45,7 +45,7 @@ impl Sample {
     ) -> Sample {
         let receiver = Receiver::new(&view.hit, &view.point, view.wo);
         cut.keep = true;
-        lit.begin(sights, std::iter::once(&view.hit));
+        sights.begin(lit, std::iter::once(&view.hit));
         cut.choose(lit, &receiver, sights, shadow_rays);
         let total = cut.total.as_vec3();
         let limit = clamp_limit(total, lit.points.clamp);
@@ -258,7 +258,7 @@ impl Traversal {
                 let representative = lit.clusters.nodes[at.node as usize].representative;
                 let sight = sights.of(lit, at.place, at.node);
                 let term = if sight.closed && children.is_some() {
-                    lit.seen_term(at.node, &receiver, sights.parts(sight))
+                    Term::DARK.with(lit.mean_among(at.node, &receiver, sights.parts(sight)))
                 } else {
                     (at.known).unwrap_or_else(|| {
                         lit.seen_from(representative, &receiver, sights, sight, &mut stats.shadow_rays)

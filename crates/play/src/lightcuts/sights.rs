@@ -9,6 +9,7 @@
 
 use super::lit::Lit;
 use relight_scene::rays::{BvhPart, ShaftEnd, ShaftStart};
+use relight_scene::surface::{SurfaceHit, ray_end};
 use relight_transport::light_bounds::LightBox;
 
 /// Most parts of a closed sight, of up to four triangles each: some 10 ns each and ray, where a ray through the scene
@@ -78,16 +79,17 @@ pub(crate) struct Sights {
 }
 
 impl Sights {
-    /// Forgets all; from now on receivers within `start` ask. `None`: sights are not worth it, and all are open.
-    pub fn begin(&mut self, lit: &Lit<'_>, start: Option<ShaftStart>) {
-        self.start = start;
+    /// Forgets all; from now on receivers at `places` ask. Without a limit on the doubt, as in the paper, all sights are
+    /// open.
+    pub fn begin<'h>(&mut self, lit: &Lit<'_>, places: impl Iterator<Item = &'h SurfaceHit> + Clone) {
+        self.start = (lit.doubt < f32::INFINITY).then(|| ShaftStart::around(places.map(ray_end)));
         self.parts.clear();
         self.places.clear();
         self.places
             .resize(lit.clusters.roots.len(), Place::below(Sight::OPEN));
     }
 
-    /// Place of the first of a node's children.
+    /// Place of the first of a node's children; any where no sights are sought.
     pub fn children(&mut self, place: u32) -> u32 {
         if self.start.is_none() {
             return place;

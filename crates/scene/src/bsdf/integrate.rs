@@ -3,7 +3,10 @@
 mod lanes;
 
 use super::albedo::{self, DiffuseScale};
-use super::{FRAC_1_PI, Half, MIN_COSINE, PI, cosine_above, eval, fresnel, ggx_distribution, smith_root};
+use super::{
+    FRAC_1_PI, Half, MIN_COSINE, PI, cosine_above, eval, fresnel, ggx_distribution, smith_root,
+    visibility_by_roots,
+};
 use crate::shading::{Gloss, ShadingPoint};
 use glam::Vec3;
 use lanes::{LANES, Lanes};
@@ -168,7 +171,7 @@ impl<'a> Ggx<'a> {
         let half = Half::new(point.shading_normal, self.wo, wi);
         let fresnel = fresnel(point.f0, half.cos_oh);
         let root_i = smith_root(cos_i, point.alpha);
-        let visibility = 0.5 / (cos_i * self.root_o + self.cos_o * root_i);
+        let visibility = visibility_by_roots((self.cos_o, self.root_o), (cos_i, root_i));
         let mut f = fresnel * (ggx_distribution(half.sin2_h, point.alpha) * visibility);
         if let Some(scale) = &self.scale {
             let diffuse = (Vec3::ONE - fresnel) * self.diffuse;
