@@ -49,6 +49,9 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     let params = params(args, seed)?;
     let output = args.output()?;
     output::prepare_output(output)?;
+    if args.long.dry_run || args.long.memory_limit.is_some() {
+        memory::give_back();
+    }
     if args.long.dry_run {
         let _lock = lock::lock(output, console)?;
         let read = read(args, console)?;

@@ -27,12 +27,16 @@ const MOST_BATCHES: usize = 16;
 /// Share of the rows that a batch of n needs, beyond an n-th: those along its border, and the coarsest.
 const SHARED_ROWS: f64 = 0.2;
 
-/// Predictions of memory were up to a fifth too low (docs/reliability.md), and one bake took 432 MB in one run and 527 in the
-/// next, as threads come to allocate; a limit must hold all the same.
-const MARGIN: f64 = 1.3;
+/// Predictions of memory were up to a tenth below what bakes took under a limit (docs/reliability.md), and these vary by
+/// some hundredths as threads come to allocate; a limit must hold all the same.
+const MARGIN: f64 = 1.15;
 /// What stacks, compression and the allocator may take besides, whatever the scene: a bake of 31 MB was predicted to take
 /// 22.
 const SLACK: u64 = 16 << 20;
+
+/// The memory of the scene, which is measured, comes out some tenths of a percent higher or lower from run to run: a limit that
+/// one run names has to do in the next.
+const BREATH: f64 = 0.01;
 
 impl Memory {
     /// Limit under which so many batches fit.
@@ -40,9 +44,9 @@ impl Memory {
         (self.in_batches(batches) as f64 * MARGIN) as u64 + SLACK
     }
 
-    /// Smallest limit that is not refused, bytes.
+    /// Smallest limit that is surely not refused, bytes: whole MiB.
     pub fn smallest_limit(self) -> u64 {
-        self.limit_of(MOST_BATCHES)
+        self.limit_of(MOST_BATCHES).next_multiple_of(1 << 20)
     }
 
     fn in_batches(self, batches: usize) -> u64 {
@@ -59,7 +63,8 @@ impl Memory {
     /// # Errors
     /// None does; the message says what limit would.
     pub fn batches(self, limit: u64) -> Result<usize, Failure> {
-        let fits = (1..=MOST_BATCHES).find(|&n| self.limit_of(n) <= limit);
+        let enough = (limit as f64 * (1.0 + BREATH)) as u64;
+        let fits = (1..=MOST_BATCHES).find(|&n| self.limit_of(n) <= enough);
         fits.ok_or_else(|| {
             anyhow!(
                 "--memory-limit {limit}: the bake needs about {}; the smallest limit that would do is {}. A larger \
@@ -69,6 +74,29 @@ impl Memory {
             )
             .into()
         })
+    }
+}
+
+/// What glibc calls the size from which allocations are mappings of their own, which go back when freed, and the free space
+/// at the heap's end from which that goes back.
+const GIVES_BACK: [&str; 2] = ["MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"];
+/// The value with which glibc starts, bytes. If nobody sets it, it grows with what is freed, up to 32 MiB: peaks are an eighth
+/// higher then and vary by a tenth from run to run, in the same time (docs/reliability.md).
+const GIVES_BACK_FROM: &str = "131072";
+
+/// Starts the program once more in its own place, with an allocator that gives back what is freed: it can be told so by its
+/// environment alone. Comes back if it has been told, or cannot be.
+pub fn give_back() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    if GIVES_BACK.iter().all(|name| std::env::var_os(name).is_none())
+        && let Ok(program) = std::env::current_exe()
+    {
+        use std::os::unix::process::CommandExt;
+        // Returns only if it fails; then more memory is taken, and the margin is what is left.
+        let _ = Command::new(program)
+            .args(std::env::args_os().skip(1))
+            .envs(GIVES_BACK.map(|name| (name, GIVES_BACK_FROM)))
+            .exec();
     }
 }
 

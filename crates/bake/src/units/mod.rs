@@ -9,9 +9,10 @@
 //! what the stage is given (points, senders, viewpoints), its settings and the seed; never a light, nor what a
 //! surface reflects.
 //!
-//! Limit: surfaces are hashed as a whole. An object that is moved is met by some particles of every unit; it changes few
-//! points, but by them the numbering of all, and by importance the weights of the senders, on which every row depends. So
-//! all units that cast rays are made anew (docs/reliability.md has figures).
+//! Limit: surfaces are hashed as a whole, so a moved object makes all units anew that cast rays. What they hold does change: a
+//! coarsest row casts thousands of rays, some of which meet the object or the points around it, and finer rows are
+//! differences to coarser ones (docs/reliability.md has figures). Only where no ray ever meets the object is that work
+//! for nothing.
 
 mod columns;
 pub mod folder;
