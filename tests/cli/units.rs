@@ -131,7 +131,7 @@ fn damaged_units_are_noticed_and_made_anew_and_all_others_are_taken() {
     assert!(std::fs::read(&asset).unwrap() == wanted);
 }
 
-/// What kept units hold, each with its stage, without the hash of what they were made from.
+/// What kept units hold, each with its stage, without the hash of what they were made from and the cells that rays passed.
 fn contents(asset: &Path) -> Vec<(String, Vec<u8>)> {
     let mut folder = asset.as_os_str().to_owned();
     folder.push(".units");
@@ -143,12 +143,11 @@ fn contents(asset: &Path) -> Vec<(String, Vec<u8>)> {
         .map(|path| {
             let name = path.file_name().unwrap().to_string_lossy().into_owned();
             let stage = name.split('-').next().unwrap();
-            // A magic number of 8 bytes, the stage and its length, a hash, a range; a checksum at the end.
+            // A magic number of 8 bytes, the stage and its length, a hash, a range; at the end 32³ bits and a hash of what is
+            // there, and a checksum.
             let bytes = std::fs::read(&path).unwrap();
-            (
-                stage.to_owned(),
-                bytes[8 + 1 + stage.len() + 16..bytes.len() - 8].to_vec(),
-            )
+            let end = bytes.len() - (32usize.pow(3) / 8 + 16) - 8;
+            (stage.to_owned(), bytes[8 + 1 + stage.len() + 16..end].to_vec())
         })
         .collect()
 }
@@ -215,6 +214,36 @@ fn an_edit_bakes_only_what_it_reaches() {
     }
     let wanted = in_one_go(folder.path(), &scene, &unsolved);
     assert!(std::fs::read(&asset).unwrap() == wanted);
+}
+
+/// A box within the tall block of the Cornell box, where no ray comes, moved there; then moved out of it.
+#[test]
+fn an_object_moved_where_no_ray_comes_makes_nothing_anew() {
+    let folder = folder();
+    let scene = folder.path().join("scene.glb");
+    let asset = folder.path().join("a.relight");
+    let options = [&ALL[..], &KEEP].concat();
+    let bake_with_box_at = |place: [f32; 3]| {
+        edited(&data("cornell.glb"), &scene, |json| {
+            let nodes = json["nodes"].as_array_mut().unwrap();
+            let mesh = nodes.iter().find(|n| n["name"] == "Short block").unwrap()["mesh"].clone();
+            nodes.push(json!({"mesh": mesh, "translation": place, "scale": [0.1, 0.1, 0.1]}));
+            let added = nodes.len() - 1;
+            json["scenes"][0]["nodes"]
+                .as_array_mut()
+                .unwrap()
+                .push(json!(added));
+        });
+        let counts = units(&bake_json(&scene, &asset, &options));
+        assert!(std::fs::read(&asset).unwrap() == in_one_go(folder.path(), &scene, &options[..ALL.len()]));
+        counts
+    };
+    let within = bake_with_box_at([0.35, 0.15, 0.334]);
+    assert!(within.0 > 10 && within.1 == 0, "{within:?}");
+    let moved = bake_with_box_at([0.36, 0.14, 0.344]);
+    assert_eq!(moved, (within.0, within.0), "no ray comes there");
+    let outside = bake_with_box_at([0.1, 0.4, 0.3]);
+    assert_eq!(outside.1, 0, "rays come here");
 }
 
 /// Kills a bake after each of these times; the last may end it.

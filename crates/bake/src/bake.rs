@@ -15,13 +15,15 @@ use crate::settings;
 use crate::solution::{Solution, solution};
 use crate::timed::TimedSurfaces;
 use crate::transport::{Transport, levels_of, transport_in_units};
+use crate::units::reach::{Followed, Reach};
 use crate::units::{Ledger, Units};
 use glam::Vec3;
-use prepare::{Places, Watch, kept_points, load, looking, place_points, quantised, stored_vector, units_of};
+use prepare::{Places, Watch, kept_points, load, looking, place_points, quantised, stored_vector};
 use relight_format as format;
 use relight_scene::light::LightTrack;
 use relight_scene::scene::Scene;
 use relight_scene::sequence::Sequence;
+use relight_scene::surface::Surfaces;
 use relight_scene::traced::Shading;
 use sections::{bounce, links, parted, sender_tree, stored_solution};
 use std::sync::Arc;
@@ -126,10 +128,14 @@ pub fn bake_in_units(
     let watch = Watch(progress);
     let traced = load(request, progress)?;
     let timed = TimedSurfaces::new(&traced);
-    let units = units_of(ledger, scene);
+    let reach = ledger.map(|_| Reach::new(scene, traced.bounds()));
+    let units =
+        (ledger.zip(reach.as_ref())).map_or(Units::none(), |(ledger, reach)| Units::new(ledger, reach));
+    let followed = reach.as_ref().map(|reach| Followed::new(&timed, reach));
+    let surfaces: &dyn Surfaces = followed.as_ref().map_or(&timed, |followed| followed);
     clock.lap("load");
 
-    let places = place_points(&timed, request, units, progress)?;
+    let places = place_points(surfaces, request, units, progress)?;
     let Places {
         points,
         viewpoints,
@@ -153,7 +159,7 @@ pub fn bake_in_units(
         .sum();
     progress.stage("share", None);
     let transport = transport_in_units(
-        &timed,
+        surfaces,
         points,
         (&viewpoints, &cameras),
         params,
@@ -177,7 +183,7 @@ pub fn bake_in_units(
         Some(cuts) => {
             let world = World {
                 scene: &traced,
-                surfaces: &timed,
+                surfaces,
                 points: &transport.points,
             };
             let made = cut_sections(&world, cuts, params.seed, units, progress)?;

@@ -1,14 +1,14 @@
 //! Parts of a bake, for many processes.
 
-use super::prepare::{
-    Places, Watch, kept_points, load, looking, place_points, quantised, stored_vector, units_of,
-};
+use super::prepare::{Places, Watch, kept_points, load, looking, place_points, quantised, stored_vector};
 use super::{Progress, Request, wanted_cuts};
 use crate::cut_sections::{World, cut_part};
 use crate::error::BakeError;
 use crate::refine::{RowWatch, Wanted, most_rays, rows};
 use crate::transport::with_refinement;
-use crate::units::Ledger;
+use crate::units::reach::{Followed, Reach};
+use crate::units::{Ledger, Units};
+use relight_scene::surface::Surfaces;
 
 /// Part of a bake, for others to finish.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,10 +45,12 @@ pub fn bake_part(
     let params = request.params;
     let watch = Watch(progress);
     let traced = load(request, progress)?;
-    let units = units_of(Some(ledger), &request.scene);
+    let reach = Reach::new(&request.scene, traced.bounds());
+    let units = Units::new(ledger, &reach);
+    let surfaces = Followed::new(&traced, &reach);
     let Places {
         points, viewpoints, ..
-    } = place_points(&traced, request, units, progress)?;
+    } = place_points(&surfaces, request, units, progress)?;
     let points = kept_points(&traced, points, params);
     let (_, cameras) = looking(request)?;
     let (_, points) = quantised(points);
@@ -60,7 +62,7 @@ pub fn bake_part(
     }
     progress.stage("share", None);
     let viewers = (&viewpoints[..], &cameras[..]);
-    with_refinement(&traced, &points, viewers, params, units, |r, _| {
+    with_refinement(&surfaces, &points, viewers, params, units, |r, _| {
         let wanted = match part {
             // An eighth: some two levels less than the finest, a quarter of the rays.
             Portion::Shared => Wanted::coarsest(r, units, r.ranges.total() / 8),
@@ -72,7 +74,7 @@ pub fn bake_part(
     if let Some(cuts) = cuts {
         let world = World {
             scene: &traced,
-            surfaces: &traced,
+            surfaces: &surfaces,
             points: &points,
         };
         let piece = match part {

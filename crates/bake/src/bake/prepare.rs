@@ -9,12 +9,11 @@ use crate::points::{self, PointLevels};
 use crate::refine::RowWatch;
 use crate::seen;
 use crate::settings;
-use crate::units::{Ledger, Units, key};
+use crate::units::Units;
 use crate::viewpoint;
 use glam::Vec3;
 use relight_format as format;
 use relight_scene::camera::{Camera, CameraTrack};
-use relight_scene::scene::Scene;
 use relight_scene::surface::Surfaces;
 use relight_scene::traced::TracedScene;
 
@@ -69,10 +68,6 @@ pub(super) fn load(request: &Request, progress: &dyn Progress) -> Result<TracedS
     let traced = TracedScene::new(request.scene.clone(), request.shading)?;
     watch.go_on()?;
     Ok(traced)
-}
-
-pub(super) fn units_of<'a>(ledger: Option<&'a Ledger<'a>>, scene: &Scene) -> Units<'a> {
-    Units::new(ledger, ledger.map_or(0, |_| key::surfaces(scene)))
 }
 
 /// Levels for which an automatic coarse radius is chosen, whatever their number in a bake: fewer levels are to

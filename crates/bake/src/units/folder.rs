@@ -70,10 +70,6 @@ impl UnitStore for UnitFolder<'_> {
             .ok()
     }
 
-    fn has(&self, name: &UnitName) -> bool {
-        self.folder.join(name.file_name()).is_file()
-    }
-
     fn save(&self, name: &UnitName, columns: &[Column]) -> Result<(), BakeError> {
         let path = self.folder.join(name.file_name());
         unit::write_durably(&path, &unit::write_unit(name, columns))

@@ -80,11 +80,11 @@ fn triple(v: Vec3) -> [u8; 12] {
     bytes
 }
 
-/// What rays meet: triangles in the world in their order, their smooth normals, and what lets rays pass. Colours,
-/// roughness, emission, lights and cameras are not in it.
-pub fn surfaces(scene: &Scene) -> u128 {
+/// What rays meet of each mesh: triangles in their order, their smooth normals, and what lets rays pass. Colours, roughness
+/// and emission are not in it.
+pub(super) fn meshes(scene: &Scene) -> Vec<u128> {
     let textures: Vec<u128> = scene.textures.iter().map(|t| xxh3_128(&t.encoded)).collect();
-    let meshes: Vec<u128> = scene
+    scene
         .meshes
         .iter()
         .map(|mesh| {
@@ -96,13 +96,7 @@ pub fn surfaces(scene: &Scene) -> u128 {
             }
             key.hash()
         })
-        .collect();
-    let mut key = Key::default();
-    for instance in &scene.instances {
-        key.u128s(&meshes[instance.mesh as usize..=instance.mesh as usize])
-            .f32s(&instance.world_from_mesh.to_cols_array());
-    }
-    key.hash()
+        .collect()
 }
 
 fn alpha(key: &mut Key, mesh: &Mesh, material: &Material, textures: &[Texture], hashes: &[u128]) {
@@ -131,7 +125,11 @@ fn alpha(key: &mut Key, mesh: &Mesh, material: &Material, textures: &[Texture], 
 /// All of a scene as it was imported, whatever files it came from: for telling whether it has changed.
 pub fn scene(scene: &Scene) -> u128 {
     let mut key = Key::default();
-    key.u128s(&[surfaces(scene)]);
+    key.u128s(&meshes(scene));
+    for instance in &scene.instances {
+        key.u32s(&[instance.mesh])
+            .f32s(&instance.world_from_mesh.to_cols_array());
+    }
     for mesh in &scene.meshes {
         key.u32s(&[mesh.material]);
         for set in &mesh.uvs {

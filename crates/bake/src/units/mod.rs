@@ -5,21 +5,22 @@
 //! name are the same, whoever made them and when. Stages are functions of ranges that know nothing of this; where they are
 //! driven, [`Units::taken_or_made`] stands between them and the work. Without a ledger that is the work itself, in one range.
 //!
-//! What a hash holds is what rays meet ([`key::surfaces`]: triangles, smooth normals, and where alpha lets rays pass),
-//! what the stage is given (points, senders, viewpoints), its settings and the seed; never a light, nor what a
-//! surface reflects.
+//! What a hash holds is what the stage is given (points, senders, viewpoints), its settings and the seed; never a light, nor
+//! what a surface reflects. What rays meet is not in it: a unit keeps where they went, and holds as long as the objects there
+//! are the same ([`reach`]).
 //!
-//! Limit: surfaces are hashed as a whole, so a moved object makes all units anew that cast rays. What they hold does change: a
-//! coarsest row casts thousands of rays, some of which meet the object or the points around it, and finer rows are
-//! differences to coarser ones (docs/reliability.md has figures). Only where no ray ever meets the object is that work
-//! for nothing.
+//! Limit: an object that rays meet makes all units anew that cast rays. What they hold does change: a coarsest row casts
+//! thousands of rays, some of which meet the object or the points around it, and finer rows are differences to coarser ones
+//! (docs/reliability.md has figures).
 
 mod columns;
 pub mod folder;
 pub mod key;
+pub mod reach;
 
 use crate::error::BakeError;
 use key::Key;
+use reach::Reach;
 use relight_format::unit::{Column, UnitName};
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -30,8 +31,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub trait UnitStore: Sync {
     /// A unit, if it is there and whole.
     fn load(&self, name: &UnitName) -> Option<Vec<Column>>;
-    /// Whether a unit is there; not whether it is whole.
-    fn has(&self, name: &UnitName) -> bool;
     /// Keeps a unit, whole or not at all.
     ///
     /// # Errors
@@ -98,10 +97,7 @@ impl<'a> Ledger<'a> {
 
 /// How a stage deals with units: not at all, or by a ledger.
 #[derive(Clone, Copy, Default)]
-pub struct Units<'a> {
-    ledger: Option<&'a Ledger<'a>>,
-    surfaces: u128,
-}
+pub struct Units<'a>(Option<(&'a Ledger<'a>, &'a Reach)>);
 
 impl<'a> Units<'a> {
     /// Every stage in one piece, nothing kept.
@@ -109,22 +105,23 @@ impl<'a> Units<'a> {
         Units::default()
     }
 
-    /// Units over surfaces with the hash `surfaces`.
-    pub fn new(ledger: Option<&'a Ledger<'a>>, surfaces: u128) -> Units<'a> {
-        Units { ledger, surfaces }
+    /// Units of a bake whose rays are followed into `reach`.
+    pub fn new(ledger: &'a Ledger<'a>, reach: &'a Reach) -> Units<'a> {
+        Units(Some((ledger, reach)))
     }
 
     /// Whether results are kept.
     pub fn are_kept(&self) -> bool {
-        self.ledger.is_some()
+        self.0.is_some()
     }
 
-    /// The inputs that all stages share: the program and what rays meet. `more` adds a stage's own; it is not called
+    /// The inputs that all stages share: the program and the scene's bounds. `more` adds a stage's own; it is not called
     /// where nothing is kept.
     pub fn inputs(&self, more: impl FnOnce(&mut Key)) -> u128 {
-        let Some(ledger) = self.ledger else { return 0 };
+        let Some((ledger, reach)) = self.0 else { return 0 };
         let mut key = Key::default();
-        key.u128s(&[ledger.tool, self.surfaces]);
+        key.u128s(&[ledger.tool]);
+        reach.inputs(&mut key);
         more(&mut key);
         key.hash()
     }
@@ -141,11 +138,16 @@ impl<'a> Units<'a> {
             .map(move |start| start..(start + step).min(all.end))
     }
 
-    /// A unit that is there.
+    /// A unit that is there, if its rays would still go as they went.
     pub fn taken<T: Unit>(&self, stage: &str, inputs: u128, range: &Range<usize>) -> Option<T> {
-        let ledger = self.ledger?;
+        let (ledger, reach) = self.0?;
         let name = name(stage, inputs, range);
-        let unit = T::from_columns(ledger.store.load(&name)?, range.len())?;
+        let mut columns = ledger.store.load(&name)?;
+        let passed = columns.pop()?;
+        let unit = T::from_columns(columns, range.len())?;
+        if !reach.take_over(passed) {
+            return None;
+        }
         ledger.note(&name, &ledger.taken);
         Some(unit)
     }
@@ -161,17 +163,15 @@ impl<'a> Units<'a> {
         range: &Range<usize>,
         unit: &impl Unit,
     ) -> Result<(), BakeError> {
-        let Some(ledger) = self.ledger else { return Ok(()) };
+        let Some((ledger, reach)) = self.0 else {
+            return Ok(());
+        };
         let name = name(stage, inputs, range);
-        ledger.store.save(&name, &unit.columns())?;
+        let mut columns = unit.columns();
+        columns.push(reach.column());
+        ledger.store.save(&name, &columns)?;
         ledger.note(&name, &ledger.made);
         Ok(())
-    }
-
-    /// Whether a unit is there.
-    pub fn has(&self, stage: &str, inputs: u128, range: &Range<usize>) -> bool {
-        self.ledger
-            .is_some_and(|ledger| ledger.store.has(&name(stage, inputs, range)))
     }
 
     /// The unit if it is there; else it is made and kept.
