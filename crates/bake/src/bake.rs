@@ -181,9 +181,10 @@ pub fn bake_in_units(
 
     let cuts = match wanted_cuts(request) {
         Some(cuts) => {
+            units.see_everything();
             let world = World {
                 scene: &traced,
-                surfaces,
+                surfaces: &timed,
                 points: &transport.points,
             };
             let made = cut_sections(&world, cuts, params.seed, units, progress)?;

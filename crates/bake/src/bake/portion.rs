@@ -72,9 +72,10 @@ pub fn bake_part(
         rows(r, wanted, stored_vector(params), None, units, &watch)
     })?;
     if let Some(cuts) = cuts {
+        units.see_everything();
         let world = World {
             scene: &traced,
-            surfaces: &surfaces,
+            surfaces: &traced,
             points: &points,
         };
         let piece = match part {

@@ -110,6 +110,13 @@ impl<'a> Units<'a> {
         Units(Some((ledger, reach)))
     }
 
+    /// From now on units depend on all that can be met, wherever it is.
+    pub fn see_everything(&self) {
+        if let Some((_, reach)) = self.0 {
+            reach.pass_everywhere();
+        }
+    }
+
     /// Whether results are kept.
     pub fn are_kept(&self) -> bool {
         self.0.is_some()

@@ -6,6 +6,7 @@
 //! or inside a wall, makes nothing anew.
 //!
 //! Rays are followed through the whole bake, not unit by unit: what a unit was given (points, coarser rows) came of earlier rays.
+//! Those of visibility cuts, which are many and cheap, are not: they count as going everywhere, and cuts come last.
 
 use super::key::{Key, meshes};
 use glam::Vec3;
@@ -22,6 +23,9 @@ const WORDS: usize = (SIDE * SIDE * SIDE / 64) as usize;
 
 /// Share of a cell by which objects count as larger than they are: far more than the rounding of a ray's steps.
 const MARGIN: f32 = 0.01;
+
+/// More than any distance, and less than what overflows when it is multiplied by a place.
+const NEVER: f32 = 1e30;
 
 /// Cells, a bit each.
 type Cells = [u64; WORDS];
@@ -67,6 +71,43 @@ impl Grid {
         (position - self.low) / self.cell
     }
 
+    /// The cells that a ray passes until `end`, in units of its direction's length.
+    #[inline]
+    fn cells_on(&self, ray: &Ray, end: f32) -> Steps {
+        let (origin, step) = (self.place(ray.origin), ray.direction / self.cell);
+        // Along an axis no wall of the others is ever reached.
+        let inverse = Vec3::from_array(step.to_array().map(|s| if s == 0.0 { NEVER } else { s.recip() }));
+        let moves = Vec3::from_array(step.to_array().map(|s| f32::from(s != 0.0)));
+        // Surfaces lie within the grid: where it is entered and left.
+        let (a, b) = (-origin * inverse, (SIDE as f32 - origin) * inverse);
+        let never = (Vec3::ONE - moves) * NEVER;
+        let start = (a.min(b) * moves).max_element().max(ray.t_min).max(0.0);
+        let end = (a.max(b) * moves + never).min_element().min(end).max(start);
+        let cell_at = |t: f32| {
+            (origin + step * t)
+                .to_array()
+                .map(|x| (x as i32).clamp(0, SIDE as i32 - 1))
+        };
+        let (first, last) = (cell_at(start), cell_at(end));
+        let forward = step.to_array().map(|s| s > 0.0);
+        let walls: [f32; 3] = std::array::from_fn(|k| first[k] as f32 + f32::from(forward[k]));
+        let next = (Vec3::from_array(walls) - origin) * inverse;
+        let to_last = |k: usize| {
+            if forward[k] {
+                last[k] - first[k]
+            } else {
+                first[k] - last[k]
+            }
+        };
+        Steps {
+            cell: index(first.map(|c| c as u32)) as i32,
+            left: 1 + (0..3).map(|k| to_last(k).max(0) as u32).sum::<u32>(),
+            next: next * moves + never,
+            between: inverse.abs(),
+            strides: std::array::from_fn(|k| if forward[k] { 1 } else { -1 } * (SIDE as i32).pow(k as u32)),
+        }
+    }
+
     /// The cells of the bounds of a triangle, enlarged by the margin.
     fn cells_of(&self, corners: [Vec3; 3], mut each: impl FnMut(u32)) {
         let margin = Vec3::splat(MARGIN + self.rounding / self.cell);
@@ -79,6 +120,35 @@ impl Grid {
                 (low[0]..=high[0]).for_each(|x| each(index([x, y, z])));
             }
         }
+    }
+}
+
+/// Cells along a ray, one after the other (Amanatides and Woo 1987). As many walls lie between the first and the last as
+/// their places differ, so that no step asks whether it is the last.
+struct Steps {
+    cell: i32,
+    left: u32,
+    next: Vec3,
+    between: Vec3,
+    strides: [i32; 3],
+}
+
+impl Iterator for Steps {
+    type Item = usize;
+
+    #[inline]
+    fn next(&mut self) -> Option<usize> {
+        self.left = self.left.checked_sub(1)?;
+        let cell = self.cell as usize % (64 * WORDS);
+        // Without branches: which wall comes first is chance.
+        let next = self.next;
+        let x = next.x <= next.y && next.x <= next.z;
+        let y = !x && next.y <= next.z;
+        let z = !(x || y);
+        let [x, y, z] = [x, y, z].map(|is_first| -i32::from(is_first));
+        self.cell += (self.strides[0] & x) + (self.strides[1] & y) + (self.strides[2] & z);
+        self.next += self.between * Vec3::new(-x as f32, -y as f32, -z as f32);
+        Some(cell)
     }
 }
 
@@ -178,51 +248,28 @@ impl Reach {
         key.hash()
     }
 
-    /// Marks what a ray passes until `end`, in units of its direction's length (Amanatides and Woo 1987).
+    /// Marks what a ray passes until `end`, in units of its direction's length.
     fn pass(&self, ray: &Ray, end: f32) {
-        let side = Vec3::splat(SIDE as f32);
-        let (origin, step) = (self.grid.place(ray.origin), ray.direction / self.grid.cell);
-        // What the ray enters and leaves the grid through; surfaces lie within.
-        let inverse = step.recip();
-        let (a, b) = (-origin * inverse, (side - origin) * inverse);
-        let along = |near: bool| {
-            let mut t = if near { ray.t_min.max(0.0) } else { end };
-            for axis in (0..3).filter(|&axis| step[axis] != 0.0) {
-                t = match near {
-                    true => t.max(a[axis].min(b[axis])),
-                    false => t.min(a[axis].max(b[axis])),
-                };
-            }
-            t
-        };
-        let (start, end) = (along(true), along(false));
-        let place = origin + step * start;
-        let mut cell: [i32; 3] = place.to_array().map(|x| (x as i32).clamp(0, SIDE as i32 - 1));
-        let mut next = [f32::INFINITY; 3];
-        for axis in (0..3).filter(|&axis| step[axis] != 0.0) {
-            let wall = cell[axis] as f32 + f32::from(step[axis] > 0.0);
-            next[axis] = (wall - origin[axis]) * inverse[axis];
-        }
-        // A ray crosses no more walls than the grid has.
-        for _ in 0..=3 * SIDE {
-            let at = index(cell.map(|c| c as u32));
-            let (word, bit) = (&self.passed[at as usize / 64], 1 << (at % 64));
+        for cell in self.grid.cells_on(ray, end) {
+            let (word, bit) = (&self.passed[cell / 64], 1 << (cell % 64));
             // Nearly all are marked already, and to read is cheaper than to write what other threads read.
             if word.load(Ordering::Relaxed) & bit == 0 {
                 word.fetch_or(bit, Ordering::Relaxed);
             }
-            let axis = match next {
-                [x, y, z] if x <= y && x <= z => 0,
-                [_, y, z] if y <= z => 1,
-                _ => 2,
-            };
-            let t = next[axis];
-            cell[axis] += if step[axis] > 0.0 { 1 } else { -1 };
-            if !(t <= end && (0..SIDE as i32).contains(&cell[axis])) {
-                return;
-            }
-            next[axis] += inverse[axis].abs();
         }
+    }
+
+    /// From now on rays go anywhere: to follow those of visibility cuts would take as long as they do themselves.
+    pub fn pass_everywhere(&self) {
+        self.passed
+            .iter()
+            .for_each(|word| word.store(!0, Ordering::Relaxed));
+    }
+
+    /// Whether rays have passed all that a ray passes until `end`.
+    fn is_passed(&self, ray: &Ray, end: f32) -> bool {
+        let is_marked = |cell: usize| self.passed[cell / 64].load(Ordering::Relaxed) >> (cell % 64) & 1 == 1;
+        self.grid.cells_on(ray, end).all(is_marked)
     }
 }
 
@@ -240,6 +287,9 @@ impl<'a> Followed<'a> {
 
     /// A shadow ray that something stops would be stopped whatever lies behind: it is cast once more to find where.
     fn pass_shadow(&self, ray: &Ray, is_occluded: bool) {
+        if is_occluded && self.reach.is_passed(ray, ray.t_max) {
+            return;
+        }
         let stop = is_occluded.then(|| self.inner.closest_hit(ray)).flatten();
         self.reach.pass(ray, stop.map_or(ray.t_max, |hit| hit.t));
     }
