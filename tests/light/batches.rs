@@ -22,9 +22,6 @@ impl UnitStore for Counted<'_> {
         self.1.fetch_add(1, Ordering::Relaxed);
         Some(found)
     }
-    fn has(&self, name: &UnitName) -> bool {
-        self.0.has(name)
-    }
     fn save(&self, name: &UnitName, columns: &[Column]) -> Result<(), BakeError> {
         self.0.save(name, columns)
     }
