@@ -14,7 +14,7 @@ const MAGIC: [u8; 8] = *b"RLUNIT\x01\n";
 /// Bytes of the checksum at the end.
 const CHECKSUM: usize = 8;
 
-/// What a unit is of: the same name, the same content.
+/// What a unit is of: the same name, and the same surroundings where its content depends on any, the same content.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct UnitName {
     /// Stage of the bake; at most 255 bytes, of which file names are made.

@@ -27,6 +27,9 @@ const MARGIN: f32 = 0.01;
 /// More than any distance, and less than what overflows when it is multiplied by a place.
 const NEVER: f32 = 1e30;
 
+/// Cells per unit of a ray's direction that are none: less, and their inverse times a place would overflow.
+const ALONG: f32 = 1e-20;
+
 /// Cells, a bit each.
 type Cells = [u64; WORDS];
 
@@ -75,9 +78,13 @@ impl Grid {
     #[inline]
     fn cells_on(&self, ray: &Ray, end: f32) -> Steps {
         let (origin, step) = (self.place(ray.origin), ray.direction / self.cell);
-        // Along an axis no wall of the others is ever reached.
-        let inverse = Vec3::from_array(step.to_array().map(|s| if s == 0.0 { NEVER } else { s.recip() }));
-        let moves = Vec3::from_array(step.to_array().map(|s| f32::from(s != 0.0)));
+        // Along an axis no wall of the others is ever reached; nor by what is as good as along it.
+        let is_along = |s: f32| s.abs() < ALONG;
+        let inverse = Vec3::from_array(
+            step.to_array()
+                .map(|s| if is_along(s) { NEVER } else { s.recip() }),
+        );
+        let moves = Vec3::from_array(step.to_array().map(|s| f32::from(!is_along(s))));
         // Surfaces lie within the grid: where it is entered and left.
         let (a, b) = (-origin * inverse, (SIDE as f32 - origin) * inverse);
         let never = (Vec3::ONE - moves) * NEVER;
@@ -353,8 +360,10 @@ mod tests {
                 let target = inside(low, high);
                 let mut direction = target - origin;
                 if i % 3 == 0 {
-                    // Along an axis, and along a diagonal of the grid.
-                    direction = [Vec3::X, -Vec3::Y, Vec3::ONE][i as usize / 3 % 3] * direction.length();
+                    // Along an axis, exactly or nearly, and along a diagonal of the grid.
+                    direction = [Vec3::X, -Vec3::Y, Vec3::ONE, Vec3::new(1e-42, 1.0, -1e-30)]
+                        [i as usize / 3 % 4]
+                        * direction.length();
                 }
                 let ray = Ray {
                     origin,
