@@ -1,9 +1,10 @@
 //! Units of work: ranges of a stage's items whose results are kept, so that a bake can go on after a stop, take over
 //! what an edit of the scene does not reach, and be shared among machines.
 //!
-//! A unit's name says its stage, a hash of everything its numbers depend on but what rays meet, and its range ([`key`]); over
-//! the same surfaces two units of one name are the same, whoever made them and when. Stages are functions of ranges that know nothing of this; where they are
-//! driven, [`Units::taken_or_made`] stands between them and the work. Without a ledger that is the work itself, in one range.
+//! A unit's name says its stage, a hash of everything its numbers depend on but what rays meet, and its range ([`key`]);
+//! over the same surfaces two units of one name are the same, whoever made them and when. Stages are functions of ranges
+//! that know nothing of this; where they are driven, [`Units::taken_or_made`] stands between them and the work. Without a
+//! ledger that is the work itself, in one range.
 //!
 //! What a hash holds is what the stage is given (points, senders, viewpoints), its settings and the seed; never a light, nor
 //! what a surface reflects. What rays meet is not in it: a unit keeps where they went, and holds as long as the objects there
