@@ -284,7 +284,7 @@ pub fn bake_in_units(
     let threads = rayon::current_num_threads();
     let stats = BakeStats {
         seconds: clock.seconds,
-        ray_tracing_seconds: (timed.thread_seconds(rays) + timed.packet_thread_seconds()) / threads as f64,
+        ray_tracing_seconds: timed.thread_seconds(rays) / threads as f64,
         threads,
         row_bytes: transport.row_bytes,
     };

@@ -114,11 +114,12 @@ pub fn gather(
     let weight = 2.0 / (directions.directions.len() as f32 * directions.full);
     let finest = field.tree.ranges.range(field.tree.levels() - 1).start as u32;
     let mut found = Gathered::default();
+    let mut rays = Vec::with_capacity(TOGETHER);
     let mut ways = [Vec3A::ZERO; TOGETHER];
     let mut ends = [(Vec3::ZERO, Vec3::ZERO); TOGETHER];
     let mut nearest = [None; TOGETHER];
     for directions in directions.directions.chunks(TOGETHER) {
-        let mut hits = 0;
+        rays.clear();
         for &local in directions {
             let direction = frame.world_from_local(local);
             let cosine = place.normal.dot(direction);
@@ -126,18 +127,19 @@ pub fn gather(
                 continue;
             }
             found.full += cosine * weight;
-            let ray = Ray {
+            rays.push(Ray {
                 origin: place.origin,
                 direction,
                 t_min: 0.0,
                 t_max: f32::INFINITY,
-            };
-            if let Some(hit) = surfaces.closest_hit(&ray) {
-                ways[hits] = Vec3A::from(direction * weight);
-                ends[hits] = (hit.position, hit.normal);
-                hits += 1;
-            }
+            });
         }
+        let mut hits = 0;
+        surfaces.closest_hits(&rays, &mut |i, hit| {
+            ways[hits] = Vec3A::from(rays[i].direction * weight);
+            ends[hits] = (hit.position, hit.normal);
+            hits += 1;
+        });
         field.points.at_each(&ends[..hits], &mut nearest[..hits]);
         for ((&vector, &end), &nearest) in ways.iter().zip(&ends).zip(&nearest[..hits]) {
             let Some(nearest) = nearest else {

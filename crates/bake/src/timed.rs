@@ -1,7 +1,7 @@
 //! How long rays take, measured on the bake's own rays.
 //!
-//! Method: one call in 61 of every thread is timed, less what the timer itself costs (calibrated at the start),
-//! and the mean is scaled up to all rays. Timing every ray would take longer than many rays do; the sample is
+//! Method: batches and packets are timed each. Of single rays one call in 61 of every thread is timed, less what the timer
+//! itself costs (calibrated at the start), and the mean is scaled up to all single rays. Timing every ray would take longer than many rays do; the sample is
 //! thousands of rays even in a small bake, so its mean is good to a few per cent. Calls during which the system
 //! gave the core to another process are left out, or one of them would count 61 times.
 
@@ -30,8 +30,10 @@ pub struct TimedSurfaces<'a> {
     timer_nanos: u64,
     sampled: AtomicU64,
     nanos: AtomicU64,
-    /// All packets, timed each: thousands of rays hide the timer.
-    packet_nanos: AtomicU64,
+    /// All packets and batches, timed each: many rays hide the timer.
+    together_nanos: AtomicU64,
+    /// Rays of the batches.
+    in_batches: AtomicU64,
 }
 
 impl<'a> TimedSurfaces<'a> {
@@ -49,22 +51,25 @@ impl<'a> TimedSurfaces<'a> {
             timer_nanos: costs[CALIBRATION / 2],
             sampled: AtomicU64::new(0),
             nanos: AtomicU64::new(0),
-            packet_nanos: AtomicU64::new(0),
+            together_nanos: AtomicU64::new(0),
+            in_batches: AtomicU64::new(0),
         }
     }
 
-    /// Thread-seconds that `rays` single rays took, at the mean of the sampled ones.
+    /// Thread-seconds that the rays of all packets took, and `rays` others: those in batches, and single ones at the mean of
+    /// the sampled ones.
     pub fn thread_seconds(&self, rays: u64) -> f64 {
-        let sampled = self.sampled.load(Ordering::Relaxed);
-        if sampled == 0 {
-            return 0.0;
-        }
-        self.nanos.load(Ordering::Relaxed) as f64 * 1e-9 * (rays as f64 / sampled as f64)
+        let single = rays.saturating_sub(self.in_batches.load(Ordering::Relaxed)) as f64;
+        let sampled = self.sampled.load(Ordering::Relaxed).max(1) as f64;
+        let nanos = self.nanos.load(Ordering::Relaxed) as f64 * (single / sampled);
+        (nanos + self.together_nanos.load(Ordering::Relaxed) as f64) * 1e-9
     }
 
-    /// Thread-seconds that packets of shadow rays took.
-    pub fn packet_thread_seconds(&self) -> f64 {
-        self.packet_nanos.load(Ordering::Relaxed) as f64 * 1e-9
+    fn timed_together(&self, call: impl FnOnce()) {
+        let start = Instant::now();
+        call();
+        self.together_nanos
+            .fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
     }
 
     #[inline]
@@ -96,14 +101,15 @@ impl Surfaces for TimedSurfaces<'_> {
     fn closest_hit(&self, ray: &Ray) -> Option<SurfaceHit> {
         self.timed(|| self.inner.closest_hit(ray))
     }
+    fn closest_hits(&self, rays: &[Ray], visit: &mut dyn FnMut(usize, SurfaceHit)) {
+        self.timed_together(|| self.inner.closest_hits(rays, visit));
+        self.in_batches.fetch_add(rays.len() as u64, Ordering::Relaxed);
+    }
     fn occluded(&self, ray: &Ray) -> bool {
         self.timed(|| self.inner.occluded(ray))
     }
     fn occluded_packet(&self, rays: &[Ray], occluded: &mut [bool]) {
-        let start = Instant::now();
-        self.inner.occluded_packet(rays, occluded);
-        self.packet_nanos
-            .fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
+        self.timed_together(|| self.inner.occluded_packet(rays, occluded));
     }
     fn albedo(&self, hit: &SurfaceHit) -> Vec3 {
         self.inner.albedo(hit)

@@ -33,6 +33,15 @@ pub trait Surfaces: Sync {
     /// The nearest surface along the ray. Masked-out parts are passed; a blended surface is hit with
     /// probability α, decided by a hash of ray and primitive, so that equal rays meet equal surfaces.
     fn closest_hit(&self, ray: &Ray) -> Option<SurfaceHit>;
+    /// [`Surfaces::closest_hit`] of many rays: `visit(i, hit)` for each that meets something, in order. What a hit needs lies
+    /// in many places in memory, so that looking up the hits of many rays together is faster than one by one.
+    fn closest_hits(&self, rays: &[Ray], visit: &mut dyn FnMut(usize, SurfaceHit)) {
+        for (i, ray) in rays.iter().enumerate() {
+            if let Some(hit) = self.closest_hit(ray) {
+                visit(i, hit);
+            }
+        }
+    }
     /// Whether any surface lies on the ray; alpha as for [`Surfaces::closest_hit`].
     fn occluded(&self, ray: &Ray) -> bool;
     /// [`Surfaces::occluded`] for rays that share their origin or their target.

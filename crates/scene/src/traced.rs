@@ -385,6 +385,15 @@ impl TracedScene {
         }
     }
 
+    /// What stops a ray first.
+    fn first_stop(&self, ray: &Ray) -> Option<Hit> {
+        if self.opaque {
+            self.bvh.closest_hit(ray)
+        } else {
+            self.bvh.closest_hit_where(ray, |hit| self.stops(ray, hit))
+        }
+    }
+
     /// Whether the ray meets a surface where it meets this triangle.
     fn stops(&self, ray: &Ray, hit: &Hit) -> bool {
         if self.traced_instance(hit.triangle).opaque {
@@ -399,18 +408,30 @@ impl TracedScene {
     }
 }
 
+/// Rays whose hits are looked up together.
+const TOGETHER: usize = 64;
+
 impl Surfaces for TracedScene {
     fn bounds(&self) -> Option<(Vec3, Vec3)> {
         self.bvh.bounds()
     }
 
     fn closest_hit(&self, ray: &Ray) -> Option<SurfaceHit> {
-        let hit = if self.opaque {
-            self.bvh.closest_hit(ray)
-        } else {
-            self.bvh.closest_hit_where(ray, |hit| self.stops(ray, hit))
-        };
-        hit.map(|hit| self.surface_hit(ray, &hit))
+        self.first_stop(ray).map(|hit| self.surface_hit(ray, &hit))
+    }
+
+    fn closest_hits(&self, rays: &[Ray], visit: &mut dyn FnMut(usize, SurfaceHit)) {
+        for (chunk, rays) in rays.chunks(TOGETHER).enumerate() {
+            let mut hits = [None; TOGETHER];
+            for (hit, ray) in hits.iter_mut().zip(rays) {
+                *hit = self.first_stop(ray);
+            }
+            for (i, (hit, ray)) in hits.iter().zip(rays).enumerate() {
+                if let Some(hit) = hit {
+                    visit(chunk * TOGETHER + i, self.surface_hit(ray, hit));
+                }
+            }
+        }
     }
 
     fn occluded(&self, ray: &Ray) -> bool {

@@ -238,18 +238,20 @@ impl<'a> NearestPoint<'a> {
     /// one: the table of cells and the cells are larger than caches, and no place waits for what another one loads.
     pub fn at_each(&self, places: &[(Vec3, Vec3)], found: &mut [Option<u32>]) {
         for (places, found) in places.chunks(TOGETHER).zip(found.chunks_mut(TOGETHER)) {
+            let mut numbers = [0; TOGETHER];
             let mut spans = [(0, 0); TOGETHER];
             let mut best = [self.no_point(); TOGETHER];
-            for (span, place) in spans.iter_mut().zip(places) {
-                *span = self.disks.span(place.0);
+            for (number, place) in numbers.iter_mut().zip(places) {
+                *number = self.disks.number(place.0);
+            }
+            for (span, &number) in spans.iter_mut().zip(&numbers[..places.len()]) {
+                *span = self.disks.span(number);
             }
             for ((best, &span), &place) in best.iter_mut().zip(&spans).zip(places) {
-                let first = self.disks.entries(span).get(..1).unwrap_or_default();
-                *best = self.nearer(first, place, *best);
+                *best = self.nearer(self.disks.points(span).take(1), place, *best);
             }
             for (((found, &best), &span), &place) in found.iter_mut().zip(&best).zip(&spans).zip(places) {
-                let others = self.disks.entries(span).get(1..).unwrap_or_default();
-                *found = self.found(self.nearer(others, place, best), place);
+                *found = self.found(self.nearer(self.disks.points(span).skip(1), place, best), place);
             }
         }
     }
@@ -262,7 +264,12 @@ impl<'a> NearestPoint<'a> {
 
     /// The nearest of some points that face the same way, if it is nearer than `best`.
     #[inline]
-    fn nearer(&self, entries: &[Entry], (x, normal): (Vec3, Vec3), mut best: Nearest) -> Nearest {
+    fn nearer<'b>(
+        &self,
+        entries: impl Iterator<Item = &'b Entry>,
+        (x, normal): (Vec3, Vec3),
+        mut best: Nearest,
+    ) -> Nearest {
         for entry in entries {
             let squared = kernel::distance_squared(x - entry.position, entry.normal);
             // In this order: hardly any point is nearer.
@@ -298,7 +305,7 @@ impl<'a> NearestPoint<'a> {
     /// Of the points whose disks cover a place the nearest that faces the same way and that `is_parted` does not reject.
     #[cold]
     fn at_unparted(&self, x: Vec3, normal: Vec3, is_parted: impl Fn(u32) -> bool) -> Option<u32> {
-        let mut near: Vec<(f32, u32)> = (self.disks.covering(x).iter())
+        let mut near: Vec<(f32, u32)> = (self.disks.covering(x))
             .filter(|entry| entry.normal.dot(normal) > FACING)
             .map(|entry| {
                 let squared = kernel::distance_squared(x - entry.position, entry.normal);
@@ -315,7 +322,9 @@ impl<'a> NearestPoint<'a> {
     #[cold]
     fn beyond_disks(&self, x: Vec3, normal: Vec3) -> Option<u32> {
         let mut best = Nearest::within(self.level.support_radius);
-        (self.level.grid).near(x, |entry| best = self.nearer(&[*entry], (x, normal), best));
+        (self.level.grid).near(x, |entry| {
+            best = self.nearer(std::iter::once(entry), (x, normal), best)
+        });
         (best.index()).or_else(|| self.level.nearest_of_any_normal(x))
     }
 }

@@ -6,8 +6,9 @@
 use crate::kernel::{self, SQUASH};
 use glam::{IVec3, Vec3};
 
-/// A point as the grid keeps it, in cell order.
+/// A point as the grid keeps it.
 #[derive(Clone, Copy, Debug)]
+#[repr(align(32))]
 pub struct Entry {
     /// Position, world space.
     pub position: Vec3,
@@ -17,20 +18,43 @@ pub struct Entry {
     pub index: u32,
 }
 
-/// Entries sorted by cell, and a hash table of where each cell's begin and end.
+/// Cells along one edge of a block, as a power of two. Rays that leave neighbouring receivers in the same direction end in the
+/// same block, which is one place in memory; hashed one by one, their cells would lie anywhere.
+const BLOCK_BITS: i32 = 2;
+
+/// Cells of a block.
+const BLOCK: usize = 1 << (3 * BLOCK_BITS);
+
+/// Which points are in each cell, cells sorted by block, and a hash table of blocks.
 #[derive(Clone, Debug)]
 struct Cells {
-    /// Open-addressing table of (cell key, first entry, end entry); empty where `end` is 0.
-    table: Vec<(u64, u32, u32)>,
-    entries: Vec<Entry>,
+    /// Open-addressing table of (block key, first cell); empty where the cell is [`EMPTY`].
+    table: Vec<(u64, u32)>,
+    /// Where each cell's entries begin and, at the next cell, end.
+    starts: Vec<u32>,
+    /// The cells' points. As numbers: a point is in some ten cells of a [`DiskGrid`], and memory that is read is what look-ups
+    /// wait for.
+    entries: Vec<u32>,
+    points: Vec<Entry>,
 }
 
-/// Packs a cell's coordinates, 21 bits each. Cells 2²¹ apart share a key: their points are found and then
+/// No block.
+const EMPTY: u32 = u32::MAX;
+
+/// Packs the coordinates of a cell or a block, 21 bits each. Those 2²¹ apart share a key: their points are found and then
 /// rejected by distance.
 #[inline]
 fn key_of(cell: IVec3) -> u64 {
     const MASK: u64 = (1 << 21) - 1;
     (cell.x as u64 & MASK) | ((cell.y as u64 & MASK) << 21) | ((cell.z as u64 & MASK) << 42)
+}
+
+/// Key of a cell's block, and the cell's number in it.
+#[inline]
+fn block_of(cell: IVec3) -> (u64, u32) {
+    let inside = cell & ((1 << BLOCK_BITS) - 1);
+    let number = inside.x | inside.y << BLOCK_BITS | inside.z << (2 * BLOCK_BITS);
+    (key_of(cell >> BLOCK_BITS), number as u32)
 }
 
 #[inline]
@@ -40,52 +64,90 @@ fn slot_of(key: u64, mask: usize) -> usize {
 }
 
 impl Cells {
-    /// From pairs of cell key and point index; a point may be in several cells.
-    fn new(mut keyed: Vec<(u64, u32)>, positions: &[Vec3], normals: &[Vec3]) -> Cells {
-        keyed.sort_unstable();
-        let entries: Vec<Entry> = keyed
-            .iter()
-            .map(|&(_, i)| Entry {
-                position: positions[i as usize],
-                normal: normals[i as usize],
-                index: i,
+    /// From pairs of cell and point index; a point may be in several cells.
+    fn new(placed: impl Iterator<Item = (IVec3, u32)>, positions: &[Vec3], normals: &[Vec3]) -> Cells {
+        // Block, cell in it, point.
+        let mut placed: Vec<(u64, u32, u32)> = placed
+            .map(|(cell, point)| {
+                let (block, inside) = block_of(cell);
+                (block, inside, point)
             })
             .collect();
-        let cells = keyed.chunk_by(|a, b| a.0 == b.0).count();
-        let size = (cells * 2).next_power_of_two().max(2);
-        let mut table = vec![(0u64, 0u32, 0u32); size];
-        let mut first = 0;
-        for run in keyed.chunk_by(|a, b| a.0 == b.0) {
-            let mut slot = slot_of(run[0].0, size - 1);
-            while table[slot].2 != 0 {
+        placed.sort_unstable();
+        let blocks = || placed.chunk_by(|a, b| a.0 == b.0);
+        let size = (2 * blocks().count()).next_power_of_two().max(2);
+        let mut table = vec![(0u64, EMPTY); size];
+        let mut starts = Vec::new();
+        let mut end = 0;
+        for block in blocks() {
+            let key = block[0].0;
+            let mut slot = slot_of(key, size - 1);
+            while table[slot].1 != EMPTY {
                 slot = (slot + 1) & (size - 1);
             }
-            table[slot] = (run[0].0, first, first + run.len() as u32);
-            first += run.len() as u32;
+            table[slot] = (key, starts.len() as u32);
+            let mut counts = [0; BLOCK];
+            block.iter().for_each(|entry| counts[entry.1 as usize] += 1);
+            for count in counts {
+                starts.push(end);
+                end += count;
+            }
         }
-        Cells { table, entries }
+        starts.push(end);
+        let points = (0..)
+            .zip(positions.iter().zip(normals))
+            .map(|(index, (&position, &normal))| Entry {
+                position,
+                normal,
+                index,
+            })
+            .collect();
+        Cells {
+            table,
+            starts,
+            entries: placed.iter().map(|entry| entry.2).collect(),
+            points,
+        }
     }
 
     /// What is in a cell.
     #[inline]
-    fn at(&self, cell: IVec3) -> &[Entry] {
-        let (first, end) = self.span(cell);
-        &self.entries[first as usize..end as usize]
+    fn at(&self, cell: IVec3) -> impl ExactSizeIterator<Item = &Entry> {
+        self.points(self.span(self.number(cell)))
     }
 
-    /// Which entries are in a cell: from, to.
+    /// Number of a cell, [`EMPTY`] where its whole block is empty.
     #[inline]
-    fn span(&self, cell: IVec3) -> (u32, u32) {
-        let key = key_of(cell);
+    fn number(&self, cell: IVec3) -> u32 {
+        let (key, inside) = block_of(cell);
         let mask = self.table.len() - 1;
         let mut slot = slot_of(key, mask);
         loop {
-            let (found, first, end) = self.table[slot];
-            if end == 0 || found == key {
-                return (first, end);
+            let (found, first) = self.table[slot];
+            if first == EMPTY {
+                return EMPTY;
+            }
+            if found == key {
+                return first + inside;
             }
             slot = (slot + 1) & mask;
         }
+    }
+
+    /// Which entries are in a cell of known number: from, to.
+    #[inline]
+    fn span(&self, number: u32) -> (u32, u32) {
+        match self.starts.get(number as usize..) {
+            Some(&[first, end, ..]) => (first, end),
+            _ => (0, 0),
+        }
+    }
+
+    /// Points of a span.
+    #[inline]
+    fn points(&self, (first, end): (u32, u32)) -> impl ExactSizeIterator<Item = &Entry> {
+        let entries = &self.entries[first as usize..end as usize];
+        entries.iter().map(|&i| &self.points[i as usize])
     }
 }
 
@@ -100,14 +162,13 @@ impl PointGrid {
     /// A grid for queries of at most `radius`.
     pub fn new(positions: &[Vec3], normals: &[Vec3], radius: f32) -> PointGrid {
         let inverse_cell = 0.5 / radius;
-        let keyed = positions
+        let placed = positions
             .iter()
             .enumerate()
-            .map(|(i, &p)| (key_of((p * inverse_cell).floor().as_ivec3()), i as u32))
-            .collect();
+            .map(|(i, &p)| ((p * inverse_cell).floor().as_ivec3(), i as u32));
         PointGrid {
             inverse_cell,
-            cells: Cells::new(keyed, positions, normals),
+            cells: Cells::new(placed, positions, normals),
         }
     }
 
@@ -131,7 +192,7 @@ impl PointGrid {
         let base = half_cell.wrapping_sub(IVec3::ONE) >> 1;
         for corner in 0..8 {
             let cell = base + IVec3::new(corner & 1, (corner >> 1) & 1, corner >> 2);
-            self.cells.at(cell).iter().for_each(&mut visit);
+            self.cells.at(cell).for_each(&mut visit);
         }
     }
 
@@ -143,7 +204,7 @@ impl PointGrid {
             for dy in -cells..=cells {
                 for dx in -cells..=cells {
                     let cell = middle + IVec3::new(dx, dy, dz);
-                    self.cells.at(cell).iter().for_each(&mut visit);
+                    self.cells.at(cell).for_each(&mut visit);
                 }
             }
         }
@@ -257,7 +318,7 @@ impl DiskGrid {
     /// A grid over disks of `radius`, as flat as equation 10 makes them.
     pub fn new(positions: &[Vec3], normals: &[Vec3], radius: f32) -> DiskGrid {
         let inverse_cell = 1.0 / radius;
-        let mut keyed = Vec::new();
+        let mut placed = Vec::new();
         for (i, (&p, normal)) in positions.iter().zip(normals).enumerate() {
             let p = p * inverse_cell;
             let (low, high) = ((p - 1.0).floor().as_ivec3(), (p + 1.0).floor().as_ivec3());
@@ -266,7 +327,7 @@ impl DiskGrid {
                     for x in low.x..=high.x {
                         let cell = IVec3::new(x, y, z);
                         if may_reach(cell.as_vec3() + 0.5 - p, *normal) {
-                            keyed.push((key_of(cell), i as u32));
+                            placed.push((cell, i as u32));
                         }
                     }
                 }
@@ -274,27 +335,33 @@ impl DiskGrid {
         }
         DiskGrid {
             inverse_cell,
-            cells: Cells::new(keyed, positions, normals),
+            cells: Cells::new(placed.into_iter(), positions, normals),
         }
     }
 
     /// Every point whose disk covers `x`, and some others.
     #[inline]
-    pub fn covering(&self, x: Vec3) -> &[Entry] {
+    pub fn covering(&self, x: Vec3) -> impl ExactSizeIterator<Item = &Entry> {
         self.cells.at(self.cell(x))
     }
 
-    /// [`DiskGrid::covering`] in two steps, for who looks up many places: which entries those are, and the entries.
-    /// Memory answers many questions at a time as long as none waits for the answer of another.
+    /// Number of the cell that holds `x`. With [`DiskGrid::span`] and [`DiskGrid::points`] this is [`DiskGrid::covering`] in
+    /// steps: memory answers many questions at a time as long as none waits for the answer of another.
     #[inline]
-    pub fn span(&self, x: Vec3) -> (u32, u32) {
-        self.cells.span(self.cell(x))
+    pub fn number(&self, x: Vec3) -> u32 {
+        self.cells.number(self.cell(x))
     }
 
-    /// Entries of a [`DiskGrid::span`].
+    /// Where the points of the cell of a [`DiskGrid::number`] are listed: from, to.
     #[inline]
-    pub fn entries(&self, span: (u32, u32)) -> &[Entry] {
-        &self.cells.entries[span.0 as usize..span.1 as usize]
+    pub fn span(&self, number: u32) -> (u32, u32) {
+        self.cells.span(number)
+    }
+
+    /// Points of a [`DiskGrid::span`].
+    #[inline]
+    pub fn points(&self, span: (u32, u32)) -> impl ExactSizeIterator<Item = &Entry> {
+        self.cells.points(span)
     }
 
     #[inline]
@@ -375,7 +442,7 @@ mod tests {
         let mut found = 0;
         for _ in 0..500 {
             let x = vector() * 1.2;
-            let listed: Vec<u32> = grid.covering(x).iter().map(|e| e.index).collect();
+            let listed: Vec<u32> = grid.covering(x).map(|e| e.index).collect();
             for i in 0..positions.len() {
                 let squared = kernel::distance_squared(x - positions[i], normals[i]);
                 if squared <= radius * radius {

@@ -144,7 +144,7 @@ impl LightClusters {
     #[inline]
     pub fn children(&self, node: u32) -> Option<[u32; 2]> {
         let first = self.nodes[node as usize].children;
-        (first != LEAF).then_some([first, first + 1])
+        (first != LEAF).then(|| [first, first + 1])
     }
 
     /// How the lights of a node shine.

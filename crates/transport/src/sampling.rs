@@ -1,5 +1,6 @@
 //! Direction sets: stratified points on the hemisphere.
 
+use crate::grid::morton_order;
 use crate::random::Stream;
 use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
@@ -73,20 +74,23 @@ pub fn r2(i: u32, start: Vec2) -> Vec2 {
 /// Uniformly spread directions over the upper hemisphere for gathers, and what they sum to.
 #[derive(Clone, Debug)]
 pub struct DirectionSet {
-    /// Local unit directions, z > 0. Even and odd entries are each evenly spread: the two half gathers.
+    /// Local unit directions, z > 0, neighbours next to each other along a Morton curve: rays that follow one another meet
+    /// the same places, in the scene and in memory.
     pub directions: Vec<Vec3>,
     /// Σ z · 2/N: what a full hemisphere of radiosity 1 gives as irradiance, 1 up to the set's own error.
     pub full: f32,
 }
 
 impl DirectionSet {
-    /// `count` directions (rounded up to even), scrambled by `stream`.
+    /// `count` directions, at least one, scrambled by `stream`.
     pub fn uniform(count: usize, stream: &mut Stream) -> DirectionSet {
         let start = Vec2::new(stream.uniform(), stream.uniform());
-        let count = count.next_multiple_of(2).max(2);
-        let directions: Vec<Vec3> = (0..count as u32)
+        let count = count.max(1);
+        let spread: Vec<Vec3> = (0..count as u32)
             .map(|i| uniform_hemisphere(r2(i, start)))
             .collect();
+        let order = morton_order(&spread);
+        let directions: Vec<Vec3> = order.iter().map(|&i| spread[i as usize]).collect();
         let heights: f64 = directions.iter().map(|d| f64::from(d.z)).sum();
         DirectionSet {
             full: (heights * 2.0 / count as f64) as f32,

@@ -311,6 +311,17 @@ impl Surfaces for Followed<'_> {
         self.reach.pass(ray, hit.map_or(ray.t_max, |hit| hit.t));
         hit
     }
+    fn closest_hits(&self, rays: &[Ray], visit: &mut dyn FnMut(usize, SurfaceHit)) {
+        let miss = |rays: &[Ray]| rays.iter().for_each(|ray| self.reach.pass(ray, ray.t_max));
+        let mut next = 0;
+        self.inner.closest_hits(rays, &mut |i, hit| {
+            miss(&rays[next..i]);
+            self.reach.pass(&rays[i], hit.t);
+            next = i + 1;
+            visit(i, hit);
+        });
+        miss(&rays[next..]);
+    }
     fn occluded(&self, ray: &Ray) -> bool {
         let is_occluded = self.inner.occluded(ray);
         self.pass_shadow(ray, is_occluded);
@@ -330,6 +341,7 @@ impl Surfaces for Followed<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::radiosity::tests::hollow;
     use relight_transport::random::Stream;
     use relight_transport::sampling::uniform_hemisphere;
 
@@ -405,6 +417,31 @@ mod tests {
             .sum();
         // A fifth of 31 cells along, at most √3 of that in walls crossed, and where it starts.
         assert!((4..=12).contains(&passed), "{passed}");
+    }
+
+    /// Truth: the rays one by one. The ball is hollow, so that those from outside miss where they pass it.
+    #[test]
+    fn rays_cast_together_pass_what_they_pass_alone() {
+        let (ball, _) = hollow(0.5);
+        let mut s = Stream::new(3, 0, 0);
+        let rays: Vec<Ray> = (0..100)
+            .map(|i| Ray {
+                origin: if i % 2 == 0 { Vec3::ZERO } else { Vec3::splat(1.4) },
+                direction: uniform_hemisphere(glam::Vec2::new(s.uniform(), s.uniform())),
+                t_min: 0.0,
+                t_max: 3.0,
+            })
+            .collect();
+        let [alone, together] = [(); 2].map(|()| reach(Vec3::splat(-2.0), Vec3::splat(2.0)));
+        let one_by_one = Followed::new(&ball, &alone);
+        let hits = rays
+            .iter()
+            .filter(|ray| one_by_one.closest_hit(ray).is_some())
+            .count();
+        let mut visited = 0;
+        Followed::new(&ball, &together).closest_hits(&rays, &mut |_, _| visited += 1);
+        assert!(hits == visited && hits >= 50 && hits < 100, "{hits} {visited}");
+        assert!(together.column() == alone.column());
     }
 
     #[test]

@@ -257,6 +257,27 @@ fn a_blended_surface_stops_its_alpha_of_the_rays() {
     }
 }
 
+/// Truth: the rays one by one. More of them than are looked up together, of which some miss.
+#[test]
+fn rays_cast_together_meet_what_they_meet_alone() {
+    let blend = Material {
+        alpha_mode: AlphaMode::Blend,
+        ..matt(Vec4::new(1.0, 1.0, 1.0, 0.5))
+    };
+    for material in [matt(Vec4::ONE), blend] {
+        let scene = traced(sphere(8, 12), Affine3A::IDENTITY, material, Vec::new());
+        let rays: Vec<Ray> = (0..150)
+            .map(|k| down(2.4 * (uniform(2 * k) - 0.5), 2.4 * (uniform(2 * k + 1) - 0.5)))
+            .collect();
+        let mut together = Vec::new();
+        scene.closest_hits(&rays, &mut |i, hit| together.push((i, hit)));
+        let hit_alone = |(i, ray)| scene.closest_hit(ray).map(|hit| (i, hit));
+        let alone: Vec<(usize, SurfaceHit)> = rays.iter().enumerate().filter_map(hit_alone).collect();
+        assert_eq!(together, alone);
+        assert!(alone.len() > 30 && alone.len() < 120, "{}", alone.len());
+    }
+}
+
 /// A convex body hides no direction above its surface from any of its points, at any size and place.
 #[test]
 fn rays_from_a_surface_do_not_meet_it_again() {
