@@ -7,7 +7,7 @@
 //! clusters of the finest point nearest to where it ended; one look-up finds those of all sender levels.
 
 use crate::candidates::Candidate;
-use crate::trials::{Answers, InTrials};
+use crate::trials::{Answers, ShortInTrials};
 use glam::{Vec3, Vec3A};
 use relight_scene::parting::is_parted;
 use relight_scene::rays::Ray;
@@ -29,7 +29,7 @@ pub struct SenderField<'a> {
     /// Its points' clusters.
     pub tree: &'a SenderTree,
     /// Its points' radiosity in trial lights.
-    pub trials: &'a [InTrials],
+    pub trials: &'a [ShortInTrials],
 }
 
 impl SenderField<'_> {
@@ -147,7 +147,7 @@ pub fn gather(
                 continue;
             };
             let point = field.same_side(surfaces, end, nearest);
-            answers.add(vector, &field.trials[point as usize]);
+            answers.add(vector, &field.trials[point as usize].wide());
             row.add(finest + field.tree.leaf_of_point[point as usize], vector);
         }
     }

@@ -348,9 +348,11 @@ fn inputs(r: &Refinement, key: &mut Key) {
     tree.parents.iter().for_each(|parents| {
         key.u32s(parents);
     });
+    r.trials.at_points.iter().for_each(|light| {
+        key.f32s(&light.wide());
+    });
     key.u32s(&tree.leaf_of_point)
         .bytes(&tree.importance)
-        .f32s(r.trials.at_points.as_flattened())
         .vectors(r.coarse_positions.iter())
         .f32s(&[r.epsilon])
         .u64s(&[

@@ -339,7 +339,7 @@ mod tests {
 
     /// One light, the same in all trials.
     fn lit(tree: &SenderTree, light: &[f32]) -> TrialLights {
-        TrialLights::from_radiosity(tree, light.iter().map(|&b| [b; TRIALS]).collect())
+        TrialLights::from_radiosity(tree, light.iter().map(|&b| [b; TRIALS]))
     }
 
     /// What a gather of these leaves answers where points are lit as their leaves in the mean.

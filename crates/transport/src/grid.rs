@@ -49,6 +49,14 @@ fn key_of(cell: IVec3) -> u64 {
     (cell.x as u64 & MASK) | ((cell.y as u64 & MASK) << 21) | ((cell.z as u64 & MASK) << 42)
 }
 
+/// The cell of edge 1 that holds a place; the last one beyond what integers hold. Without [`f32::floor`], which is a call on
+/// processors that compilers must reckon with.
+#[inline]
+pub(crate) fn cell_at(x: Vec3) -> IVec3 {
+    let truncated = x.as_ivec3();
+    truncated.wrapping_sub(IVec3::from(truncated.as_vec3().cmpgt(x)))
+}
+
 /// Key of a cell's block, and the cell's number in it.
 #[inline]
 fn block_of(cell: IVec3) -> (u64, u32) {
@@ -165,7 +173,7 @@ impl PointGrid {
         let placed = positions
             .iter()
             .enumerate()
-            .map(|(i, &p)| ((p * inverse_cell).floor().as_ivec3(), i as u32));
+            .map(|(i, &p)| (cell_at(p * inverse_cell), i as u32));
         PointGrid {
             inverse_cell,
             cells: Cells::new(placed, positions, normals),
@@ -182,7 +190,7 @@ impl PointGrid {
     /// The cell, as wide as the radius, that holds `x`.
     #[inline]
     fn half_cell(&self, x: Vec3) -> IVec3 {
-        (x * (2.0 * self.inverse_cell)).floor().as_ivec3()
+        cell_at(x * (2.0 * self.inverse_cell))
     }
 
     /// [`PointGrid::near`] of all places in a cell as wide as the radius.
@@ -199,7 +207,7 @@ impl PointGrid {
     /// Calls `visit` for every point within `cells` cells of twice the radius around that of `x`, and so for all nearer
     /// than that many.
     pub fn around(&self, x: Vec3, cells: i32, mut visit: impl FnMut(&Entry)) {
-        let middle = (x * self.inverse_cell).floor().as_ivec3();
+        let middle = cell_at(x * self.inverse_cell);
         for dz in -cells..=cells {
             for dy in -cells..=cells {
                 for dx in -cells..=cells {
@@ -321,7 +329,7 @@ impl DiskGrid {
         let mut placed = Vec::new();
         for (i, (&p, normal)) in positions.iter().zip(normals).enumerate() {
             let p = p * inverse_cell;
-            let (low, high) = ((p - 1.0).floor().as_ivec3(), (p + 1.0).floor().as_ivec3());
+            let (low, high) = (cell_at(p - 1.0), cell_at(p + 1.0));
             for z in low.z..=high.z {
                 for y in low.y..=high.y {
                     for x in low.x..=high.x {
@@ -366,7 +374,7 @@ impl DiskGrid {
 
     #[inline]
     fn cell(&self, x: Vec3) -> IVec3 {
-        (x * self.inverse_cell).floor().as_ivec3()
+        cell_at(x * self.inverse_cell)
     }
 }
 

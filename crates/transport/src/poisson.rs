@@ -7,6 +7,7 @@
 //! parallel; what survives is tested again in order against the newcomers. The result is that of the serial
 //! algorithm on the same candidates, whatever the number of threads.
 
+use crate::grid::cell_at;
 use crate::kernel::disk_distance_squared;
 use crate::random::mix;
 use glam::{IVec3, Vec3};
@@ -72,7 +73,7 @@ impl Disks {
     }
 
     fn cell(&self, x: Vec3, shift: f32) -> IVec3 {
-        (x * (0.5 / self.radius) - shift).floor().as_ivec3()
+        cell_at(x * (0.5 / self.radius) - shift)
     }
 
     fn key(cell: IVec3) -> u64 {
