@@ -440,7 +440,7 @@ mod tests {
             .count();
         let mut visited = 0;
         Followed::new(&ball, &together).closest_hits(&rays, &mut |_, _| visited += 1);
-        assert!(hits == visited && hits >= 50 && hits < 100, "{hits} {visited}");
+        assert!(hits == visited && (50..100).contains(&hits), "{hits} {visited}");
         assert!(together.column() == alone.column());
     }
 
