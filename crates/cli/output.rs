@@ -34,10 +34,16 @@ pub fn print_text(text: &str) -> Result<()> {
 /// that cannot be kept.
 ///
 /// # Errors
-/// The folder cannot be made or written; `path` is a folder.
+/// The folder cannot be made or written; `path` is a folder, a device or a pipe, which renaming would replace.
 pub fn prepare_output(path: &Path) -> Result<()> {
     if path.is_dir() {
         anyhow::bail!("{}: is a folder; give the name of a file", path.display());
+    }
+    if path.exists() && !path.is_file() {
+        anyhow::bail!(
+            "{}: is a device or a pipe, which a result would replace; give the name of a file",
+            path.display()
+        );
     }
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,

@@ -32,6 +32,27 @@ fn a_truncated_scene_is_an_error_at_every_length() {
     }
 }
 
+/// Results replace files by renaming, which would put a file in the place of a device. A socket stands for all that are no files.
+#[cfg(unix)]
+#[test]
+fn what_is_no_file_is_not_replaced() {
+    use std::os::unix::fs::FileTypeExt;
+    let folder = folder();
+    let socket = folder.path().join("socket.exr");
+    let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+    let lights = data("cornell.lights.json");
+    let mut play = relight();
+    play.arg("play").arg(cornell()).arg("--lights").arg(lights);
+    let mut bake = relight();
+    bake.arg("bake").arg(data("cornell.glb"));
+    for mut command in [bake, play] {
+        let text = complaint(command.arg("-o").arg(&socket), 1);
+        assert!(text.contains("socket.exr: is a device or a pipe"), "{text}");
+        assert!(std::fs::metadata(&socket).unwrap().file_type().is_socket());
+        assert_eq!(names(folder.path()), ["socket.exr"]);
+    }
+}
+
 #[test]
 fn a_scene_without_geometry_is_refused() {
     let folder = folder();

@@ -8,7 +8,8 @@ use std::path::Path;
 /// after a crash or a full disk the target is the old file or the new one. The folder must exist.
 ///
 /// # Errors
-/// [`ImageError::Io`], naming the target; the temporary file is removed.
+/// [`ImageError::Io`], naming the target, which is not replaced if it is a device, a pipe or a folder; the temporary file is
+/// removed.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
     write_atomically_with(path, |file| file.write_all(bytes))
 }
@@ -22,6 +23,10 @@ pub fn write_atomically_with(
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> Result<(), ImageError> {
     let fail = |action| move |e| ImageError::io(path, action, e);
+    if path.exists() && !path.is_file() {
+        let error = std::io::Error::new(std::io::ErrorKind::AlreadyExists, "it is not a regular file");
+        return Err(fail("replacing")(error));
+    }
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
