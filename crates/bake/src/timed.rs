@@ -1,9 +1,9 @@
 //! How long rays take, measured on the bake's own rays.
 //!
-//! Method: batches and packets are timed each. Of single rays one call in 61 of every thread is timed, less what the timer
-//! itself costs (calibrated at the start), and the mean is scaled up to all single rays. Timing every ray would take longer than many rays do; the sample is
-//! thousands of rays even in a small bake, so its mean is good to a few per cent. Calls during which the system
-//! gave the core to another process are left out, or one of them would count 61 times.
+//! Method: batches and packets are timed each. Of single rays one call in 61 of every thread is timed, less what the
+//! timer itself costs (calibrated at the start), and the mean is scaled up to all single rays. Timing every one would take
+//! longer than many rays do; the sample is thousands of rays even in a small bake, so its mean is good to a few per cent.
+//! Calls during which the system gave the core to another process are left out, or one of them would count 61 times.
 
 use glam::Vec3;
 use relight_scene::rays::Ray;

@@ -21,8 +21,8 @@ const EVEN: usize = 0;
 /// A value in each trial light.
 pub type InTrials = [f32; TRIALS];
 
-/// [`InTrials`], each number as the upper half of an f32, rounded to nearest: within 1/256 of itself. Rows are fitted to whatever these
-/// lights are, so nothing is lost by that.
+/// [`InTrials`], each number as the upper half of an f32, rounded to nearest: within 1/256 of itself. Rows are fitted to
+/// whatever these lights are, so nothing is lost by that.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]
 pub struct ShortInTrials([u16; TRIALS]);

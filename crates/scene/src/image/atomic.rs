@@ -81,6 +81,19 @@ mod tests {
         }
     }
 
+    /// Renaming would put a file in the place of a device; a socket stands for all that are no files.
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_file_is_not_replaced() {
+        use std::os::unix::fs::FileTypeExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("socket");
+        let _listener = std::os::unix::net::UnixListener::bind(&path).unwrap();
+        let message = write_atomically(&path, b"x").unwrap_err().to_string();
+        assert!(message.contains("socket"), "{message}");
+        assert!(std::fs::metadata(&path).unwrap().file_type().is_socket());
+    }
+
     #[test]
     fn a_missing_folder_is_an_error_that_names_the_target() {
         let folder = tempfile::tempdir().unwrap();
