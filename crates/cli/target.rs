@@ -48,13 +48,13 @@ const DRAFT: (Preset, &str) = (Preset::Draft, "draft");
 /// Each costs two to three times the one before and errs by a third less, as long as points and links are what errs
 /// (docs/report.md).
 const LADDER: [Step; 7] = [
-    step(DRAFT, 2, 1, 0.2),
-    step(DRAFT, 3, 2, 0.1),
-    step(DRAFT, 4, 2, 0.1),
-    step(DRAFT, 4, 3, 0.05),
-    step(DRAFT, 5, 3, 0.05),
-    step((Preset::Standard, "standard"), 6, 4, 0.025),
-    step((Preset::Fine, "fine"), 6, 5, 0.01),
+    step(DRAFT, 2, 1, 0.15),
+    step(DRAFT, 3, 2, 0.075),
+    step(DRAFT, 4, 2, 0.075),
+    step(DRAFT, 4, 3, 0.04),
+    step(DRAFT, 5, 3, 0.04),
+    step((Preset::Standard, "standard"), 6, 4, 0.018),
+    step((Preset::Fine, "fine"), 6, 5, 0.0075),
 ];
 
 /// A setting will do if it is expected to err by up to so much more than asked for: estimates are no better, and the next

@@ -15,10 +15,22 @@ fn edits(folder: &Path, edits: &str) -> PathBuf {
 
 /// Plays frame `frame` of the box by LIGHT and returns a layer.
 fn layer(folder: &Path, integrator: &str, changes: Option<&str>, frame: u32, layer: &str) -> FloatImage {
+    layer_of(cornell(), folder, integrator, changes, frame, layer)
+}
+
+/// The same, of another asset.
+fn layer_of(
+    asset: &Path,
+    folder: &Path,
+    integrator: &str,
+    changes: Option<&str>,
+    frame: u32,
+    layer: &str,
+) -> FloatImage {
     let lights = sequence(folder, "l.json", LIGHT);
     let output = folder.join("f.exr");
     let mut command = relight();
-    command.arg("play").arg(cornell()).arg("-o").arg(&output);
+    command.arg("play").arg(asset).arg("-o").arg(&output);
     command.args([
         "--size",
         "32x32",
@@ -70,12 +82,19 @@ fn half_the_base_colour_is_half_the_direct_light() {
 }
 
 /// What bounces follows, too: the transfer's indirect light at half the white walls' reflectance is what the path
-/// tracer finds. Tolerance: the coarse bake errs by a few per cent in the mean, the path tracer's noise is below.
+/// tracer finds. Tolerance: this bake errs by 2 % in the mean (the smaller one of the other tests by up to 6, depending on
+/// where its points fall), the path tracer's noise is below.
 #[test]
 fn indirect_light_follows_the_edited_albedo() {
     let folder = folder();
+    let asset = folder.path().join("c.relight");
+    let mut bake = relight();
+    bake.arg("bake").arg(data("cornell.glb")).arg("-o").arg(&asset);
+    bake.args(["--preset", "draft", "--levels", "3"])
+        .assert()
+        .success();
     let mean = |integrator: &str, changes: Option<&str>| {
-        let image = layer(folder.path(), integrator, changes, 0, "indirect");
+        let image = layer_of(&asset, folder.path(), integrator, changes, 0, "indirect");
         image.pixels.iter().map(|p| f64::from(p[1])).sum::<f64>() / image.pixels.len() as f64
     };
     let edit = r#"{"material": "White", "model": "lambert", "base_color": 0.35}"#;
@@ -83,7 +102,7 @@ fn indirect_light_follows_the_edited_albedo() {
     assert!(after < 0.4 * before, "{after} of {before}");
     let truth = mean("path", Some(edit)) / mean("path", None);
     assert!(
-        (after / before / truth - 1.0).abs() < 0.06,
+        (after / before / truth - 1.0).abs() < 0.03,
         "{} instead of {truth}",
         after / before
     );

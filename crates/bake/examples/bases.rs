@@ -50,7 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let eyes: Vec<Vec3> = scene.cameras.iter().map(|c| c.at(0.0).position).collect();
     let points = distribute(&traced, &eyes, LEVELS, COARSE_RADIUS, 0, |_| Ok(()))?;
     // Another seed than the points', or places would be points.
-    let (landings, _) = candidates::trace(&traced, &eyes, 1, 0, PARTICLES);
+    let (landings, _) = candidates::trace(&traced, &eyes, 1, 0, PARTICLES, 0.0);
     let places: Vec<Candidate> = landings
         .iter()
         .map(|hit| Candidate::at(&traced, hit))

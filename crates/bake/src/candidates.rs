@@ -50,13 +50,15 @@ impl Candidate {
 }
 
 /// Traces particles number `first..first + count` and returns their landings, particle by particle, and the
-/// number of rays cast. What the surfaces reflect is not asked: few landings become points.
+/// number of rays cast. Landings nearer than `near` to where their particle came from don't count, unless all of its landings
+/// are: the scene may be no wider. What the surfaces reflect is not asked: few landings become points.
 pub fn trace(
     surfaces: &dyn Surfaces,
     viewpoints: &[Vec3],
     seed: u64,
     first: u64,
     count: usize,
+    near: f32,
 ) -> (Vec<SurfaceHit>, u64) {
     const CHUNK: usize = 256;
     let chunks: Vec<(Vec<SurfaceHit>, u64)> = (0..count.div_ceil(CHUNK))
@@ -70,6 +72,7 @@ pub fn trace(
                 rays += trace_one(
                     surfaces,
                     start,
+                    near,
                     &mut Stream::new(seed, STAGE, particle),
                     &mut landings,
                 );
@@ -81,14 +84,29 @@ pub fn trace(
     (chunks.into_iter().flat_map(|c| c.0).collect(), rays)
 }
 
-fn trace_one(surfaces: &dyn Surfaces, start: Vec3, s: &mut Stream, landings: &mut Vec<SurfaceHit>) -> u64 {
+fn trace_one(
+    surfaces: &dyn Surfaces,
+    start: Vec3,
+    near: f32,
+    s: &mut Stream,
+    landings: &mut Vec<SurfaceHit>,
+) -> u64 {
     let deposited = landings.len();
-    walk(surfaces, start, s, BOUNCES, |bounce, hit| {
+    let mut last = start;
+    let mut from_near = Vec::new();
+    let rays = walk(surfaces, start, s, BOUNCES, |bounce, hit| {
         if bounce == SKIPPED {
             landings.truncate(deposited);
+            from_near.clear();
         }
-        landings.push(*hit);
-    })
+        let is_near = hit.position.distance_squared(last) <= near * near;
+        (if is_near { &mut from_near } else { &mut *landings }).push(*hit);
+        last = hit.position;
+    });
+    if landings.len() == deposited {
+        landings.append(&mut from_near);
+    }
+    rays
 }
 
 /// Sends an importance particle from `start` in a uniform direction; it leaves each surface as a matt one

@@ -11,8 +11,8 @@ pub struct BakeParams {
     pub sender_levels: usize,
     /// Poisson-disk radius of the coarsest level, scene units; `None`: from the scene.
     pub coarse_radius: Option<f32>,
-    /// Link threshold ε (section 3.2) on reflectance times link, at the finest level; 0.8 stands for every
-    /// reflectance.
+    /// ε (section 3.2), on reflectance times link, at the finest level: the threshold of links of the coarsest receivers, and
+    /// by its square what error those of others take away at least (`refine`).
     pub epsilon: f32,
     /// Rays per receiver on the finest level; each coarser level takes twice as many.
     pub rays: usize,
@@ -184,7 +184,7 @@ impl BakeParams {
             levels: 6,
             sender_levels: 5,
             coarse_radius: None,
-            epsilon: 0.025,
+            epsilon: 0.018,
             rays: 320,
             bounces: None,
             solution: false,
@@ -199,12 +199,12 @@ impl BakeParams {
                 levels: 5,
                 sender_levels: 3,
                 rays: 256,
-                epsilon: 0.05,
+                epsilon: 0.04,
                 ..standard
             },
             Preset::Standard => standard,
             Preset::Fine => BakeParams {
-                epsilon: 0.01,
+                epsilon: 0.0075,
                 rays: 1024,
                 ..standard
             },

@@ -3,31 +3,37 @@
 //! Source: Lehtinen et al. 2008, section 3.2 and figure 5. Rows of one level only need coarser rows, so a
 //! level is a parallel sweep instead of a queue.
 //!
+//! The coarsest levels keep links above a threshold ([`select`]), finer ones those that lights ask for
+//! ([`select_by_pursuit`]).
+//!
 //! Equation 17 subtracts what was stored: quantised and corrected links, so that errors do not add up over
 //! levels.
 
+mod predicted;
 mod wanted;
 
 use crate::bounces::BounceSums;
 use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::{Gathered, RowScratch, SenderField, gather, scalar_row};
-use crate::select::{Row, SelectScratch, select};
+use crate::lamps::Lamps;
+use crate::select::{InLamplight, Row, SelectScratch, select, select_by_pursuit};
 use crate::trials::{Answers, TrialLights};
 use crate::units::Units;
 use crate::units::key::Key;
-use glam::{Mat3, Vec3, Vec3A};
+use glam::{Vec3, Vec3A};
+use predicted::Predicted;
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;
 use relight_transport::links::Links;
-use relight_transport::pyramid::{LevelRanges, carry};
+use relight_transport::pyramid::LevelRanges;
 use relight_transport::random::Stream;
 use relight_transport::sampling::DirectionSet;
-use relight_transport::senders::SenderTree;
 use relight_transport::sparse::Rows;
 use std::ops::Range;
 use wanted::Forecast;
 
+pub use predicted::Reconstructed;
 pub use wanted::Wanted;
 
 /// What refinement works on.
@@ -46,6 +52,8 @@ pub struct Refinement<'a> {
     pub field: SenderField<'a>,
     /// Lights that rows are fitted to.
     pub trials: &'a TrialLights,
+    /// Lights by which links are chosen.
+    pub lamps: &'a Lamps,
     /// Positions of the senders of the coarsest level.
     pub coarse_positions: &'a [Vec3],
     /// Rays per receiver of the finest level.
@@ -117,10 +125,13 @@ impl Refinement<'_> {
 /// Most rays a receiver gets: the coarsest rows are few, and all others rest on them.
 const MOST_RAYS: usize = 1 << 14;
 
-/// Entries of a reconstructed row below this share of ε are forgotten, except on the coarsest sender level, whose
-/// sum is the row's answer to even light. Rows would else hold half of all senders: forgetting 2 % takes half of the
-/// memory and a third of the time and changes errors by 1 %, 10 % of ε by 13 % (docs/transfer.md).
-const NEGLIGIBLE: f32 = 0.04;
+/// The coarsest level whose links are chosen by what lights make of them. Those above are few, all others rest on them, and
+/// what they keep beyond that no later one needs to mend (docs/transfer.md).
+const FIRST_PURSUED: usize = 2;
+
+/// ε below which all links are above thresholds: there are hundreds in each row then, and to choose them one after the other
+/// takes the square of their number.
+const LEAST_PURSUED: f32 = 0.0025;
 
 /// Stage number of the direction sets' stream.
 const STAGE: u32 = 3;
@@ -139,19 +150,20 @@ pub struct Receiver {
     /// Links that were dropped as too weak.
     pub dropped: u32,
     /// Reconstructed row for finer levels; empty on the two finest. It follows from the others.
-    pub reconstructed: Vec<(u32, Vec3)>,
+    pub reconstructed: Reconstructed,
 }
 
 impl Receiver {
     fn row_bytes(&self) -> u64 {
-        size_of_val(&self.reconstructed[..]) as u64
+        let Reconstructed { row, answers } = &self.reconstructed;
+        (size_of_val(&row[..]) + answers.as_deref().map_or(0, size_of_val)) as u64
     }
 
     /// Gives back what its lists have room for: all receivers stay until the last is done.
     fn shrink(&mut self) {
         self.links.shrink_to_fit();
         self.bounce.shrink_to_fit();
-        self.reconstructed.shrink_to_fit();
+        self.reconstructed.row.shrink_to_fit();
     }
 }
 
@@ -161,7 +173,7 @@ pub struct Receivers(pub Vec<Receiver>);
 /// Room to work in, for one thread.
 struct Room {
     gathered: RowScratch,
-    predicted: RowScratch,
+    predicted: Predicted,
     select: SelectScratch,
 }
 
@@ -171,6 +183,8 @@ struct Sweep<'a> {
     level: usize,
     directions: DirectionSet,
     threshold: f32,
+    /// Squared error that a link takes away at least.
+    gain: f32,
     /// Whether finer levels need the reconstructed rows.
     remembered: bool,
 }
@@ -308,7 +322,7 @@ pub fn rows(
         row_bytes = known.iter().map(Receiver::row_bytes).sum::<u64>().max(row_bytes);
         for (row, &until) in known.iter_mut().zip(&needed_until) {
             if usize::from(until) <= level {
-                row.reconstructed = Vec::new();
+                row.reconstructed = Reconstructed::default();
             }
         }
     }
@@ -351,6 +365,9 @@ fn inputs(r: &Refinement, key: &mut Key) {
     r.trials.at_points.iter().for_each(|light| {
         key.f32s(&light.wide());
     });
+    r.lamps.leaf_means.iter().for_each(|light| {
+        key.f32s(light);
+    });
     key.u32s(&tree.leaf_of_point)
         .bytes(&tree.importance)
         .vectors(r.coarse_positions.iter())
@@ -389,11 +406,11 @@ fn rays_at(finest: usize, above_finest: usize) -> usize {
 }
 
 impl Room {
-    fn new(tree: &SenderTree) -> Room {
-        let senders = tree.ranges.total();
+    fn new(r: &Refinement) -> Room {
+        let tree = r.field.tree;
         Room {
-            gathered: RowScratch::new(senders),
-            predicted: RowScratch::new(senders),
+            gathered: RowScratch::new(tree.ranges.total()),
+            predicted: Predicted::new(r),
             select: SelectScratch::new(tree),
         }
     }
@@ -408,6 +425,7 @@ impl<'a> Sweep<'a> {
             level,
             directions: DirectionSet::uniform(count, &mut Stream::new(r.seed, STAGE, level as u64)),
             threshold: threshold(r.epsilon, above_finest),
+            gain: gain(r.epsilon, above_finest),
             remembered: is_remembered(r, level),
         }
     }
@@ -424,7 +442,7 @@ impl<'a> Sweep<'a> {
             .into_par_iter()
             .with_min_len(16)
             .map_init(
-                || Room::new(self.refinement.field.tree),
+                || Room::new(self.refinement),
                 |room, i| {
                     let receiver = self.receiver(i, known, quantised, room);
                     watch.cast(if receiver.gathered {
@@ -451,20 +469,28 @@ impl<'a> Sweep<'a> {
             .zip(range)
             .filter(|(_, i)| needed_until[*i] > 0)
             .for_each_init(
-                || RowScratch::new(self.refinement.field.tree.ranges.total()),
+                || Predicted::new(self.refinement),
                 |predicted, (receiver, i)| {
                     predicted.clear();
-                    predict(self.refinement, i, coarser, predicted);
-                    receiver.reconstructed = self.reconstructed(predicted, &receiver.links);
+                    predicted.predict(self.refinement, i, coarser);
+                    receiver.reconstructed = predicted.reconstruct(self.refinement, &receiver.links);
                 },
             );
     }
 
-    /// A row is looked at when one of its parents kept a link (figure 5).
+    /// Whether links are chosen by pursuit.
+    fn pursues(&self) -> bool {
+        self.level >= FIRST_PURSUED && self.refinement.epsilon >= LEAST_PURSUED
+    }
+
+    /// A row is looked at when one of its parents kept a link (figure 5). That says nothing where links are chosen by pursuit:
+    /// a parent that lacks little may need none.
     fn is_active(&self, i: usize, known: &[Receiver]) -> bool {
         let parents = self.refinement.fine_from_coarse.row(i);
         self.refinement.is_worthwhile(i)
-            && (parents.is_empty() || parents.iter().any(|&(k, _)| !known[k as usize].links.is_empty()))
+            && (parents.is_empty()
+                || (self.pursues() && self.level > FIRST_PURSUED)
+                || parents.iter().any(|&(k, _)| !known[k as usize].links.is_empty()))
     }
 
     /// The outcome of receiver `i`.
@@ -487,7 +513,7 @@ impl<'a> Sweep<'a> {
         predicted.clear();
         let mut answers = Answers::default();
         if active || self.remembered {
-            predict(r, i, known, predicted);
+            predicted.predict(r, i, known);
         }
         let mut receiver = Receiver {
             gathered: active || bounces,
@@ -517,73 +543,33 @@ impl<'a> Sweep<'a> {
                 answers: &answers,
                 coarse_positions: r.coarse_positions,
                 gathered,
-                predicted,
+                predicted: &predicted.row,
                 normal: Vec3A::from(r.places[i].normal),
                 threshold: self.threshold,
             };
-            receiver.links = select(&row, quantised, scratch);
+            receiver.links = if self.pursues() {
+                let light = InLamplight {
+                    lamps: r.lamps,
+                    predicted: &predicted.answers,
+                    gain: self.gain,
+                };
+                select_by_pursuit(&row, &light, quantised, scratch)
+            } else {
+                select(&row, quantised, scratch)
+            };
             receiver.dropped = gathered.touched.len().saturating_sub(receiver.links.len()) as u32;
         }
         if self.remembered {
-            receiver.reconstructed = self.reconstructed(predicted, &receiver.links);
+            receiver.reconstructed = predicted.reconstruct(r, &receiver.links);
         }
         receiver.shrink();
         receiver
-    }
-
-    /// The row as the file will have it: what the parents predict, and its own links.
-    fn reconstructed(&self, predicted: &mut RowScratch, links: &[(u32, Vec3)]) -> Vec<(u32, Vec3)> {
-        for &(j, vector) in links {
-            predicted.add(j, Vec3A::from(vector));
-        }
-        let coarse_senders = self.refinement.field.tree.ranges.range(0).len() as u32;
-        let negligible = (self.refinement.epsilon * NEGLIGIBLE).powi(2);
-        predicted
-            .touched
-            .iter()
-            .map(|&j| (j, Vec3::from(predicted.sum[j as usize])))
-            .filter(|link| link.0 < coarse_senders || link.1.length_squared() > negligible)
-            .collect()
-    }
-}
-
-/// The row of receiver `i` that its parents' rows give, as link coefficients.
-///
-/// Reconstructed rows are long, and three quarters of those that are needed are on the level above the finest.
-/// They are not stored: such a parent stands for its own links and its parents' rows.
-fn predict(r: &Refinement, i: usize, known: &[Receiver], predicted: &mut RowScratch) {
-    let remembered = r.ranges.range(r.ranges.levels().saturating_sub(2)).start;
-    let normal = |k: u32| r.places[k as usize].normal;
-    let carried = |k: u32, i: u32, share: f32| carry(normal(k), normal(i)) * share;
-    let mut terms: Vec<(u32, Mat3)> = Vec::new();
-    for &(k, share) in r.fine_from_coarse.row(i) {
-        let m = carried(k, i as u32, share);
-        if (k as usize) < remembered {
-            terms.push((k, m));
-            continue;
-        }
-        for &(j, vector) in &known[k as usize].links {
-            predicted.add(j, Vec3A::from(m * vector));
-        }
-        let grandparents = r.fine_from_coarse.row(k as usize);
-        terms.extend(
-            grandparents
-                .iter()
-                .map(|&(g, share)| (g, m * carried(g, k, share))),
-        );
-    }
-    terms.sort_by_key(|term| term.0);
-    for same in terms.chunk_by(|a, b| a.0 == b.0) {
-        let m: Mat3 = same.iter().map(|term| term.1).sum();
-        for &(j, vector) in &known[same[0].0 as usize].reconstructed {
-            predicted.add(j, Vec3A::from(m * vector));
-        }
     }
 }
 
 /// Reflectance that stands for every sender's in the threshold: ε is meant on reflectance times link (section
 /// 3.2), and links are tested without (see [`select`](crate::select)).
-const TYPICAL_REFLECTANCE: f32 = 0.8;
+const TYPICAL_REFLECTANCE: f32 = 0.5;
 
 /// Ratio of the thresholds of a level and the next coarser one. A coarser receiver's function covers four times
 /// the area, so that for the same squared error over the surface a link of half the size earns its place there.
@@ -594,4 +580,16 @@ const LEVEL_RATIO: f32 = 2.5;
 /// Threshold on links of a receiver level that is `coarser` levels above the finest.
 fn threshold(epsilon: f32, coarser: usize) -> f32 {
     epsilon / TYPICAL_REFLECTANCE / LEVEL_RATIO.powi(coarser as i32)
+}
+
+/// Squared error, over ε², that a link of the finest level takes away at least: what makes the paper's ε of 0.025 give no more
+/// links than it has in the paper (docs/transfer.md).
+const GAIN: f32 = 160.0;
+
+/// Ratio of the gains of a level and the next coarser one. Of 4 to 6, any gives the same error for the same links.
+const GAIN_RATIO: f32 = 5.0;
+
+/// Squared error that a link takes away at least, on a receiver level that is `coarser` levels above the finest.
+fn gain(epsilon: f32, coarser: usize) -> f32 {
+    GAIN * epsilon * epsilon / GAIN_RATIO.powi(coarser as i32)
 }

@@ -1,6 +1,7 @@
-//! Which links of a receiver are kept, and what becomes of the others.
+//! Which links of a receiver are kept, and what becomes of the others: those above a threshold, or ([`select_by_pursuit`]) those
+//! that lights ask for.
 //!
-//! Source: Lehtinen et al. 2008, section 3.2, figure 5 and appendix A: by magnitude on the coarsest sender
+//! Source of the former: Lehtinen et al. 2008, section 3.2, figure 5 and appendix A: by magnitude on the coarsest sender
 //! level, by variation among neighbours on the finer ones.
 //!
 //! Nothing that is dropped is lost. A dropped link of the coarsest sender level is given to the nearest kept
@@ -13,10 +14,15 @@
 //! lamp or door would be dropped and given to the bright wall beside it, and reflectances stay editable
 //! (docs/transfer.md: 17 % too bright on modern_hall).
 
+mod pursued;
+
 use crate::gather::RowScratch;
+use crate::pursuit::PursuitScratch;
 use crate::trials::{Answers, TrialLights, fit};
 use glam::{Vec3, Vec3A};
 use relight_transport::senders::SenderTree;
+
+pub use pursued::{InLamplight, select_by_pursuit};
 
 /// A receiver's row before selection.
 #[derive(Clone, Copy, Debug)]
@@ -49,6 +55,21 @@ impl Row<'_> {
         along.abs() + TANGENT_WEIGHT * (vector - self.normal * along).length()
     }
 
+    /// The square of [`Row::strength`], with its two parts added up as squares.
+    fn strength_squared(&self, vector: Vec3A) -> f32 {
+        let along = vector.dot(self.normal);
+        let rest = vector - self.normal * along;
+        along * along + TANGENT_WEIGHT * TANGENT_WEIGHT * rest.length_squared()
+    }
+
+    /// Senders of the coarsest level that are gathered or predicted, ascending.
+    fn coarse_senders(&self) -> Vec<u32> {
+        let mut senders: Vec<u32> = self.touched_on(0).collect();
+        senders.sort_unstable();
+        senders.dedup();
+        senders
+    }
+
     /// Senders of a level that are gathered or predicted, each once or twice.
     fn touched_on(&self, level: usize) -> impl Iterator<Item = u32> {
         let range = self.tree.ranges.range(level);
@@ -68,6 +89,7 @@ pub struct SelectScratch {
     families: Vec<Vec<u32>>,
     is_open: Vec<bool>,
     kept: Vec<bool>,
+    pursuit: PursuitScratch,
 }
 
 impl SelectScratch {
@@ -80,6 +102,7 @@ impl SelectScratch {
             families: vec![Vec::new(); tree.levels()],
             is_open: vec![false; senders],
             kept: Vec::new(),
+            pursuit: PursuitScratch::default(),
         }
     }
 }
@@ -179,9 +202,7 @@ fn coarse_threshold(row: &Row, senders: &[u32]) -> f32 {
 
 /// Links of the coarsest sender level, by ascending sender.
 fn coarse_links(row: &Row) -> Vec<(u32, Vec3)> {
-    let mut senders: Vec<u32> = row.touched_on(0).collect();
-    senders.sort_unstable();
-    senders.dedup();
+    let senders = row.coarse_senders();
     let difference = |j: u32| row.gathered.sum[j as usize] - row.predicted.sum[j as usize];
     let threshold = coarse_threshold(row, &senders);
     let strong = |&j: &u32| row.strength(difference(j)) > threshold;

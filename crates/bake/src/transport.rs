@@ -5,6 +5,7 @@ use crate::candidates::Candidate;
 use crate::error::BakeError;
 use crate::gather::SenderField;
 use crate::importance::importance;
+use crate::lamps::Lamps;
 use crate::params::{BakeParams, Part};
 use crate::parted::{self, Parted};
 use crate::points::PointLevels;
@@ -79,6 +80,9 @@ const NEAR: f32 = 1.0;
 
 /// How near lamps of trial lights come to surfaces, in distances of the coarsest points.
 const SOFTNESS: f32 = 1.0;
+
+/// The same of the lamps that links are chosen by: each is alone, and a lamp near a surface is what links are for.
+const LAMP_SOFTNESS: f32 = 0.5;
 
 /// Computes the operators over given points. `cameras`: those that alone will look; none for all. `step` is told of rays as they are cast and may stop the bake.
 ///
@@ -225,7 +229,7 @@ pub fn with_refinement<T>(
     let nearest_point = NearestPoint::new(&levels[levels.len() - 1]);
     let near = NEAR * levels[0].disk_radius;
     let (importance, mut rays) = importance(surfaces, &nearest_point, near, viewpoints, params.seed, units)?;
-    let (tree, trials) = sender_tree(surfaces, points, importance, params, units)?;
+    let (tree, trials, lamps) = sender_tree(surfaces, points, importance, params, units)?;
     let places: Vec<Candidate> = points
         .levels
         .iter()
@@ -256,6 +260,7 @@ pub fn with_refinement<T>(
             trials: &trials.at_points,
         },
         trials: &trials,
+        lamps: &lamps,
         coarse_positions: &levels[0].positions,
         rays: params.rays,
         epsilon: params.epsilon,
@@ -394,7 +399,7 @@ fn sender_tree(
     importance: Vec<u8>,
     params: &BakeParams,
     units: Units,
-) -> Result<(SenderTree, TrialLights), BakeError> {
+) -> Result<(SenderTree, TrialLights, Lamps), BakeError> {
     let pilots = pilots(surfaces, points, params.seed);
     let sending = params.sender_levels.min(points.levels.len());
     let finest = signed(
@@ -415,5 +420,8 @@ fn sender_tree(
     let counts: Vec<usize> = seeds.iter().map(Vec::len).collect();
     let tree = SenderTree::new(&counts, leaf_of_point, parents, importance);
     let trials = TrialLights::new(&tree, &finest, &pilots, SOFTNESS * points.levels[0].disk_radius);
-    Ok((tree, trials))
+    let places = &points.levels[points.levels.len() - 1].points;
+    let softness = LAMP_SOFTNESS * points.levels[0].disk_radius;
+    let lamps = Lamps::new(surfaces, &tree, places, &finest, &pilots, softness);
+    Ok((tree, trials, lamps))
 }

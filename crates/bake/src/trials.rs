@@ -8,7 +8,8 @@
 //! Light from all sides is the first of the lights; the others are lamps at the pilots, in groups, each in a part of the
 //! open.
 
-use glam::{DVec3, Vec3, Vec3A};
+use crate::lamps::lamplight;
+use glam::{DVec3, Mat3, Vec3, Vec3A};
 use relight_transport::senders::{PILOTS, SenderTree, Signed};
 
 /// Number of trial lights: the even one and the groups of pilots. What a point is in all of them fills half a cache line, which
@@ -47,21 +48,83 @@ pub struct TrialLights {
     pub at_points: Vec<ShortInTrials>,
     /// Coefficients of the senders (see [`SenderTree::coefficients`]).
     pub coefficients: Vec<InTrials>,
+    /// Means over the clusters of the finest sender level.
+    pub leaf_means: Vec<InTrials>,
+    /// Per pilot the light that its lamp is part of.
+    pub group_of_pilot: Vec<usize>,
 }
 
 /// A vector in each trial light, component by component.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Answers([InTrials; 3]);
+#[derive(Clone, Copy, Debug)]
+pub struct Answers<const N: usize = TRIALS>([[f32; N]; 3]);
 
-impl Answers {
+impl<const N: usize> Default for Answers<N> {
+    fn default() -> Answers<N> {
+        Answers([[0.0; N]; 3])
+    }
+}
+
+impl<const N: usize> Answers<N> {
+    /// Adds what `other` answers, carried by `m`.
+    pub fn add_carried(&mut self, m: Mat3, other: &Answers<N>) {
+        for (r, sums) in self.0.iter_mut().enumerate() {
+            let row = m.row(r);
+            for (g, sum) in sums.iter_mut().enumerate() {
+                *sum += row.x * other.0[0][g] + row.y * other.0[1][g] + row.z * other.0[2][g];
+            }
+        }
+    }
+
+    /// Takes off what `other` answers.
+    pub fn subtract(&mut self, other: &Answers<N>) {
+        for (sums, other) in self.0.iter_mut().zip(&other.0) {
+            sums.iter_mut().zip(other).for_each(|(sum, other)| *sum -= other);
+        }
+    }
+
+    /// Each light's times a factor.
+    pub fn scale(&mut self, factors: &[f32; N]) {
+        for sums in &mut self.0 {
+            sums.iter_mut()
+                .zip(factors)
+                .for_each(|(sum, factor)| *sum *= factor);
+        }
+    }
+
+    /// Sum over the lights of a factor times what is answered.
+    pub fn along(&self, factors: &[f32; N]) -> Vec3A {
+        let mut sums = [[0.0f32; 8]; 3];
+        for (sums, answers) in sums.iter_mut().zip(&self.0) {
+            for (a, b) in answers.chunks_exact(8).zip(factors.chunks_exact(8)) {
+                for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+                    *sum += a * b;
+                }
+            }
+        }
+        Vec3A::from_array(sums.map(|sums| sums.iter().sum()))
+    }
+
     /// Adds what a link, or a ray, `vector` carries of radiosity `light`.
     #[inline]
-    pub fn add(&mut self, vector: Vec3A, light: &InTrials) {
+    pub fn add(&mut self, vector: Vec3A, light: &[f32; N]) {
         for (sums, v) in self.0.iter_mut().zip(vector.to_array()) {
             for (sum, b) in sums.iter_mut().zip(light) {
                 *sum += v * b;
             }
         }
+    }
+
+    /// In each light, how many times what `other` answers this is, along that: from a half to twice.
+    pub fn gains_over(&self, other: &Answers<N>) -> [f32; N] {
+        std::array::from_fn(|g| {
+            let (own, other) = (self.at(g), other.at(g));
+            let squared = other.length_squared();
+            if squared > 0.0 {
+                (own.dot(other) / squared).clamp(0.5, 2.0)
+            } else {
+                1.0
+            }
+        })
     }
 
     /// In light number `g`.
@@ -80,11 +143,8 @@ impl TrialLights {
             .map(|place| {
                 let mut light = [0.0; TRIALS];
                 light[EVEN] = 1.0;
-                for k in (0..PILOTS).filter(|k| place.signature >> k & 1 == 1) {
-                    let way = pilots[k] - place.position;
-                    let squared = way.length_squared();
-                    let cosine = way.dot(place.normal).max(0.0) / squared.sqrt().max(f32::MIN_POSITIVE);
-                    light[group[k]] += cosine / (squared + softness * softness).max(f32::MIN_POSITIVE);
+                for k in 0..PILOTS {
+                    light[group[k]] += lamplight(place, pilots, k, softness);
                 }
                 light
             })
@@ -96,13 +156,17 @@ impl TrialLights {
                 .iter_mut()
                 .for_each(|b| b[g] = (f64::from(b[g]) * scale) as f32);
         }
-        TrialLights::from_radiosity(tree, at_points.into_iter())
+        TrialLights {
+            group_of_pilot: group,
+            ..TrialLights::from_radiosity(tree, at_points.into_iter())
+        }
     }
 
     /// From radiosity at the finest points.
     pub fn from_radiosity(tree: &SenderTree, at_points: impl Iterator<Item = InTrials>) -> TrialLights {
         let at_points: Vec<ShortInTrials> = at_points.map(ShortInTrials::of).collect();
         let mut coefficients = vec![[0.0; TRIALS]; tree.ranges.total()];
+        let mut leaf_means = vec![[0.0; TRIALS]; tree.ranges.range(tree.levels() - 1).len()];
         // Three lights are pulled at a time, as the channels of a colour.
         for first in (0..TRIALS).step_by(3) {
             let together = 3.min(TRIALS - first);
@@ -111,7 +175,11 @@ impl TrialLights {
                 .map(ShortInTrials::wide)
                 .map(|light| Vec3::from_array(std::array::from_fn(|c| light[(first + c).min(TRIALS - 1)])))
                 .collect();
-            let sent = tree.coefficients(&tree.pulled(&colours));
+            let pulled = tree.pulled(&colours);
+            let sent = tree.coefficients(&pulled);
+            for (mean, colour) in leaf_means.iter_mut().zip(&pulled[tree.levels() - 1]) {
+                mean[first..first + together].copy_from_slice(&colour.to_array()[..together]);
+            }
             for (coefficient, colour) in coefficients.iter_mut().zip(sent) {
                 coefficient[first..first + together].copy_from_slice(&colour.to_array()[..together]);
             }
@@ -119,6 +187,8 @@ impl TrialLights {
         TrialLights {
             at_points,
             coefficients,
+            leaf_means,
+            group_of_pilot: Vec::new(),
         }
     }
 }

@@ -50,7 +50,8 @@ pub struct BakeArgs {
     /// Distance of the points of the coarsest level, metres [default: from the scene].
     #[arg(long, value_name = "R")]
     pub coarse_radius: Option<f32>,
-    /// Links of the finest level below this strength, for a reflectance of 0.8, are left out [standard: 0.025].
+    /// How little a link may change and still be kept: fewer links for larger numbers, as in the paper, whose setting is
+    /// 0.025 with three sender levels [standard: 0.018].
     #[arg(long, value_name = "E")]
     pub epsilon: Option<f32>,
     /// Bounces of indirect light [default: to convergence].

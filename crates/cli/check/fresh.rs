@@ -94,7 +94,7 @@ pub fn links(loaded: &Loaded, transfer: &Transfer, seed: u64) -> Vec<Measure> {
             .and_then(|v| v.parse().ok())
             .unwrap_or(otherwise)
     };
-    let (epsilon, rays) = (number("epsilon", 0.025), number("rays", 320.0));
+    let (epsilon, rays) = (number("epsilon", 0.018), number("rays", 320.0));
     let nearest = NearestPoint::new(&transfer.finest);
     let fields = fields(transfer, seed);
     let stored: Vec<_> = fields.iter().map(|field| transfer.of_radiosity(field)).collect();

@@ -168,7 +168,7 @@ impl Facts {
             distant: sequence.lights.iter().any(LightTrack::is_distant),
             levels: number("levels").map_or(0, |n| n as usize),
             sender_levels: number("sender_levels").map_or(0, |n| n as usize),
-            epsilon: number("epsilon").unwrap_or(0.025),
+            epsilon: number("epsilon").unwrap_or(0.018),
             coarse_radius: asset.points.first().map(|level| level.disk_radius),
         }
     }

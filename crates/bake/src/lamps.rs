@@ -1,0 +1,283 @@
+//! Lights by which links are chosen: what a row makes of them says which of its links matter ([`crate::pursuit`]).
+//!
+//! Lamps at pilots, suns, and light from all sides. Unlike trial lights ([`crate::trials`]) each is a light of its own: what few
+//! lamps tell apart, groups of them don't.
+
+use crate::candidates::Candidate;
+use crate::select::Row;
+use crate::trials::Answers;
+use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
+use relight_scene::rays::Ray;
+use relight_scene::surface::Surfaces;
+use relight_transport::sampling::{r2, uniform_hemisphere};
+use relight_transport::senders::{PILOTS, SenderTree, Signed};
+
+/// Number of lights: even light, lamps, suns.
+pub const LAMPS: usize = 128;
+
+/// The even light.
+pub const EVEN: usize = 0;
+
+/// Suns among them, from all sides. With 23 suns and 40 lamps, lamps err an eighth more (docs/transfer.md).
+const SUNS: usize = 31;
+
+/// Lamps at pilots.
+const AT_PILOTS: usize = LAMPS - 1 - SUNS;
+const _: () = assert!(AT_PILOTS <= PILOTS);
+
+/// A value in each light.
+pub type InLamps = [f32; LAMPS];
+
+/// Radiosity in the lights, relative to its mean over all finest points.
+#[derive(Clone, Debug)]
+pub struct Lamps {
+    /// Coefficients of the senders (see [`SenderTree::coefficients`]).
+    pub coefficients: Vec<InLamps>,
+    /// Means over the clusters of the finest sender level.
+    pub leaf_means: Vec<InLamps>,
+}
+
+impl Lamps {
+    /// Lights of pilots and suns on the finest points, `places`, of which `signed` says what pilots they see. `softness`, m: how near
+    /// a lamp comes to a surface.
+    pub fn new(
+        surfaces: &dyn Surfaces,
+        tree: &SenderTree,
+        places: &[Candidate],
+        signed: &[Signed],
+        pilots: &[Vec3],
+        softness: f32,
+    ) -> Lamps {
+        let suns: Vec<Vec3> = (0..SUNS).map(|i| sphere(r2(i as u32, Vec2::ZERO))).collect();
+        let sunlit = sunlit(surfaces, places, &suns);
+        let light = |g: usize, p: usize| {
+            let place = &signed[p];
+            if g == EVEN {
+                return 1.0;
+            }
+            if g <= AT_PILOTS {
+                return lamplight(place, pilots, g - 1, softness);
+            }
+            let sun = g - 1 - AT_PILOTS;
+            if sunlit[p] >> sun & 1 == 1 {
+                place.normal.dot(suns[sun]).max(0.0)
+            } else {
+                0.0
+            }
+        };
+        Lamps::from_radiosity(tree, light)
+    }
+
+    /// From `light`, the radiosity in a light at a finest point: at any scale, for each light is scaled to a mean of 1.
+    pub fn from_radiosity(tree: &SenderTree, light: impl Fn(usize, usize) -> f32 + Sync) -> Lamps {
+        let points = tree.leaf_of_point.len();
+        // Three lights are pulled at a time, as the channels of a colour.
+        let firsts: Vec<usize> = (0..LAMPS).step_by(3).collect();
+        let pulled: Vec<(Vec<Vec3>, Vec<Vec3>)> = firsts
+            .par_iter()
+            .map(|&first| {
+                let channel = |c: usize, p: usize| {
+                    if first + c < LAMPS {
+                        light(first + c, p)
+                    } else {
+                        0.0
+                    }
+                };
+                let colours: Vec<Vec3> = (0..points)
+                    .map(|p| Vec3::new(channel(0, p), channel(1, p), channel(2, p)))
+                    .collect();
+                let sum = colours.iter().map(|c| c.as_dvec3()).sum::<DVec3>();
+                let scale = sum
+                    .to_array()
+                    .map(|s| if s > 0.0 { (points as f64 / s) as f32 } else { 0.0 });
+                let scaled: Vec<Vec3> = colours.iter().map(|&c| c * Vec3::from(scale)).collect();
+                let mut levels = tree.pulled(&scaled);
+                let coefficients = tree.coefficients(&levels);
+                (coefficients, levels.pop().unwrap_or_default())
+            })
+            .collect();
+        let mut lamps = Lamps {
+            coefficients: vec![[0.0; LAMPS]; tree.ranges.total()],
+            leaf_means: vec![[0.0; LAMPS]; tree.ranges.range(tree.levels() - 1).len()],
+        };
+        for (&first, (coefficients, means)) in firsts.iter().zip(&pulled) {
+            let together = 3.min(LAMPS - first);
+            for (rows, colours) in [
+                (&mut lamps.coefficients, coefficients),
+                (&mut lamps.leaf_means, means),
+            ] {
+                for (row, colour) in rows.iter_mut().zip(colours) {
+                    row[first..first + together].copy_from_slice(&colour.to_array()[..together]);
+                }
+            }
+        }
+        lamps
+    }
+}
+
+impl Lamps {
+    /// What the gather of `row` answers: its clusters' means, and lamps as much brighter as what rays met in the trial light of their group is
+    /// than those.
+    pub fn answered_by_gather(&self, row: &Row) -> Answers<LAMPS> {
+        let leaves = row.tree.ranges.range(row.tree.levels() - 1);
+        let mut answers = Answers::default();
+        let mut of_clusters: Answers = Answers::default();
+        for &j in &row.gathered.touched {
+            if let Some(leaf) = (j as usize).checked_sub(leaves.start) {
+                let vector = row.gathered.sum[j as usize];
+                answers.add(vector, &self.leaf_means[leaf]);
+                of_clusters.add(vector, &row.trials.leaf_means[leaf]);
+            }
+        }
+        let brighter = row.answers.gains_over(&of_clusters);
+        let mut factors = [1.0; LAMPS];
+        for (factor, &group) in factors[1..=AT_PILOTS].iter_mut().zip(&row.trials.group_of_pilot) {
+            *factor = brighter[group];
+        }
+        answers.scale(&factors);
+        answers
+    }
+}
+
+/// Irradiance of a place from a lamp at a pilot, up to a factor.
+pub fn lamplight(place: &Signed, pilots: &[Vec3], k: usize, softness: f32) -> f32 {
+    if place.signature >> k & 1 == 0 {
+        return 0.0;
+    }
+    let way = pilots[k] - place.position;
+    let squared = way.length_squared();
+    let cosine = way.dot(place.normal).max(0.0) / squared.sqrt().max(f32::MIN_POSITIVE);
+    cosine / (squared + softness * softness).max(f32::MIN_POSITIVE)
+}
+
+fn sphere(u: Vec2) -> Vec3 {
+    uniform_hemisphere(Vec2::new(2.0 * u.x - 1.0, u.y))
+}
+
+/// Which suns places see, a bit each.
+fn sunlit(surfaces: &dyn Surfaces, places: &[Candidate], suns: &[Vec3]) -> Vec<u32> {
+    places
+        .par_iter()
+        .with_min_len(64)
+        .map_init(
+            || (Vec::new(), vec![false; suns.len()]),
+            |(rays, occluded): &mut (Vec<Ray>, Vec<bool>), place| {
+                rays.clear();
+                rays.extend(suns.iter().map(|&direction| Ray {
+                    origin: place.origin,
+                    direction,
+                    t_min: 0.0,
+                    t_max: f32::INFINITY,
+                }));
+                surfaces.occluded_packet(rays, occluded);
+                let above = |ray: &Ray| ray.direction.dot(place.geometric_normal) > 0.0;
+                (rays.iter().zip(occluded.iter()).enumerate())
+                    .filter(|(_, (ray, dark))| !**dark && above(ray))
+                    .fold(0, |bits, (sun, _)| bits | 1 << sun)
+            },
+        )
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gather::RowScratch;
+    use crate::radiosity::tests::hollow;
+    use crate::trials::TrialLights;
+    use glam::Vec3A;
+    use relight_transport::random::Stream;
+
+    /// Two coarse senders of two leaves of ten points each.
+    fn tree() -> SenderTree {
+        let leaves = (0..40).map(|p| p / 10).collect();
+        SenderTree::new(&[2, 4], leaves, vec![vec![0, 0, 1, 1]], vec![9; 40])
+    }
+
+    /// Truth: means by hand of random light. Tolerance: f32 sums of forty numbers.
+    #[test]
+    fn every_light_has_a_mean_of_one_and_clusters_have_their_points_means() {
+        let tree = tree();
+        let mut s = Stream::new(1, 0, 0);
+        let light: Vec<InLamps> = (0..40).map(|_| std::array::from_fn(|_| s.uniform())).collect();
+        // The last light reaches nothing.
+        let lit = |g: usize, p: usize| if g == LAMPS - 1 { 0.0 } else { light[p][g] };
+        let lamps = Lamps::from_radiosity(&tree, lit);
+        for g in 0..LAMPS {
+            let mean = |points: std::ops::Range<usize>| {
+                let n = points.len() as f32;
+                points.map(|p| lit(g, p)).sum::<f32>() / n
+            };
+            let scale = if g == LAMPS - 1 { 0.0 } else { 1.0 / mean(0..40) };
+            for leaf in 0..4 {
+                let own = mean(10 * leaf..10 * leaf + 10) * scale;
+                let parent = mean(20 * (leaf / 2)..20 * (leaf / 2) + 20) * scale;
+                assert!((lamps.leaf_means[leaf][g] - own).abs() < 1e-5);
+                assert!((lamps.coefficients[2 + leaf][g] - (own - parent)).abs() < 1e-5);
+                assert!((lamps.coefficients[leaf / 2][g] - parent).abs() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn no_sun_shines_into_a_closed_ball_and_all_from_above_onto_its_outside() {
+        let (ball, points) = hollow(0.5);
+        let places = &points.levels[points.levels.len() - 1].points;
+        let suns = [Vec3::X, Vec3::Y, Vec3::NEG_Z];
+        assert!(sunlit(&ball, places, &suns).iter().all(|&bits| bits == 0));
+        let outside: Vec<Candidate> = (places.iter())
+            .map(|place| Candidate {
+                normal: -place.normal,
+                geometric_normal: -place.geometric_normal,
+                origin: place.origin
+                    - place.geometric_normal * (2.0 * place.origin.distance(place.position) + 1e-3),
+                ..*place
+            })
+            .collect();
+        for (place, bits) in outside.iter().zip(sunlit(&ball, &outside, &suns)) {
+            for (sun, direction) in suns.iter().enumerate() {
+                let cosine = direction.dot(place.geometric_normal);
+                // Facets stand out by less than a tenth.
+                if cosine.abs() > 0.1 {
+                    assert_eq!(bits >> sun & 1 == 1, cosine > 0.0, "{cosine}");
+                }
+            }
+        }
+    }
+
+    /// Where a ray's own point is lit twice as much as its cluster's mean by all lamps of a group, the answer to each is.
+    #[test]
+    fn lamps_are_answered_as_much_brighter_than_clusters_as_their_group_is() {
+        let tree = tree();
+        let lamps = Lamps::from_radiosity(&tree, |g, p| 1.0 + ((g * p) % 7) as f32);
+        let trials = TrialLights::from_radiosity(&tree, (0..40).map(|_| [1.0; crate::trials::TRIALS]));
+        let mut gathered = RowScratch::new(6);
+        let vector = Vec3A::new(0.1, 0.4, 0.0);
+        gathered.add(3, vector);
+        gathered.add(0, vector);
+        let mut of_rays: Answers = Answers::default();
+        of_rays.add(vector, &std::array::from_fn(|g| if g == 1 { 2.0 } else { 1.0 }));
+        let trials = TrialLights {
+            group_of_pilot: (0..PILOTS).map(|k| 1 + k % 2).collect(),
+            ..trials
+        };
+        let row = Row {
+            tree: &tree,
+            trials: &trials,
+            answers: &of_rays,
+            coarse_positions: &[],
+            gathered: &gathered,
+            predicted: &RowScratch::new(6),
+            normal: Vec3A::Y,
+            threshold: 0.0,
+        };
+        let answers = lamps.answered_by_gather(&row);
+        for g in 0..LAMPS {
+            let is_brighter = (1..=AT_PILOTS).contains(&g) && (g - 1) % 2 == 0;
+            let factor = if is_brighter { 2.0 } else { 1.0 };
+            let wanted = vector * (lamps.leaf_means[1][g] * factor);
+            assert!((answers.at(g) - wanted).length() < 1e-5, "{g}");
+        }
+    }
+}
