@@ -4,11 +4,9 @@
 //! lamps tell apart, groups of them don't.
 
 use crate::candidates::Candidate;
-use crate::select::Row;
-use crate::trials::Answers;
+use crate::seen::open_ways;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
-use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
 use relight_transport::sampling::{r2, uniform_hemisphere};
 use relight_transport::senders::{PILOTS, SenderTree, Signed};
@@ -22,8 +20,8 @@ pub const EVEN: usize = 0;
 /// Suns among them, from all sides. With 23 suns and 40 lamps, lamps err an eighth more (docs/transfer.md).
 const SUNS: usize = 31;
 
-/// Lamps at pilots.
-const AT_PILOTS: usize = LAMPS - 1 - SUNS;
+/// Lamps at the first pilots: lights 1 to this.
+pub const AT_PILOTS: usize = LAMPS - 1 - SUNS;
 const _: () = assert!(AT_PILOTS <= PILOTS);
 
 /// A value in each light.
@@ -72,72 +70,56 @@ impl Lamps {
     /// From `light`, the radiosity in a light at a finest point: at any scale, for each light is scaled to a mean of 1.
     pub fn from_radiosity(tree: &SenderTree, light: impl Fn(usize, usize) -> f32 + Sync) -> Lamps {
         let points = tree.leaf_of_point.len();
-        // Three lights are pulled at a time, as the channels of a colour.
-        let firsts: Vec<usize> = (0..LAMPS).step_by(3).collect();
-        let pulled: Vec<(Vec<Vec3>, Vec<Vec3>)> = firsts
-            .par_iter()
-            .map(|&first| {
-                let channel = |c: usize, p: usize| {
-                    if first + c < LAMPS {
-                        light(first + c, p)
-                    } else {
-                        0.0
-                    }
-                };
-                let colours: Vec<Vec3> = (0..points)
-                    .map(|p| Vec3::new(channel(0, p), channel(1, p), channel(2, p)))
-                    .collect();
-                let sum = colours.iter().map(|c| c.as_dvec3()).sum::<DVec3>();
-                let scale = sum
-                    .to_array()
-                    .map(|s| if s > 0.0 { (points as f64 / s) as f32 } else { 0.0 });
-                let scaled: Vec<Vec3> = colours.iter().map(|&c| c * Vec3::from(scale)).collect();
-                let mut levels = tree.pulled(&scaled);
-                let coefficients = tree.coefficients(&levels);
-                (coefficients, levels.pop().unwrap_or_default())
-            })
-            .collect();
-        let mut lamps = Lamps {
-            coefficients: vec![[0.0; LAMPS]; tree.ranges.total()],
-            leaf_means: vec![[0.0; LAMPS]; tree.ranges.range(tree.levels() - 1).len()],
-        };
-        for (&first, (coefficients, means)) in firsts.iter().zip(&pulled) {
-            let together = 3.min(LAMPS - first);
-            for (rows, colours) in [
-                (&mut lamps.coefficients, coefficients),
-                (&mut lamps.leaf_means, means),
-            ] {
-                for (row, colour) in rows.iter_mut().zip(colours) {
-                    row[first..first + together].copy_from_slice(&colour.to_array()[..together]);
+        let (coefficients, leaf_means) = in_lights(tree, |first| {
+            let channel = |c: usize, p: usize| {
+                if first + c < LAMPS {
+                    light(first + c, p)
+                } else {
+                    0.0
                 }
-            }
+            };
+            let colours: Vec<Vec3> = (0..points)
+                .map(|p| Vec3::new(channel(0, p), channel(1, p), channel(2, p)))
+                .collect();
+            let sum = colours.iter().map(|c| c.as_dvec3()).sum::<DVec3>();
+            let scale = sum
+                .to_array()
+                .map(|s| if s > 0.0 { (points as f64 / s) as f32 } else { 0.0 });
+            colours.iter().map(|&c| c * Vec3::from(scale)).collect()
+        });
+        Lamps {
+            coefficients,
+            leaf_means,
         }
-        lamps
     }
 }
 
-impl Lamps {
-    /// What the gather of `row` answers: its clusters' means, and lamps as much brighter as what rays met in the trial light of their group is
-    /// than those.
-    pub fn answered_by_gather(&self, row: &Row) -> Answers<LAMPS> {
-        let leaves = row.tree.ranges.range(row.tree.levels() - 1);
-        let mut answers = Answers::default();
-        let mut of_clusters: Answers = Answers::default();
-        for &j in &row.gathered.touched {
-            if let Some(leaf) = (j as usize).checked_sub(leaves.start) {
-                let vector = row.gathered.sum[j as usize];
-                answers.add(vector, &self.leaf_means[leaf]);
-                of_clusters.add(vector, &row.trials.leaf_means[leaf]);
+/// Coefficients of the senders (see [`SenderTree::coefficients`]) and means over the clusters of the finest sender level, in N
+/// lights. `three_from`: radiosity at the finest points in a light and the two after it, as the channels of a colour; what is
+/// beyond the last light counts for nothing.
+pub fn in_lights<const N: usize>(
+    tree: &SenderTree,
+    three_from: impl Fn(usize) -> Vec<Vec3> + Sync,
+) -> (Vec<[f32; N]>, Vec<[f32; N]>) {
+    let firsts: Vec<usize> = (0..N).step_by(3).collect();
+    let pulled: Vec<(Vec<Vec3>, Vec<Vec3>)> = (firsts.par_iter())
+        .map(|&first| {
+            let mut levels = tree.pulled(&three_from(first));
+            let coefficients = tree.coefficients(&levels);
+            (coefficients, levels.pop().unwrap_or_default())
+        })
+        .collect();
+    let mut coefficients = vec![[0.0; N]; tree.ranges.total()];
+    let mut leaf_means = vec![[0.0; N]; tree.ranges.range(tree.levels() - 1).len()];
+    for (&first, (sent, means)) in firsts.iter().zip(&pulled) {
+        let together = 3.min(N - first);
+        for (rows, colours) in [(&mut coefficients, sent), (&mut leaf_means, means)] {
+            for (row, colour) in rows.iter_mut().zip(colours) {
+                row[first..first + together].copy_from_slice(&colour.to_array()[..together]);
             }
         }
-        let brighter = row.answers.gains_over(&of_clusters);
-        let mut factors = [1.0; LAMPS];
-        for (factor, &group) in factors[1..=AT_PILOTS].iter_mut().zip(&row.trials.group_of_pilot) {
-            *factor = brighter[group];
-        }
-        answers.scale(&factors);
-        answers
     }
+    (coefficients, leaf_means)
 }
 
 /// Irradiance of a place from a lamp at a pilot, up to a factor.
@@ -156,37 +138,14 @@ fn sphere(u: Vec2) -> Vec3 {
 }
 
 /// Which suns places see, a bit each.
-fn sunlit(surfaces: &dyn Surfaces, places: &[Candidate], suns: &[Vec3]) -> Vec<u32> {
-    places
-        .par_iter()
-        .with_min_len(64)
-        .map_init(
-            || (Vec::new(), vec![false; suns.len()]),
-            |(rays, occluded): &mut (Vec<Ray>, Vec<bool>), place| {
-                rays.clear();
-                rays.extend(suns.iter().map(|&direction| Ray {
-                    origin: place.origin,
-                    direction,
-                    t_min: 0.0,
-                    t_max: f32::INFINITY,
-                }));
-                surfaces.occluded_packet(rays, occluded);
-                let above = |ray: &Ray| ray.direction.dot(place.geometric_normal) > 0.0;
-                (rays.iter().zip(occluded.iter()).enumerate())
-                    .filter(|(_, (ray, dark))| !**dark && above(ray))
-                    .fold(0, |bits, (sun, _)| bits | 1 << sun)
-            },
-        )
-        .collect()
+fn sunlit(surfaces: &dyn Surfaces, places: &[Candidate], suns: &[Vec3]) -> Vec<u128> {
+    open_ways(surfaces, places, suns.len(), |_, sun| (suns[sun], f32::INFINITY))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gather::RowScratch;
     use crate::radiosity::tests::hollow;
-    use crate::trials::TrialLights;
-    use glam::Vec3A;
     use relight_transport::random::Stream;
 
     /// Two coarse senders of two leaves of ten points each.
@@ -243,41 +202,6 @@ mod tests {
                     assert_eq!(bits >> sun & 1 == 1, cosine > 0.0, "{cosine}");
                 }
             }
-        }
-    }
-
-    /// Where a ray's own point is lit twice as much as its cluster's mean by all lamps of a group, the answer to each is.
-    #[test]
-    fn lamps_are_answered_as_much_brighter_than_clusters_as_their_group_is() {
-        let tree = tree();
-        let lamps = Lamps::from_radiosity(&tree, |g, p| 1.0 + ((g * p) % 7) as f32);
-        let trials = TrialLights::from_radiosity(&tree, (0..40).map(|_| [1.0; crate::trials::TRIALS]));
-        let mut gathered = RowScratch::new(6);
-        let vector = Vec3A::new(0.1, 0.4, 0.0);
-        gathered.add(3, vector);
-        gathered.add(0, vector);
-        let mut of_rays: Answers = Answers::default();
-        of_rays.add(vector, &std::array::from_fn(|g| if g == 1 { 2.0 } else { 1.0 }));
-        let trials = TrialLights {
-            group_of_pilot: (0..PILOTS).map(|k| 1 + k % 2).collect(),
-            ..trials
-        };
-        let row = Row {
-            tree: &tree,
-            trials: &trials,
-            answers: &of_rays,
-            coarse_positions: &[],
-            gathered: &gathered,
-            predicted: &RowScratch::new(6),
-            normal: Vec3A::Y,
-            threshold: 0.0,
-        };
-        let answers = lamps.answered_by_gather(&row);
-        for g in 0..LAMPS {
-            let is_brighter = (1..=AT_PILOTS).contains(&g) && (g - 1) % 2 == 0;
-            let factor = if is_brighter { 2.0 } else { 1.0 };
-            let wanted = vector * (lamps.leaf_means[1][g] * factor);
-            assert!((answers.at(g) - wanted).length() < 1e-5, "{g}");
         }
     }
 }

@@ -4,6 +4,7 @@
 //! any camera asks for one, its rows need not be gathered: what it reflects is then known from coarser rows, which clusters
 //! average anyway, and so is what only mirrors show.
 
+use crate::candidates::Candidate;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::camera::{Camera, CameraTrack};
@@ -108,4 +109,41 @@ fn mark(
             met.insert(starts[l] + i as usize);
         });
     }
+}
+
+/// Which of `count` ways from each place are above its surface and meet nothing, a bit each. `way`: direction, of any length, and how
+/// many times that length it goes.
+pub fn open_ways(
+    surfaces: &dyn Surfaces,
+    places: &[Candidate],
+    count: usize,
+    way: impl Fn(&Candidate, usize) -> (Vec3, f32) + Sync,
+) -> Vec<u128> {
+    places
+        .par_iter()
+        .with_min_len(64)
+        .map_init(
+            || (Vec::new(), vec![false; count]),
+            |(rays, occluded): &mut (Vec<Ray>, Vec<bool>), place| {
+                rays.clear();
+                rays.extend((0..count).map(|k| {
+                    let (direction, t_max) = way(place, k);
+                    Ray {
+                        origin: place.origin,
+                        direction,
+                        t_min: 0.0,
+                        t_max,
+                    }
+                }));
+                surfaces.occluded_packet(rays, occluded);
+                let mut bits = 0u128;
+                for (bit, (ray, dark)) in rays.iter().zip(occluded.iter()).enumerate() {
+                    if !dark && ray.direction.dot(place.geometric_normal) > 0.0 {
+                        bits |= 1 << bit;
+                    }
+                }
+                bits
+            },
+        )
+        .collect()
 }

@@ -232,6 +232,20 @@ fn coarse_links(row: &Row) -> Vec<(u32, Vec3)> {
     links.into_iter().map(|(j, v)| (j, Vec3::from(v))).collect()
 }
 
+/// Responses of a cluster's children, from its own, in `predicted`: their shares of what their coefficients don't account for.
+fn predict_children(row: &Row, level: usize, family: u32, predicted: &mut [Vec3A]) {
+    let tree = row.tree;
+    let parent = family as usize;
+    let fine = tree.ranges.range(level + 1).start;
+    let children = tree.children(level, parent - tree.ranges.range(level).start);
+    let senders = || children.iter().map(|&c| fine + c as usize);
+    let coefficients: Vec3A = senders().map(|j| row.predicted.sum[j]).sum();
+    let spread = predicted[parent] - coefficients;
+    for j in senders() {
+        predicted[j] = spread * tree.shares[j] + row.predicted.sum[j];
+    }
+}
+
 /// Keeps the children that differ most from what their siblings' mean would give, one after the other, until
 /// none differs by more than the threshold.
 ///
@@ -245,22 +259,12 @@ fn select_in_family(
     room: &mut SelectScratch,
     links: &mut Vec<(u32, Vec3)>,
 ) {
-    let Row {
-        tree,
-        gathered,
-        predicted,
-        ..
-    } = *row;
+    let Row { tree, gathered, .. } = *row;
     let fine = tree.ranges.range(level + 1).start;
     let parent = family as usize;
     let children = tree.children(level, parent - tree.ranges.range(level).start);
     let sender = |child: u32| fine + child as usize;
-    let coefficients: Vec3A = children.iter().map(|&c| predicted.sum[sender(c)]).sum();
-    let spread_prediction = room.predicted[parent] - coefficients;
-    for &c in children {
-        let j = sender(c);
-        room.predicted[j] = spread_prediction * tree.shares[j] + predicted.sum[j];
-    }
+    predict_children(row, level, family, &mut room.predicted);
     let difference = |room: &SelectScratch, j: usize| gathered.sum[j] - room.predicted[j];
     room.kept.clear();
     room.kept.resize(children.len(), false);

@@ -10,11 +10,10 @@ use crate::params::{BakeParams, Part};
 use crate::parted::{self, Parted};
 use crate::points::PointLevels;
 use crate::refine::{Refinement, RowWatch, Spared, Wanted, most_rays, refine, rows};
-use crate::seen::seen_by;
+use crate::seen::{open_ways, seen_by};
 use crate::trials::TrialLights;
 use crate::units::Units;
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use relight_scene::camera::Camera;
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
@@ -365,31 +364,8 @@ fn signed(
 }
 
 fn signatures(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) -> Signatures {
-    let seen = places
-        .par_iter()
-        .with_min_len(64)
-        .map_init(
-            || (Vec::new(), vec![false; PILOTS]),
-            |(rays, occluded): &mut (Vec<Ray>, Vec<bool>), place| {
-                rays.clear();
-                rays.extend(pilots.iter().map(|&pilot| Ray {
-                    origin: place.origin,
-                    direction: pilot - place.origin,
-                    t_min: 0.0,
-                    t_max: 1.0,
-                }));
-                surfaces.occluded_packet(rays, occluded);
-                let mut signature = 0u128;
-                for (bit, (ray, dark)) in rays.iter().zip(occluded.iter()).enumerate() {
-                    if !dark && ray.direction.dot(place.geometric_normal) > 0.0 {
-                        signature |= 1 << bit;
-                    }
-                }
-                signature
-            },
-        )
-        .collect();
-    Signatures(seen)
+    let to_pilot = |place: &Candidate, k: usize| (pilots[k] - place.origin, 1.0);
+    Signatures(open_ways(surfaces, places, PILOTS, to_pilot))
 }
 
 /// The senders, and how lamps at the pilots light them.

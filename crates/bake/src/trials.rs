@@ -8,7 +8,7 @@
 //! Light from all sides is the first of the lights; the others are lamps at the pilots, in groups, each in a part of the
 //! open.
 
-use crate::lamps::lamplight;
+use crate::lamps::{in_lights, lamplight};
 use glam::{DVec3, Mat3, Vec3, Vec3A};
 use relight_transport::senders::{PILOTS, SenderTree, Signed};
 
@@ -165,25 +165,11 @@ impl TrialLights {
     /// From radiosity at the finest points.
     pub fn from_radiosity(tree: &SenderTree, at_points: impl Iterator<Item = InTrials>) -> TrialLights {
         let at_points: Vec<ShortInTrials> = at_points.map(ShortInTrials::of).collect();
-        let mut coefficients = vec![[0.0; TRIALS]; tree.ranges.total()];
-        let mut leaf_means = vec![[0.0; TRIALS]; tree.ranges.range(tree.levels() - 1).len()];
-        // Three lights are pulled at a time, as the channels of a colour.
-        for first in (0..TRIALS).step_by(3) {
-            let together = 3.min(TRIALS - first);
-            let colours: Vec<Vec3> = at_points
-                .iter()
-                .map(ShortInTrials::wide)
+        let (coefficients, leaf_means) = in_lights(tree, |first| {
+            (at_points.iter().map(ShortInTrials::wide))
                 .map(|light| Vec3::from_array(std::array::from_fn(|c| light[(first + c).min(TRIALS - 1)])))
-                .collect();
-            let pulled = tree.pulled(&colours);
-            let sent = tree.coefficients(&pulled);
-            for (mean, colour) in leaf_means.iter_mut().zip(&pulled[tree.levels() - 1]) {
-                mean[first..first + together].copy_from_slice(&colour.to_array()[..together]);
-            }
-            for (coefficient, colour) in coefficients.iter_mut().zip(sent) {
-                coefficient[first..first + together].copy_from_slice(&colour.to_array()[..together]);
-            }
-        }
+                .collect()
+        });
         TrialLights {
             at_points,
             coefficients,

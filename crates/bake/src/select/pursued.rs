@@ -1,7 +1,7 @@
 //! Links of a row by pursuit.
 
-use super::{Row, SelectScratch, correct, open_families};
-use crate::lamps::{LAMPS, Lamps};
+use super::{Row, SelectScratch, correct, open_families, predict_children};
+use crate::lamps::{AT_PILOTS, LAMPS, Lamps};
 use crate::pursuit::{Choice, Family, Lacking, NO_FAMILY, Weights, pursue};
 use crate::trials::Answers;
 use glam::{Vec3, Vec3A};
@@ -27,7 +27,7 @@ pub fn select_by_pursuit(
     quantised: impl Fn(Vec3) -> Vec3,
     room: &mut SelectScratch,
 ) -> Vec<(u32, Vec3)> {
-    let mut missing = light.lamps.answered_by_gather(row);
+    let mut missing = answered_by_gather(row, light.lamps);
     let weights = Weights::of(&missing);
     missing.subtract(light.predicted);
     find_choices(row, LEAST_DEVIATION * light.gain.sqrt(), room);
@@ -47,6 +47,28 @@ pub fn select_by_pursuit(
     correct(row, coarse_kept, &quantised, &mut links);
     links.retain(|link| link.1 != Vec3::ZERO);
     links
+}
+
+/// What the gather of `row` answers: its clusters' means, and lamps as much brighter as what rays met in the trial light of their
+/// group is than those.
+fn answered_by_gather(row: &Row, lamps: &Lamps) -> Answers<LAMPS> {
+    let leaves = row.tree.ranges.range(row.tree.levels() - 1);
+    let mut answers = Answers::default();
+    let mut of_clusters: Answers = Answers::default();
+    for &j in &row.gathered.touched {
+        if let Some(leaf) = (j as usize).checked_sub(leaves.start) {
+            let vector = row.gathered.sum[j as usize];
+            answers.add(vector, &lamps.leaf_means[leaf]);
+            of_clusters.add(vector, &row.trials.leaf_means[leaf]);
+        }
+    }
+    let brighter = row.answers.gains_over(&of_clusters);
+    let mut factors = [1.0; LAMPS];
+    for (factor, &group) in factors[1..=AT_PILOTS].iter_mut().zip(&row.trials.group_of_pilot) {
+        *factor = brighter[group];
+    }
+    answers.scale(&factors);
+    answers
 }
 
 /// Lists the senders whose response differs from what is predicted, and from their share of what their parent's does, by more than
@@ -86,21 +108,63 @@ fn find_choices(row: &Row, least: f32, room: &mut SelectScratch) {
         let fine = tree.ranges.range(level + 1).start;
         for parent in room.families[level].drain(..) {
             room.is_open[parent as usize] = false;
+            predict_children(row, level, parent, &mut room.predicted);
             let parent = parent as usize;
             let senders = || (tree.children(level, parent - above).iter()).map(|&c| fine + c as usize);
-            let coefficients: Vec3A = senders().map(|j| predicted.sum[j]).sum();
-            let spread = room.predicted[parent] - coefficients;
             let lacked = gathered.sum[parent] - room.predicted[parent];
             let mut family = Family::default();
             for j in senders() {
                 let share = tree.shares[j];
-                room.predicted[j] = spread * share + predicted.sum[j];
                 let deviation = gathered.sum[j] - room.predicted[j] - lacked * share;
                 family.squares += share * share;
                 family.deviation += deviation * share;
                 offer(j as u32, pursuit.families.len() as u32, share, deviation);
             }
             pursuit.families.push(family);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gather::RowScratch;
+    use crate::trials::{TRIALS, TrialLights};
+    use relight_transport::senders::{PILOTS, SenderTree};
+
+    /// Where a ray's own point is lit twice as much as its cluster's mean by all lamps of a group, the answer to each is.
+    #[test]
+    fn lamps_are_answered_as_much_brighter_than_clusters_as_their_group_is() {
+        let leaves = (0..40).map(|p| p / 10).collect();
+        let tree = SenderTree::new(&[2, 4], leaves, vec![vec![0, 0, 1, 1]], vec![9; 40]);
+        let lamps = Lamps::from_radiosity(&tree, |g, p| 1.0 + ((g * p) % 7) as f32);
+        let trials = TrialLights::from_radiosity(&tree, (0..40).map(|_| [1.0; TRIALS]));
+        let mut gathered = RowScratch::new(6);
+        let vector = Vec3A::new(0.1, 0.4, 0.0);
+        gathered.add(3, vector);
+        gathered.add(0, vector);
+        let mut of_rays: Answers = Answers::default();
+        of_rays.add(vector, &std::array::from_fn(|g| if g == 1 { 2.0 } else { 1.0 }));
+        let trials = TrialLights {
+            group_of_pilot: (0..PILOTS).map(|k| 1 + k % 2).collect(),
+            ..trials
+        };
+        let row = Row {
+            tree: &tree,
+            trials: &trials,
+            answers: &of_rays,
+            coarse_positions: &[],
+            gathered: &gathered,
+            predicted: &RowScratch::new(6),
+            normal: Vec3A::Y,
+            threshold: 0.0,
+        };
+        let answers = answered_by_gather(&row, &lamps);
+        for g in 0..LAMPS {
+            let is_brighter = (1..=AT_PILOTS).contains(&g) && (g - 1) % 2 == 0;
+            let factor = if is_brighter { 2.0 } else { 1.0 };
+            let wanted = vector * (lamps.leaf_means[1][g] * factor);
+            assert!((answers.at(g) - wanted).length() < 1e-5, "{g}");
         }
     }
 }
