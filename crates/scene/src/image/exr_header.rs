@@ -1,8 +1,14 @@
-//! The attributes of an OpenEXR header, as bytes.
+//! The header of an OpenEXR file, as the `exr` crate writes it.
 //!
-//! Source: "OpenEXR File Layout" and "Reserved Attributes" of the OpenEXR documentation. Attributes are written in
-//! alphabetical order: the bytes depend on nothing but their values. (The `exr` crate keeps custom attributes in a
-//! randomly seeded hash map, so its files differ from run to run.)
+//! Source: "Reserved Attributes" of the OpenEXR documentation.
+
+use exr::meta::BlockDescription;
+use exr::meta::attribute::{
+    AttributeValue, ChannelDescription, Chromaticities, Compression, LineOrder, SampleType, Text,
+};
+use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
+use exr::prelude::Vec2;
+use std::collections::HashMap;
 
 /// What a frame says about itself, beside its pixels. All of it depends on the inputs only: no times, no paths.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,99 +35,65 @@ impl ExrHeader {
     }
 }
 
-/// Numbers of the file's pixel types.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum PixelType {
-    Half = 1,
-    Float = 2,
-}
+/// Rec. 709 primaries and the white point D65 (CIE xy), ITU-R BT.709-6 table 1.
+const REC_709: Chromaticities = Chromaticities {
+    red: Vec2(0.64, 0.33),
+    green: Vec2(0.30, 0.60),
+    blue: Vec2(0.15, 0.06),
+    white: Vec2(0.3127, 0.3290),
+};
 
-impl PixelType {
-    pub(crate) fn bytes(self) -> usize {
-        match self {
-            Self::Half => 2,
-            Self::Float => 4,
-        }
-    }
-}
-
-/// Scan lines in a ZIP block.
-pub(crate) const LINES_PER_BLOCK: usize = 16;
-/// `compression` attribute for [`LINES_PER_BLOCK`] lines of zlib.
-const ZIP: u8 = 3;
-/// Longest attribute or channel name without the `long names` flag; with it 255.
-const SHORT_NAME: usize = 31;
-/// Rec. 709 primaries and the white point D65 (CIE xy: red, green, blue, white), ITU-R BT.709-6 table 1.
-const REC_709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
-
-/// Everything before the offset table: magic, version, attributes. `channels` are sorted by name.
-pub(crate) fn header_bytes(
+/// The header of a file of one part, scan lines and ZIP, that says what `frame` says. `channels` are sorted by name.
+pub(crate) fn file_header(
     width: usize,
     height: usize,
-    channels: &[(String, PixelType)],
-    header: &ExrHeader,
-) -> Vec<u8> {
-    let window: Vec<u8> = [0, 0, width as i32 - 1, height as i32 - 1]
-        .iter()
-        .flat_map(|v: &i32| v.to_le_bytes())
-        .collect();
-    let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
-    let mut list = Vec::new();
-    for (name, pixel_type) in channels {
-        list.extend_from_slice(name.as_bytes());
-        list.push(0);
-        list.extend_from_slice(&(*pixel_type as u32).to_le_bytes());
-        // Not perceptually linear, three reserved bytes, no subsampling.
-        list.extend_from_slice(&[0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0]);
+    channels: impl Iterator<Item = (String, SampleType)>,
+    frame: &ExrHeader,
+) -> Header {
+    // Names are UTF-8, as in OpenEXR; `Text::from` takes Latin 1 only, and panics.
+    let text = |t: &str| Text::from_slice_unchecked(t.as_bytes());
+    // "Not perceptually linear", which matters to lossy compression only.
+    let channels = channels.map(|(name, kind)| ChannelDescription::new(text(&name), kind, false));
+    let mut other = Vec::new();
+    if let Some(number) = frame.frame {
+        let number = i32::try_from(number).unwrap_or(i32::MAX);
+        other.push((text("imageCounter"), AttributeValue::I32(number)));
     }
-    list.push(0);
+    if let Some(hash) = &frame.asset_hash {
+        other.push((text("relightAssetHash"), AttributeValue::Text(text(hash))));
+    }
+    if let Some(seed) = frame.seed {
+        let seed = text(&seed.to_string());
+        other.push((text("relightSeed"), AttributeValue::Text(seed)));
+    }
+    let size = Vec2(width, height);
+    Header::new(Text::default(), size, channels.collect())
+        .with_encoding(
+            Compression::ZIP16,
+            BlockDescription::ScanLines,
+            LineOrder::Increasing,
+        )
+        .with_shared_attributes(ImageAttributes {
+            chromaticities: Some(REC_709),
+            ..ImageAttributes::with_size(size)
+        })
+        .with_attributes(LayerAttributes {
+            software_name: (!frame.software.is_empty()).then(|| text(&frame.software)),
+            frames_per_second: frame.frames_per_second.and_then(rational),
+            other: in_order(&other),
+            ..LayerAttributes::default()
+        })
+}
 
-    let mut attributes: Vec<(&str, &str, Vec<u8>)> = vec![
-        ("channels", "chlist", list),
-        ("chromaticities", "chromaticities", floats(&REC_709)),
-        ("compression", "compression", vec![ZIP]),
-        ("dataWindow", "box2i", window.clone()),
-        ("displayWindow", "box2i", window),
-        ("lineOrder", "lineOrder", vec![0]),
-        ("pixelAspectRatio", "float", floats(&[1.0])),
-        ("screenWindowCenter", "v2f", floats(&[0.0, 0.0])),
-        ("screenWindowWidth", "float", floats(&[1.0])),
-    ];
-    if let Some((numerator, denominator)) = header.frames_per_second.and_then(rational) {
-        let mut bytes = numerator.to_le_bytes().to_vec();
-        bytes.extend_from_slice(&denominator.to_le_bytes());
-        attributes.push(("framesPerSecond", "rational", bytes));
-    }
-    if let Some(frame) = header.frame {
-        let frame = i32::try_from(frame).unwrap_or(i32::MAX);
-        attributes.push(("imageCounter", "int", frame.to_le_bytes().to_vec()));
-    }
-    if let Some(hash) = &header.asset_hash {
-        attributes.push(("relightAssetHash", "string", hash.clone().into_bytes()));
-    }
-    if let Some(seed) = header.seed {
-        attributes.push(("relightSeed", "string", seed.to_string().into_bytes()));
-    }
-    if !header.software.is_empty() {
-        attributes.push(("software", "string", header.software.clone().into_bytes()));
-    }
-    attributes.sort_by_key(|a| a.0);
-
-    // Magic number 20000630, file version 2, flags of a single-part scan line file.
-    let mut out = vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0];
-    if channels.iter().any(|(name, _)| name.len() > SHORT_NAME) {
-        out[5] |= 0x04;
-    }
-    for (name, kind, value) in attributes {
-        for text in [name, kind] {
-            out.extend_from_slice(text.as_bytes());
-            out.push(0);
+/// A map that is iterated in the order of its keys. Every new map has another order, and [`Header`] wants a map with the
+/// standard hasher, so maps are made until one is in order: six tries for three attributes, in the mean.
+fn in_order(attributes: &[(Text, AttributeValue)]) -> HashMap<Text, AttributeValue> {
+    loop {
+        let map: HashMap<_, _> = attributes.iter().cloned().collect();
+        if map.keys().is_sorted() {
+            return map;
         }
-        out.extend_from_slice(&(value.len() as u32).to_le_bytes());
-        out.extend_from_slice(&value);
     }
-    out.push(0);
-    out
 }
 
 /// A rate as a fraction: whole rates, the 1000/1001 rates of television, else millionths. None if it is no rate.

@@ -122,20 +122,38 @@ fn the_exr_crate_reads_our_files_pedantically_with_names_and_attributes() {
     );
 }
 
+/// Also with all attributes, which the `exr` crate keeps in a map of random order.
 #[test]
 fn equal_frames_give_equal_bytes_whatever_the_number_of_threads() {
-    let encode = || encode_exr("t", &frame(), &ExrHeader::new(), false).unwrap().0;
-    let one = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()
-        .unwrap()
-        .install(encode);
-    let many = rayon::ThreadPoolBuilder::new()
-        .num_threads(5)
-        .build()
-        .unwrap()
-        .install(encode);
-    assert_eq!(one, many);
+    let header = ExrHeader {
+        asset_hash: Some("00ff".into()),
+        seed: Some(1),
+        frames_per_second: Some(24.0),
+        frame: Some(7),
+        ..ExrHeader::new()
+    };
+    let encode = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let encode = || encode_exr("t", &frame(), &header, false).unwrap().0;
+        pool.unwrap().install(encode)
+    };
+    let first = encode(1);
+    for threads in (0..24).map(|i| 1 + i % 5) {
+        assert_eq!(first, encode(threads));
+    }
+}
+
+/// Truth: "OpenEXR File Layout": bit 10 of the version field is set if any name is longer than 31 bytes, and only then.
+#[test]
+fn files_with_long_names_say_so() {
+    for (name, long) in [("b".repeat(29), false), ("b".repeat(30), true)] {
+        let mut layers = Layers::new(1, 1);
+        layers.push_scalar(&name, &[1.0]);
+        let (bytes, _) = encode_exr("t", &layers, &ExrHeader::new(), false).unwrap();
+        let version = u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]);
+        assert_eq!(version, if long { 2 | 1 << 10 } else { 2 });
+        assert_eq!(decode_exr("t", &bytes, &Limits::default()).unwrap(), layers);
+    }
 }
 
 /// Truth: half's largest finite number is 65504; 65520 is the first that rounds up to infinity (IEEE 754 binary16).

@@ -1,22 +1,33 @@
 //! Writing OpenEXR: one part, scan lines, ZIP, half or float.
 //!
-//! Source: "OpenEXR File Layout" of the OpenEXR documentation; the ZIP steps (bytes split into even and odd ones,
-//! differences, zlib) as its technical introduction describes them.
+//! The `exr` crate writes header, chunks and offsets. Two things it can't do:
 //!
-//! Why not the `exr` crate's writer: measured on frames of 640 × 360 with 9 half channels it takes three times as
-//! long (zlib level 4 with no way to choose; `docs/images.md`), and it writes attributes in random order, while equal
-//! inputs should give equal bytes. The tests read everything back with that crate.
+//! - **Compress fast.** `UncompressedBlock::compress_to_chunk` deflates at level 4 with no way to choose, which makes a
+//!   frame take three times as long for 8 % fewer bytes (`docs/images.md`). So blocks are compressed here; the steps of ZIP
+//!   (bytes split into even and odd ones, differences, zlib) are those of OpenEXR's technical introduction.
+//! - **Say that names are long.** `MetaData::validate` looks at attributes' names only when it sets the flag that files
+//!   with names beyond 31 bytes need, not at channels' names. The flag is set here.
+//!
+//! Equal frames give equal bytes: `exr_header` says how attributes keep their order.
 
 use super::atomic::write_atomically;
 use super::error::ImageError;
-use super::exr_header::{ExrHeader, LINES_PER_BLOCK, PixelType, header_bytes};
+use super::exr_header::{ExrHeader, file_header};
 use super::{BEAUTY, Layer, Layers};
+use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
+use exr::block::writer::ChunksWriter;
+use exr::meta::attribute::SampleType;
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
+use std::io::Cursor;
 use std::path::Path;
 
-/// zlib level of the blocks. Level 4, OpenEXR's default, takes three times as long for 8 % fewer bytes.
+/// zlib level of the blocks.
 const DEFLATE_LEVEL: u8 = 1;
+/// Scan lines in a block of ZIP.
+const LINES_PER_BLOCK: usize = 16;
+/// Longest name without the flag of long names; with it 255.
+const SHORT_NAME: usize = 31;
 /// From here on a number rounds to infinity in half precision (65504 is the largest finite one).
 const HALF_OVERFLOW: f32 = 65520.0;
 /// A layer whose largest value is below half's smallest normal number (2⁻¹⁴) would lose its precision, or itself.
@@ -96,7 +107,7 @@ pub fn write_exr(
 struct Channel<'a> {
     layer: &'a Layer,
     component: usize,
-    pixel_type: PixelType,
+    kind: SampleType,
     /// Whether it has values that are not finite, and what stands in for infinity.
     repair: bool,
     largest: f32,
@@ -122,35 +133,33 @@ pub fn encode_exr(
         ));
     }
 
-    let names: Vec<_> = channels
-        .iter()
-        .map(|(name, c)| (name.clone(), c.pixel_type))
-        .collect();
-    let blocks: Vec<Vec<u8>> = (0..layers.height)
-        .step_by(LINES_PER_BLOCK)
-        .collect::<Vec<_>>()
+    let kinds = channels.iter().map(|(name, c)| (name.clone(), c.kind));
+    let header = file_header(layers.width, layers.height, kinds, header);
+    let chunks: Vec<Chunk> = (0..header.chunk_count)
         .into_par_iter()
-        .map(|first| {
-            let raw = raw_block(
-                layers.width,
-                first..(first + LINES_PER_BLOCK).min(layers.height),
-                &channels,
-            );
-            compressed_block(raw)
+        .map(|i| {
+            let first = i * LINES_PER_BLOCK;
+            let rows = first..(first + LINES_PER_BLOCK).min(layers.height);
+            let block = CompressedScanLineBlock {
+                y_coordinate: first as i32,
+                compressed_pixels_le: compressed_block(raw_block(layers.width, rows, &channels)),
+            };
+            Chunk {
+                layer_index: 0,
+                compressed_block: CompressedBlock::ScanLine(block),
+            }
         })
         .collect();
 
-    let mut bytes = header_bytes(layers.width, layers.height, &names, header);
-    let mut offset = bytes.len() + 8 * blocks.len();
-    bytes.reserve(offset + blocks.iter().map(|b| b.len() + 8).sum::<usize>());
-    for block in &blocks {
-        bytes.extend_from_slice(&(offset as u64).to_le_bytes());
-        offset += 8 + block.len();
-    }
-    for (i, block) in blocks.iter().enumerate() {
-        bytes.extend_from_slice(&((i * LINES_PER_BLOCK) as u32).to_le_bytes());
-        bytes.extend_from_slice(&(block.len() as u32).to_le_bytes());
-        bytes.extend_from_slice(block);
+    let mut bytes = Cursor::new(Vec::new());
+    exr::block::write(&mut bytes, [header].into_iter().collect(), true, |_, writer| {
+        (chunks.into_iter().enumerate()).try_for_each(|(i, chunk)| writer.write_chunk(i, chunk))
+    })
+    .map_err(|e| ImageError::invalid(file, format!("cannot be an OpenEXR file: {e}")))?;
+    let mut bytes = bytes.into_inner();
+    if channels.iter().any(|(name, _)| name.len() > SHORT_NAME) {
+        // Bit 10 of the version field, which follows the 4 bytes of the magic number.
+        bytes[5] |= 1 << 2;
     }
     Ok((bytes, warnings))
 }
@@ -218,10 +227,10 @@ fn checked_channels<'a>(
                 largest,
             });
         }
-        let (pixel_type, largest) = if float || beyond {
-            (PixelType::Float, f32::MAX)
+        let (kind, largest) = if float || beyond {
+            (SampleType::F32, f32::MAX)
         } else {
-            (PixelType::Half, 65504.0)
+            (SampleType::F16, 65504.0)
         };
         for (component, channel) in channel_names(layer).into_iter().enumerate() {
             channels.push((
@@ -229,7 +238,7 @@ fn checked_channels<'a>(
                 Channel {
                     layer,
                     component,
-                    pixel_type,
+                    kind,
                     repair,
                     largest,
                 },
@@ -275,7 +284,7 @@ fn extent(data: &[f32]) -> Extent {
 
 /// The pixels of some rows as the file wants them: per row, per channel, the values of all columns.
 fn raw_block(width: usize, rows: std::ops::Range<usize>, channels: &[(String, Channel)]) -> Vec<u8> {
-    let bytes_per_pixel: usize = channels.iter().map(|(_, c)| c.pixel_type.bytes()).sum();
+    let bytes_per_pixel: usize = channels.iter().map(|(_, c)| c.kind.bytes_per_sample()).sum();
     let mut raw = Vec::with_capacity(width * rows.len() * bytes_per_pixel);
     let mut values = vec![0.0_f32; width];
     let mut halves = vec![half::f16::ZERO; width];
@@ -294,15 +303,15 @@ fn raw_block(width: usize, rows: std::ops::Range<usize>, channels: &[(String, Ch
                     };
                 }
             }
-            match channel.pixel_type {
-                PixelType::Half => {
+            match channel.kind {
+                SampleType::F16 => {
                     halves.convert_from_f32_slice(&values);
                     let bits: &mut [u16] = halves.reinterpret_cast_mut();
                     // The file is little-endian; so is nearly every machine, where this does nothing.
                     bits.iter_mut().for_each(|b| *b = b.to_le());
                     raw.extend_from_slice(bytemuck::cast_slice(bits));
                 }
-                PixelType::Float => {
+                _ => {
                     values
                         .iter_mut()
                         .for_each(|v| *v = f32::from_bits(v.to_bits().to_le()));
