@@ -4,8 +4,8 @@
 //! lightness rises evenly: more error is always lighter, in print and for colour-blind eyes too. The fit is within
 //! 0.017 of it in sRGB.
 
-use super::FloatImage;
 use super::error::ImageError;
+use super::layers::FloatImage;
 use super::metrics::relative_errors;
 use super::preview::linear_from_srgb;
 

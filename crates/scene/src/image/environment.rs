@@ -5,7 +5,8 @@
 //! pixels, and other orientations than rows from the top, columns from the left (`-Y … +X …`).
 
 use super::error::{ImageError, Limits, read_file};
-use super::{BEAUTY, FloatImage, decode_exr};
+use super::exr_read::decode_exr;
+use super::layers::{BEAUTY, FloatImage};
 use ::image::ImageDecoder;
 use ::image::codecs::hdr::HdrDecoder;
 use std::path::Path;

@@ -6,7 +6,7 @@
 //! would end the process, one in ours is caught and becomes an error.
 
 use super::error::{ImageError, Limits, read_file};
-use super::{BEAUTY, Layer, Layers};
+use super::layers::{BEAUTY, Layer, Layers};
 use exr::block::reader::Reader;
 use exr::image::{AnyChannels, FlatSamples, Layer as Part};
 use exr::meta::attribute::Compression;

@@ -13,7 +13,7 @@
 use super::atomic::write_atomically;
 use super::error::ImageError;
 use super::exr_header::{ExrHeader, file_header};
-use super::{BEAUTY, Layer, Layers};
+use super::layers::{BEAUTY, Layer, Layers};
 use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
 use exr::block::writer::ChunksWriter;
 use exr::meta::attribute::SampleType;

@@ -10,9 +10,8 @@
 //! between tone mapping and the opponent space is left out, being the identity. Agreement with the tool:
 //! `docs/images.md`.
 
-use super::FloatImage;
 use super::error::ImageError;
-use super::metrics::check_pair;
+use super::layers::{FloatImage, check_pair};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 

@@ -5,9 +5,9 @@
 //! image)²), the worst 0.1 % of the pixels left out, so that a single bright speck does not decide. Sums are f64 in
 //! pixel order.
 
-use super::FloatImage;
 use super::error::ImageError;
 use super::flip::flip_hdr;
+use super::layers::{FloatImage, check_pair};
 
 /// Part of the squared mean of the reference that keeps dark pixels from dominating relMSE.
 pub const RELMSE_EPSILON: f64 = 0.01;
@@ -49,35 +49,6 @@ pub fn compare(test: &FloatImage, reference: &FloatImage) -> Result<Comparison, 
         relative_error_p99: percentile(&mut errors, 0.99),
         flip: flip_hdr(test, reference)?.mean,
     })
-}
-
-/// Checks that two images can be compared.
-pub(crate) fn check_pair(test: &FloatImage, reference: &FloatImage) -> Result<(), ImageError> {
-    for (what, image) in [("test image", test), ("reference image", reference)] {
-        let FloatImage {
-            width,
-            height,
-            pixels,
-        } = image;
-        if pixels.is_empty() || width.checked_mul(*height) != Some(pixels.len()) {
-            let detail = format!("{width} × {height} pixels in an array of {}", pixels.len());
-            return Err(ImageError::invalid(what, detail));
-        }
-        let bad = pixels.as_flattened().iter().filter(|v| !v.is_finite()).count();
-        if bad > 0 {
-            let detail =
-                format!("{bad} values are NaN or infinite; no error measure is meaningful with them");
-            return Err(ImageError::invalid(what, detail));
-        }
-    }
-    if (test.width, test.height) != (reference.width, reference.height) {
-        let detail = format!(
-            "{} × {} pixels, but the reference has {} × {}; render both at one size",
-            test.width, test.height, reference.width, reference.height
-        );
-        return Err(ImageError::invalid("test image", detail));
-    }
-    Ok(())
 }
 
 /// Mean over RGB of a pixel.

@@ -4,8 +4,8 @@
 //! for the subtraction of Fresnel's 4 %; above, the peak is compressed hyperbolically and colours fade to white);
 //! IEC 61966-2-1 for the sRGB transfer function.
 
-use super::FloatImage;
 use super::error::ImageError;
+use super::layers::FloatImage;
 use super::ldr::Image8;
 
 /// Reflectance of a dielectric at normal incidence, which the tone mapper takes off dark and light colours alike.

@@ -1,0 +1,134 @@
+//! One image, and all layers of a frame.
+
+use super::error::ImageError;
+
+/// The layer that OpenEXR files hold as plain `R`, `G`, `B`.
+pub const BEAUTY: &str = "beauty";
+
+/// A linear RGB image.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FloatImage {
+    /// Columns.
+    pub width: usize,
+    /// Rows; row 0 is the top.
+    pub height: usize,
+    /// `width · height` pixels, row after row, linear Rec. 709 RGB.
+    pub pixels: Vec<[f32; 3]>,
+}
+
+impl FloatImage {
+    /// A black image.
+    pub fn black(width: usize, height: usize) -> Self {
+        Self {
+            width,
+            height,
+            pixels: vec![[0.0; 3]; width * height],
+        }
+    }
+}
+
+/// One named quantity over all pixels, such as `indirect` or `depth`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// What it is: [`BEAUTY`], `direct`, `light.sun`, `normal`, ….
+    pub name: String,
+    /// Values per pixel: 1 or 3.
+    pub channels: usize,
+    /// `width · height · channels` values, the channels of a pixel side by side.
+    pub data: Vec<f32>,
+}
+
+/// All layers of one frame, in the order in which they were added; all of one size.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Layers {
+    /// Columns.
+    pub width: usize,
+    /// Rows; row 0 is the top.
+    pub height: usize,
+    /// The layers; names are unique.
+    pub layers: Vec<Layer>,
+}
+
+impl Layers {
+    /// No layers yet.
+    pub fn new(width: usize, height: usize) -> Self {
+        Self {
+            width,
+            height,
+            layers: Vec::new(),
+        }
+    }
+
+    /// A frame that holds `image` as its only layer, named `name`.
+    pub fn from_image(name: &str, image: &FloatImage) -> Self {
+        let mut layers = Self::new(image.width, image.height);
+        layers.push_rgb(name, &image.pixels);
+        layers
+    }
+
+    /// Adds a layer of three channels; `pixels` holds `width · height` of them.
+    pub fn push_rgb(&mut self, name: &str, pixels: &[[f32; 3]]) {
+        self.layers.push(Layer {
+            name: name.into(),
+            channels: 3,
+            data: pixels.as_flattened().to_vec(),
+        });
+    }
+
+    /// Adds a layer of one channel; `values` holds `width · height` of them.
+    pub fn push_scalar(&mut self, name: &str, values: &[f32]) {
+        self.layers.push(Layer {
+            name: name.into(),
+            channels: 1,
+            data: values.to_vec(),
+        });
+    }
+
+    /// The layer of that name.
+    pub fn layer(&self, name: &str) -> Option<&Layer> {
+        self.layers.iter().find(|layer| layer.name == name)
+    }
+
+    /// The layer of that name as an RGB image; a single channel becomes grey.
+    pub fn rgb(&self, name: &str) -> Option<FloatImage> {
+        let layer = self.layer(name)?;
+        let pixels = match layer.channels {
+            3 => layer.data.as_chunks::<3>().0.to_vec(),
+            _ => layer.data.iter().map(|&v| [v; 3]).collect(),
+        };
+        Some(FloatImage {
+            width: self.width,
+            height: self.height,
+            pixels,
+        })
+    }
+}
+
+/// Checks that two images can be compared.
+pub(crate) fn check_pair(test: &FloatImage, reference: &FloatImage) -> Result<(), ImageError> {
+    for (what, image) in [("test image", test), ("reference image", reference)] {
+        let FloatImage {
+            width,
+            height,
+            pixels,
+        } = image;
+        if pixels.is_empty() || width.checked_mul(*height) != Some(pixels.len()) {
+            let detail = format!("{width} × {height} pixels in an array of {}", pixels.len());
+            return Err(ImageError::invalid(what, detail));
+        }
+        let bad = pixels.as_flattened().iter().filter(|v| !v.is_finite()).count();
+        if bad > 0 {
+            let detail =
+                format!("{bad} values are NaN or infinite; no error measure is meaningful with them");
+            return Err(ImageError::invalid(what, detail));
+        }
+    }
+    if (test.width, test.height) != (reference.width, reference.height) {
+        let detail = format!(
+            "{} × {} pixels, but the reference has {} × {}; render both at one size",
+            test.width, test.height, reference.width, reference.height
+        );
+        return Err(ImageError::invalid("test image", detail));
+    }
+    Ok(())
+}
