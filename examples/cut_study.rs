@@ -1,4 +1,4 @@
-//! The study of visibility cuts in docs/cuts.md: tables in Markdown, from the program as users run it.
+//! The study of visibility cuts in docs/notebook/cuts.md: tables in Markdown, from the program as users run it.
 //!
 //! `cargo build --release && cargo run --release --example cut_study -- WHAT [OPTIONS] SCENE.glb=MAP.hdr …`
 //!

@@ -1,5 +1,5 @@
 //! Where two images look different, beside how different two references of other seeds look: the command behind the
-//! contacts in docs/cuts.md.
+//! contacts in docs/notebook/cuts.md.
 //!
 //! `cargo run --release --example flip_map -- IMAGE.exr REFERENCE.exr OTHER_REFERENCE.exr MAP.png [X,Y,WIDTH,HEIGHT]…`
 //!

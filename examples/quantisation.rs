@@ -1,5 +1,5 @@
 //! What do bits cost? Errors of operators and images against the bits of every quantised section of the file: the
-//! command behind the table in docs/stability.md.
+//! command behind the table in docs/notebook/stability.md.
 //!
 //! `cargo run --release --example quantisation [operators|cuts]`, in the repository root: operators in the Cornell box,
 //! cuts on the table, which sees the sky. A few minutes each.

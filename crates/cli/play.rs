@@ -171,7 +171,7 @@ impl LayerName {
     }
 }
 
-/// Nodes of the illumination cut: 256 are no better (docs/cuts.md). The paper's 256 to 512 (Cheslack-Postava et al. 2008,
+/// Nodes of the illumination cut: 256 are no better (docs/notebook/cuts.md). The paper's 256 to 512 (Cheslack-Postava et al. 2008,
 /// section 5) are of nodes whose light comes from their middles.
 pub const ILLUMINATION_CUT: u32 = 128;
 /// Height of an image where nobody says another.

@@ -46,7 +46,7 @@ const fn step(preset: (Preset, &'static str), levels: usize, sender_levels: usiz
 const DRAFT: (Preset, &str) = (Preset::Draft, "draft");
 
 /// Each costs two to three times the one before and errs by a third less, as long as points and links are what errs
-/// (docs/report.md).
+/// (docs/notebook/report.md).
 const LADDER: [Step; 7] = [
     step(DRAFT, 2, 1, 0.15),
     step(DRAFT, 3, 2, 0.075),

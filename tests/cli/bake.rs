@@ -251,7 +251,7 @@ fn disks_wider_than_the_scene_still_have_points() {
     assert!(points.iter().all(|n| n.as_u64().unwrap() > 0), "{points:?}");
 }
 
-/// The estimate is of other pixels; that these err likewise, docs/report.md measures.
+/// The estimate is of other pixels; that these err likewise, docs/notebook/report.md measures.
 #[test]
 fn a_bake_for_an_error_says_what_it_expects_and_the_asset_repeats_it() {
     let folder = folder();
@@ -324,7 +324,7 @@ fn implicit_surfaces_and_volumes_are_baked_by_their_description() {
         .assert()
         .success();
     let layer = &json(&compared.get_output().stdout)["layers"]["indirect"];
-    // A draft: measured are 0.007 and −1.6 % (docs/transfer.md); more is the noise of 256 paths and of few pixels.
+    // A draft: measured are 0.007 and −1.6 % (docs/notebook/transfer.md); more is the noise of 256 paths and of few pixels.
     assert!(layer["relmse"].as_f64().unwrap() < 0.03, "{layer}");
     assert!(layer["bias"].as_f64().unwrap().abs() < 0.04, "{layer}");
 

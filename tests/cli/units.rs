@@ -505,7 +505,7 @@ fn a_memory_limit_is_refused_or_respected_and_changes_no_byte() {
         .iter()
         .filter_map(Value::as_u64)
         .sum();
-    // The small bake of this scene has some hundred points; real ones are within 1.5 (docs/reliability.md).
+    // The small bake of this scene has some hundred points; real ones are within 1.5 (docs/notebook/reliability.md).
     for (key, truth) in [
         ("points", all),
         ("rays", baked["rays"].as_u64().unwrap()),

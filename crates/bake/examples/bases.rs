@@ -1,5 +1,5 @@
 //! What bases for light on surfaces do at a thin wall and at shadow edges (Lehtinen et al. 2008, section 5.2):
-//! the command behind docs/bases.md.
+//! the command behind docs/notebook/bases.md.
 //!
 //! `cargo run --release -p relight-bake --example bases`, in the repository root.
 

@@ -1,4 +1,4 @@
-//! Visibility cuts under an environment, over scenes and settings: the command behind the tables of docs/cuts.md that
+//! Visibility cuts under an environment, over scenes and settings: the command behind the tables of docs/notebook/cuts.md that
 //! need no images.
 //!
 //! `cargo run --release -p relight-bake --example cuts -- SCENE.glb [SCENE.glb …]`

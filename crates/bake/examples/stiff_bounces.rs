@@ -1,5 +1,5 @@
 //! Which solver for the bounces of stiff scenes? Products with the operator until one more bounce changes at most
-//! 0.01·(1 − ρ) of the brightest place, and what the light is then off by: the command behind docs/stability.md.
+//! 0.01·(1 − ρ) of the brightest place, and what the light is then off by: the command behind docs/notebook/stability.md.
 //!
 //! `cargo run --release -p relight-bake --example stiff_bounces`, in the repository root. Takes a minute or two.
 //!

@@ -1,5 +1,5 @@
 //! Visibility in cuts and in Haar wavelets at equal error (Cheslack-Postava et al. 2008, figure 6a): a table of
-//! docs/cuts.md.
+//! docs/notebook/cuts.md.
 //!
 //! `cargo run --release -p relight-bake --example wavelets -- SCENE.glb [SCENE.glb …]`
 //!

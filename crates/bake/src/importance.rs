@@ -1,7 +1,7 @@
 //! How much each finest point counts in its clusters: as much as viewers get to see of the light it sends.
 //!
 //! A cluster sends one mean for all its points. Receivers in view see the points in the open, not those behind
-//! the column's foot, so a mean by area mixes in dark places and is too dark (docs/transfer.md). Weighted by
+//! the column's foot, so a mean by area mixes in dark places and is too dark (docs/notebook/transfer.md). Weighted by
 //! the importance that reaches each point from the viewpoints over one or two surfaces, the mean is right for
 //! the sum over all that is in view: importance is the adjoint of light (Veach 1997, section 4.7).
 //!

@@ -17,7 +17,7 @@ pub const LAMPS: usize = 128;
 /// The even light.
 pub const EVEN: usize = 0;
 
-/// Suns among them, from all sides. With 23 suns and 40 lamps, lamps err an eighth more (docs/transfer.md).
+/// Suns among them, from all sides. With 23 suns and 40 lamps, lamps err an eighth more (docs/notebook/transfer.md).
 const SUNS: usize = 31;
 
 /// Lamps at the first pilots: lights 1 to this.

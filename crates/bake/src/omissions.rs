@@ -10,21 +10,21 @@ use crate::refine::Spared;
 use crate::transport::Transport;
 use relight_format::LeftOut;
 
-/// Bytes that a point takes on disk, about (docs/format.md).
+/// Bytes that a point takes on disk, about (docs/notebook/format.md).
 const POINT_BYTES: f64 = 10.0;
-/// Bytes of a link of T, about (docs/transfer.md).
+/// Bytes of a link of T, about (docs/notebook/transfer.md).
 const LINK_BYTES: f64 = 5.2;
-/// Bytes that shorter mantissas save of it: a byte for the high bits, half of which compresses away (docs/report.md).
+/// Bytes that shorter mantissas save of it: a byte for the high bits, half of which compresses away (docs/notebook/report.md).
 const SHORT_BYTES: f64 = 0.6;
-/// Entries in a row of the bounce operator and bytes of each, about (docs/stability.md, docs/format.md).
+/// Entries in a row of the bounce operator and bytes of each, about (docs/notebook/stability.md, docs/notebook/format.md).
 const BOUNCE_ENTRIES: f64 = 150.0;
 const BOUNCE_BYTES: f64 = 3.0;
-/// Bytes of a cluster in the tree of senders, about (docs/format.md).
+/// Bytes of a cluster in the tree of senders, about (docs/notebook/format.md).
 const CLUSTER_BYTES: f64 = 0.5;
-/// Bytes of an element of a cut, about (docs/format.md), and elements of one.
+/// Bytes of an element of a cut, about (docs/notebook/format.md), and elements of one.
 const CUT_BYTES: f64 = 0.3;
 const CUT_ELEMENTS: f64 = 400.0;
-/// Rays of a cut's site, about (docs/cuts.md).
+/// Rays of a cut's site, about (docs/notebook/cuts.md).
 const CUT_RAYS: u64 = 2400;
 /// Bytes of two channels of albedo, each the same as the first, after compression and before.
 const CHANNEL_BYTES: f64 = 3.0;

@@ -38,7 +38,7 @@ pub struct PointLevel {
 }
 
 /// C in r = C·R: from 1.5 on the coarsest level to 2 on the finest. The paper goes to 2.5 (section 2.3); 2 looks
-/// as smooth and blurs less (docs/transfer.md).
+/// as smooth and blurs less (docs/notebook/transfer.md).
 fn support_over_disk(level: usize, levels: usize) -> f32 {
     let t = if levels > 1 {
         level as f32 / (levels - 1) as f32
@@ -51,7 +51,7 @@ fn support_over_disk(level: usize, levels: usize) -> f32 {
 /// Part of the finest points' distance that a particle must have come from for its landing to count.
 ///
 /// A point stands for all of its cell. Most of what sees a cell looks from farther away, and not into a crevice in it: points in crevices
-/// made leaves some 1 % too dark (docs/transfer.md).
+/// made leaves some 1 % too dark (docs/notebook/transfer.md).
 const NEAR: f32 = 0.5;
 
 /// Particles per batch; each gives up to 27 candidates.

@@ -51,13 +51,13 @@ pub struct Weights {
 }
 
 /// Answer, relative to even light of the lights' mean radiosity, above which a lamp's errors count relative to what is answered.
-/// Of 0.25, 0.35 and 1 it has the least error for its links (docs/transfer.md).
+/// Of 0.25, 0.35 and 1 it has the least error for its links (docs/notebook/transfer.md).
 const BRIGHT: f32 = 0.35;
 
 /// How much even light counts: as 30 lamps, since all bounces rest on it.
 const EVEN_WEIGHT: f32 = 30.0;
 
-/// How much the mix counts. At 30 the Sponza with leaves is still 0.5 % darker (docs/transfer.md).
+/// How much the mix counts. At 30 the Sponza with leaves is still 0.5 % darker (docs/notebook/transfer.md).
 const MIX_WEIGHT: f32 = 200.0;
 
 /// How much each cluster alone counts: what small lights next to a receiver make of it, which no lamp in the open shows.

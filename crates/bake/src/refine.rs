@@ -126,7 +126,7 @@ impl Refinement<'_> {
 const MOST_RAYS: usize = 1 << 14;
 
 /// The coarsest level whose links are chosen by what lights make of them. Those above are few, all others rest on them, and
-/// what they keep beyond that no later one needs to mend (docs/transfer.md).
+/// what they keep beyond that no later one needs to mend (docs/notebook/transfer.md).
 const FIRST_PURSUED: usize = 2;
 
 /// ε below which all links are above thresholds: there are hundreds in each row then, and to choose them one after the other
@@ -574,7 +574,7 @@ const TYPICAL_REFLECTANCE: f32 = 0.5;
 /// Ratio of the thresholds of a level and the next coarser one. A coarser receiver's function covers four times
 /// the area, so that for the same squared error over the surface a link of half the size earns its place there.
 /// What a coarse row drops also errs to the same side in all rows below it, so more than half pays: of 2, 2.5 and
-/// 3, the higher keep the mean and the lower the detail (docs/transfer.md).
+/// 3, the higher keep the mean and the lower the detail (docs/notebook/transfer.md).
 const LEVEL_RATIO: f32 = 2.5;
 
 /// Threshold on links of a receiver level that is `coarser` levels above the finest.
@@ -583,7 +583,7 @@ fn threshold(epsilon: f32, coarser: usize) -> f32 {
 }
 
 /// Squared error, over ε², that a link of the finest level takes away at least: what makes the paper's ε of 0.025 give no more
-/// links than it has in the paper (docs/transfer.md).
+/// links than it has in the paper (docs/notebook/transfer.md).
 const GAIN: f32 = 160.0;
 
 /// Ratio of the gains of a level and the next coarser one. Of 4 to 6, any gives the same error for the same links.

@@ -12,7 +12,7 @@
 //!
 //! Deviation: links are tested without the sender's reflectance. Weighted by it, what a row sees of a black
 //! lamp or door would be dropped and given to the bright wall beside it, and reflectances stay editable
-//! (docs/transfer.md: 17 % too bright on modern_hall).
+//! (docs/notebook/transfer.md: 17 % too bright on modern_hall).
 
 mod pursued;
 

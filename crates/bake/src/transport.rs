@@ -74,7 +74,7 @@ pub fn levels_of(points: &PointLevels) -> Vec<Level> {
 
 /// Length, in distances of the coarsest points, of the ways from receiver to sender that count in clusters' means.
 /// At 1 a cluster of the coarsest level fills some tenth of a hemisphere, and its children have links of their own.
-/// Of 0, 0.5 and 1 the bias of sibenik_points is −2.4, −2.0 and −1.5 % (docs/transfer.md).
+/// Of 0, 0.5 and 1 the bias of sibenik_points is −2.4, −2.0 and −1.5 % (docs/notebook/transfer.md).
 const NEAR: f32 = 1.0;
 
 /// How near lamps of trial lights come to surfaces, in distances of the coarsest points.

@@ -204,7 +204,7 @@ fn groups(pilots: &[Vec3]) -> Vec<usize> {
 }
 
 /// What keeps links as they were found, as a share of the mean strength of a light in the fit. Twenty times as much leaves the
-/// Sponza with leaves 1.6 % darker; half as much gains 0.2 % there, and finer rows keep more links (docs/transfer.md).
+/// Sponza with leaves 1.6 % darker; half as much gains 0.2 % there, and finer rows keep more links (docs/notebook/transfer.md).
 const RIDGE: f64 = 0.1;
 
 /// Changes `links` (sender, vector) so that they answer to even light as they should, and to lamps more nearly; `missing` is

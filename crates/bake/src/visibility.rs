@@ -4,7 +4,7 @@
 //!
 //! Deviations. σ² is relative to the mean of what a site sees above its horizon, the share of its hemisphere for
 //! directions: where light comes in through a small window, a few directions more or less are much of it
-//! (docs/cuts.md). What lies below a site's own horizon counts for nothing: its BRDF is zero there, and a cut that had
+//! (docs/notebook/cuts.md). What lies below a site's own horizon counts for nothing: its BRDF is zero there, and a cut that had
 //! zeros there would darken the neighbours that a pixel interpolates with and follow the horizon with small nodes.
 //! And not every light gets a ray: see [`Sampler`].
 

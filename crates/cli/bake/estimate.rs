@@ -2,7 +2,7 @@
 //!
 //! The small bake has all levels and four times the distances, so a tenth to a sixteenth of the points. How many a bake will
 //! have is seen by spreading those of all levels but the finest. What grows with them is scaled up by powers that were
-//! fitted on the scenes of docs/reliability.md.
+//! fitted on the scenes of docs/notebook/reliability.md.
 
 use super::memory::Memory;
 use super::{Inputs, baking_failed};
@@ -133,7 +133,7 @@ pub fn estimate(
     Ok(estimate)
 }
 
-/// Growth of what depends on points with their number; fitted on the scenes of docs/reliability.md.
+/// Growth of what depends on points with their number; fitted on the scenes of docs/notebook/reliability.md.
 ///
 /// Links per point fall as points get denser, because coarse rows say more of finer ones.
 const LINKS_POWER: f64 = 0.775;

@@ -27,7 +27,7 @@ const MOST_BATCHES: usize = 16;
 /// Share of the rows that a batch of n needs, beyond an n-th: those along its border, and the coarsest.
 const SHARED_ROWS: f64 = 0.2;
 
-/// Predictions of memory were up to a tenth below what bakes took under a limit (docs/reliability.md), and these vary by
+/// Predictions of memory were up to a tenth below what bakes took under a limit (docs/notebook/reliability.md), and these vary by
 /// some hundredths as threads come to allocate; a limit must hold all the same.
 const MARGIN: f64 = 1.15;
 /// What stacks, compression and the allocator may take besides, whatever the scene: a bake of 31 MB was predicted to take
@@ -81,7 +81,7 @@ impl Memory {
 /// at the heap's end from which that goes back.
 const GIVES_BACK: [&str; 2] = ["MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"];
 /// The value with which glibc starts, bytes. If nobody sets it, it grows with what is freed, up to 32 MiB: peaks are an eighth
-/// higher then and vary by a tenth from run to run, in the same time (docs/reliability.md).
+/// higher then and vary by a tenth from run to run, in the same time (docs/notebook/reliability.md).
 const GIVES_BACK_FROM: &str = "131072";
 
 /// Starts the program once more in its own place, with an allocator that gives back what is freed: it can be told so by its

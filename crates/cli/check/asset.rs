@@ -167,7 +167,7 @@ fn coverage(loaded: &Loaded, transfer: &Transfer) -> Vec<Measure> {
     ]
 }
 
-/// Products that the solver may need: see docs/stability.md.
+/// Products that the solver may need: see docs/notebook/stability.md.
 const MOST_PRODUCTS: f64 = 60.0;
 
 fn bounces(transfer: &Transfer) -> Vec<Measure> {

@@ -286,14 +286,14 @@ pub fn cuts(
         "cuts: RMS error against fresh rays",
         rms,
         1.15 * stated + 0.03,
-        "the bake's own figure, 15 % for the few sites, and what lies between its rays (docs/cuts.md: 0.03)",
+        "the bake's own figure, 15 % for the few sites, and what lies between its rays (docs/notebook/cuts.md: 0.03)",
     )];
     if seen > 0.0 {
         measures.push(Measure::new(
             "cuts: mean visibility against fresh rays",
             (sum(|s| s.3) / seen - 1.0).abs(),
             0.02,
-            "the bias that docs/cuts.md allows",
+            "the bias that docs/notebook/cuts.md allows",
         ));
     }
     measures

@@ -218,7 +218,7 @@ fn cuts(stage: &Stage) -> Measured {
         "mean direct light against shadow rays",
         (mean(&by_cuts.direct).x / mean(&rays.direct).x - 1.0).abs(),
         0.02,
-        "docs/cuts.md: bias of at most 2 % of environments by cuts",
+        "docs/notebook/cuts.md: bias of at most 2 % of environments by cuts",
     ));
     measures.push(Measure::new(
         "mean indirect light against shadow rays",

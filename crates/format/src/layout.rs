@@ -72,7 +72,7 @@ pub const MAX_SECTIONS: u32 = 256;
 /// a section uncompressed when it would pass this bound. SPEC 4.4.
 pub const MAX_RATIO: u64 = 1024;
 
-/// zstd level for bulk sections: the highest that still encodes a large asset in about a second (docs/format.md).
+/// zstd level for bulk sections: the highest that still encodes a large asset in about a second (docs/notebook/format.md).
 pub const ZSTD_LEVEL: i32 = 9;
 
 /// Most raw bytes of a section of small records (provenance, materials, estimates): sixteen mebibytes hold some

@@ -29,7 +29,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Of so many samples of a small lamp one is cast everywhere, and tells where edges of its shadows are near; all are cast there
-/// (a quarter everywhere: a tenth more error, docs/cuts.md).
+/// (a quarter everywhere: a tenth more error, docs/notebook/cuts.md).
 const FIRST: u32 = 2;
 
 /// A scene with its transport, ready to be lit.

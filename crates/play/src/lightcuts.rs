@@ -65,7 +65,7 @@ pub struct LightcutSettings {
 }
 
 impl Default for LightcutSettings {
-    /// The paper's, but for the doubt: docs/lightcuts.md has what other values cost and give.
+    /// The paper's, but for the doubt: docs/notebook/lightcuts.md has what other values cost and give.
     fn default() -> Self {
         LightcutSettings {
             spp: 4,

@@ -265,7 +265,7 @@ pub const FOOTPRINT: f32 = std::f32::consts::FRAC_PI_4 / 0.7;
 /// A lamp nearer than the next point would light its own point like a sun, and give the scene a thousand times the
 /// light that it has. It is seen as if it hung √(h² + A/2π) above the place instead of h: then it sends half of its
 /// light down whatever h is (∫ h/(x² + h²)^{3/2} dA = 2π), right above a place the 2π/A that half of its light is on
-/// the footprint, and from some footprints away what the middle gets. docs/stability.md has the figures.
+/// the footprint, and from some footprints away what the middle gets. docs/notebook/stability.md has the figures.
 pub(crate) fn cosine_over(footprint: f32, distance: f32, cosine: f32) -> f32 {
     let squared = f64::from(distance) * f64::from(distance);
     let lifted = f64::from(footprint) * std::f64::consts::FRAC_1_PI / 2.0 / squared;

@@ -72,7 +72,7 @@ impl Default for PixelcutsSettings {
             spp: 1,
             // Figure 6's caption.
             clusters: 2048,
-            // The paper has 16; more than 4 gain nothing (docs/pixelcuts.md).
+            // The paper has 16; more than 4 gain nothing (docs/notebook/pixelcuts.md).
             trees: 4,
             degree: MAX_DEGREE,
             filter: true,

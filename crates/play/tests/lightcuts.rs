@@ -289,7 +289,7 @@ fn without_any_error_a_lightcut_is_every_light() {
 }
 
 /// Truth: every light. Of area lights 99 % of the pixels are within 2 %; of virtual lights, whose shadows have no
-/// common edges, fewer are (docs/lightcuts.md), but the mean is right.
+/// common edges, fewer are (docs/notebook/lightcuts.md), but the mean is right.
 #[test]
 fn at_two_percent_nearly_all_pixels_are_within_two_percent() {
     for vpls in [0, 2000] {

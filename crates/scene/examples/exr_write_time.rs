@@ -1,7 +1,7 @@
 //! Measures what writing one frame costs: `cargo run --release -p relight-scene --example exr_write_time -- REFERENCE
 //! FOLDER [RUNS]`, where REFERENCE.full.exr and REFERENCE.indirect.exr are two renders of one frame, such as those of
 //! the reference folder. They are enlarged to 640 × 360 and written as beauty, direct and indirect (nine channels)
-//! into FOLDER, in turn by relight and by the `exr` crate. Medians go to stdout; docs/images.md quotes them.
+//! into FOLDER, in turn by relight and by the `exr` crate. Medians go to stdout; docs/notebook/images.md quotes them.
 
 use relight_scene::image::{
     BEAUTY, ExrHeader, FloatImage, Layers, Limits, encode_exr, read_exr, write_atomically,

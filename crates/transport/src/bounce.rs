@@ -7,7 +7,7 @@
 //!
 //! Deviation: to convergence GMRES ([`crate::krylov`]) takes the place of the series, which needs some 11,500 products
 //! at a reflectance of 0.999 where GMRES needs a dozen; one bounce at the end makes of its result light that a series
-//! could have (nowhere negative) and measures the residual that is left. docs/stability.md compares it with other
+//! could have (nowhere negative) and measures the residual that is left. docs/notebook/stability.md compares it with other
 //! solvers. Iteration is in f64: the residual is a difference of sums that agree in up to six digits.
 
 use crate::krylov::non_negative_solution;

@@ -195,7 +195,7 @@ fn node_between(start: u32, end: u32) -> Node {
 pub struct Selector {
     height: u8,
     /// By [`Node::slot`]: number, sum and sum of squares of the values that count. In f64: the variance is their
-    /// difference, of which f32 leaves nothing where values are large and nearly alike (docs/stability.md).
+    /// difference, of which f32 leaves nothing where values are large and nearly alike (docs/notebook/stability.md).
     sums: Vec<[f64; 3]>,
     queue: BinaryHeap<Open>,
     nodes: Vec<Node>,

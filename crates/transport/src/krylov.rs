@@ -5,7 +5,7 @@
 //! Sums run in index order, so that results do not depend on threads.
 //!
 //! The bounce operator is not symmetric (its clusters count by importance, its rows are estimates), which rules out
-//! conjugate gradients; docs/stability.md compares GMRES with what else could do it.
+//! conjugate gradients; docs/notebook/stability.md compares GMRES with what else could do it.
 
 use glam::{BVec3, DVec3};
 
@@ -116,7 +116,7 @@ impl Cycle {
     }
 }
 
-/// Steps after which GMRES starts anew from what it has: rooms with a door need some twenty (docs/stability.md), and
+/// Steps after which GMRES starts anew from what it has: rooms with a door need some twenty (docs/notebook/stability.md), and
 /// this many vectors are still less memory than the operator.
 const CYCLE: usize = 40;
 

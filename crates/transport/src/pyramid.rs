@@ -52,7 +52,7 @@ impl LevelRanges {
 /// Support radius over disk radius of the functions that push values down. The paper widens supports from
 /// 1.5 to 2.5 towards the finest level for a smooth display (section 2.3); what is only pushed on to finer
 /// points is smoothed there again. Little more than the 1 that covers a maximal disk set leaves fewest links and
-/// least error where there is detail, some more parents where there is none (docs/transfer.md).
+/// least error where there is detail, some more parents where there is none (docs/notebook/transfer.md).
 pub const PUSH_SUPPORT: f32 = 1.3;
 
 /// For every point of every level the functions of the next coarser level that covers it (its parents).
@@ -150,7 +150,7 @@ const FLAT: f32 = 1.0 - 1e-6;
 /// less its share of n·E, times cos α for α between the normals, so that far tilts, where light from below the new
 /// horizon would count as negative, fade out. For light from one direction the answer is off by
 /// (1 − cos α)(n·E − x), against x when it is only turned: folds, columns and arches keep their shading
-/// (docs/transfer.md). It is the first-order rotation gradient of Ward and Heckbert 1992 with the light's own
+/// (docs/notebook/transfer.md). It is the first-order rotation gradient of Ward and Heckbert 1992 with the light's own
 /// colour.
 ///
 /// Source of the rotation: Möller and Hughes 1999, without the trigonometry. Opposite vectors, which no basis
@@ -186,7 +186,7 @@ pub fn carried_back(direction: Vec3, to: Vec3, from: Vec3) -> Vec3 {
 /// Share of the irradiance found around a point that its own difference must leave of it. What arrives above a
 /// surface's own horizon is never negative, but differences lose their small links and some would take more away than
 /// there is. A twentieth removes nearly all black places of leaves and folds at no more error; a tenth starts to lift
-/// real contact shadows (docs/transfer.md).
+/// real contact shadows (docs/notebook/transfer.md).
 pub const LEAST_LEFT: f32 = 0.05;
 
 /// Reconstructs values at all points from hierarchical coefficients, in place: afterwards `values[i]` is the

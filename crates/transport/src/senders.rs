@@ -8,7 +8,7 @@
 //! Deviation: senders are disjoint, where the paper's overlap, and "nearest" minds what the points see
 //! ([`PILOTS`] places in open space; the visibility term of Cheslack-Postava et al. 2008, equation 11).
 //! Overlapping functions mix lit places with dark ones behind a column or an edge. Receivers that look at the
-//! lit ones see just those, so that the mixture made them too dark by a fifth (docs/transfer.md).
+//! lit ones see just those, so that the mixture made them too dark by a fifth (docs/notebook/transfer.md).
 
 use crate::pyramid::LevelRanges;
 use glam::{DVec3, Vec3};
@@ -67,7 +67,7 @@ impl SenderTree {
         importance: Vec<u8>,
     ) -> SenderTree {
         // In f64: weights span five decades and clusters may have millions of points, whose small weights an f32 sum
-        // would lose (docs/stability.md).
+        // would lose (docs/notebook/stability.md).
         let importances: Vec<f64> = importance.iter().map(|&i| f64::from(weight(i))).collect();
         let ranges = LevelRanges::new(counts.iter().copied());
         let (points, leaf_starts) = sorted_by(&leaf_of_point, counts[counts.len() - 1]);

@@ -3,7 +3,7 @@
 //! A node of 64 lights, neighbours in their tree, gets 8 rays, spread over its parts. If all end alike, so do those
 //! that were not cast; otherwise its halves get 8 rays each, those that were cast included, and so on down to single
 //! lights. Edges of shadows so are found ray by ray, and what lies in the middle of light or shadow costs an eighth.
-//! What is lost are occluders that fall between 8 rays (docs/cuts.md has the figures). How much an unoccluded light
+//! What is lost are occluders that fall between 8 rays (docs/notebook/cuts.md has the figures). How much an unoccluded light
 //! counts for is known without rays.
 
 /// A place that looks at lights.

@@ -28,7 +28,7 @@ pub enum Portion {
 const RAYS_PER_PIECE: u64 = 1 << 23;
 /// Most pieces: each of them reads the scene and the points.
 const MOST_PIECES: u64 = 1000;
-/// A site of cuts casts a ray at one in so many lights, about (docs/cuts.md).
+/// A site of cuts casts a ray at one in so many lights, about (docs/notebook/cuts.md).
 const LIGHTS_PER_RAY: u64 = 6;
 
 /// Computes part of a bake into the ledger's store. What it needs of other parts is taken from there or computed, too, so

@@ -17,7 +17,7 @@ use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::surface::Surfaces;
 use relight_scene::traced::TracedScene;
 
-/// Candidates until all levels are full, for each point that is expected: 15 to 31 on the scenes of docs/reliability.md.
+/// Candidates until all levels are full, for each point that is expected: 15 to 31 on the scenes of docs/notebook/reliability.md.
 /// For progress only.
 const CANDIDATES_PER_POINT: u64 = 22;
 

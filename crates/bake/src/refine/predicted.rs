@@ -18,7 +18,7 @@ pub struct Reconstructed {
 
 /// Entries of a reconstructed row below this share of ε are forgotten, except on the coarsest sender level, whose
 /// sum is the row's answer to even light. Rows would else hold half of all senders: forgetting 2 % takes half of the
-/// memory and a third of the time and changes errors by 1 %, 10 % of ε by 13 % (docs/transfer.md).
+/// memory and a third of the time and changes errors by 1 %, 10 % of ε by 13 % (docs/notebook/transfer.md).
 const NEGLIGIBLE: f32 = 0.04;
 
 /// A row in the making, for one thread: first what its receiver's parents predict, then its own links, too.

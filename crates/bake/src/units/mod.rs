@@ -12,7 +12,7 @@
 //!
 //! Limit: an object that rays meet makes all units anew that cast rays. What they hold does change: a coarsest row casts
 //! thousands of rays, some of which meet the object or the points around it, and finer rows are differences to coarser ones
-//! (docs/reliability.md has figures).
+//! (docs/notebook/reliability.md has figures).
 
 mod columns;
 pub mod folder;

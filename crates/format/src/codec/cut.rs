@@ -7,7 +7,7 @@
 //! that the result's rounding to f32 adds a relative 2⁻²⁴. Encoding what was decoded changes nothing.
 //!
 //! Heights that were written as descents tile the leaves whatever they are, and zstd packs both about equally well
-//! (docs/format.md compares layouts).
+//! (docs/notebook/format.md compares layouts).
 
 use crate::codec::bytes::{Cursor, put_varint};
 use crate::error::Result;

@@ -2,7 +2,7 @@
 //!
 //! Move-to-front coding (Bentley et al., "A locally adaptive data compression scheme", CACM 1986): a point mostly
 //! shares the cluster of the one before it or of one shortly before, so that most codes are 0 to 3 and zstd's
-//! entropy coder gives them a few bits. Lossless. docs/format.md compares it with differences.
+//! entropy coder gives them a few bits. Lossless. docs/notebook/format.md compares it with differences.
 
 use crate::codec::bytes::{Cursor, put_varint, unzigzag, zigzag};
 use crate::error::Result;

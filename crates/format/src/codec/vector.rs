@@ -5,7 +5,7 @@
 //! Each component is off by at most half a step, so the vector by √3/2 of a step of at most |v|/512:
 //! relative error ≤ 1.7e-3 < 2⁻⁹ = 1.95e-3. Independent of neighbours, exactly idempotent, no square root.
 //! Vectors whose largest component is below 2⁻¹²⁶ become zero. Half floats take more bytes and a magnitude with
-//! an octahedral direction takes as many and decodes slower (docs/format.md).
+//! an octahedral direction takes as many and decodes slower (docs/notebook/format.md).
 
 /// How many bits mantissas have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

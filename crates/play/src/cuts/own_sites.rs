@@ -18,7 +18,7 @@ use relight_transport::light_tree::Node;
 use relight_transport::sight::{FIRST_HEIGHT, Sampler, Sight};
 
 /// What a fragment's sites disagree about, as a share of what it gets of even light, from which on it looks for itself. Under
-/// lamps, which fill few directions, a twentieth left a seventh more error (docs/cuts.md).
+/// lamps, which fill few directions, a twentieth left a seventh more error (docs/notebook/cuts.md).
 const DISAGREE: f32 = 0.02;
 
 /// A fragment that gets less than so much of what the mean one gets counts as if it got that.

@@ -364,7 +364,7 @@ fn sized<T: Copy + Default>(column: &mut Vec<T>, n: usize) -> &mut [T] {
 }
 
 /// Diameter of a node, in angular radii of a lobe, above which it is split: four nodes then lie side by side in what holds
-/// 90 % of the lobe. Six take up to half more time and change relMSE by 0.00004 (docs/cuts.md).
+/// 90 % of the lobe. Six take up to half more time and change relMSE by 0.00004 (docs/notebook/cuts.md).
 const RESOLUTION: f32 = 0.5;
 
 /// Angular radius (radians) above which a node of near lights is split whatever the lobe: directions to its leaves then

@@ -7,7 +7,7 @@ use relight_transport::cuts::{Cut, SiteCuts};
 use relight_transport::sparse::Rows;
 
 /// Sites of a fragment: "three or four are enough" (design section 7). Four gave the same errors, 5 % more nodes and a
-/// fifth cut to traverse (docs/cuts.md).
+/// fifth cut to traverse (docs/notebook/cuts.md).
 pub const SITES: usize = 3;
 
 /// The sites of every fragment, fragments with the same ones side by side.

@@ -17,7 +17,7 @@ use relight_scene::traced::TracedScene;
 use relight_transport::light_clusters::LightClusters;
 use std::f32::consts::PI;
 
-/// Shadow rays per place that lights would take one by one, above which lightcuts take less time (docs/lightcuts.md).
+/// Shadow rays per place that lights would take one by one, above which lightcuts take less time (docs/notebook/lightcuts.md).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Crossover(u64);
 

@@ -87,7 +87,7 @@ pub(crate) struct Lit<'a> {
 }
 
 /// Clusters that a node whose sight is closed is split into to see how much of it is seen. With 4 a tenth of the hall's
-/// pixels are beyond 2 %, 16 take a sixth more time for a third of a percent (docs/lightcuts.md).
+/// pixels are beyond 2 %, 16 take a sixth more time for a third of a percent (docs/notebook/lightcuts.md).
 const PARTS_OF_CLUSTER: usize = 8;
 /// The same where all of it is seen: half as many err by as little.
 const PARTS_OF_SEEN: usize = 4;

@@ -20,15 +20,15 @@ use std::ops::Range;
 pub(crate) const ENDS: f32 = 6.0;
 
 /// Ray ends that are kept of a pixel that sees several things, shared among its fragments by coverage. With 6 the Sponza with
-/// leaves under lamps had a quarter more error (docs/cuts.md).
+/// leaves under lamps had a quarter more error (docs/notebook/cuts.md).
 const FINER_ENDS: f32 = 16.0;
 
 /// Rays of a pixel that sees several things, or lies beside one that does, for each that others get. Twice as many lower the
-/// error by a tenth (docs/cuts.md).
+/// error by a tenth (docs/notebook/cuts.md).
 const FINER: u32 = 4;
 
 /// Cosine between the smooth normals of two rays above which they may share a fragment: 8°. A lamp that grazes a fold lights
-/// one side of it only: 18° left Sponza's mouldings 2.7 % too dark instead of 1.7 %, for a tenth fewer fragments (docs/cuts.md).
+/// one side of it only: 18° left Sponza's mouldings 2.7 % too dark instead of 1.7 %, for a tenth fewer fragments (docs/notebook/cuts.md).
 const SAME_FACING: f32 = 0.99;
 
 /// How far, in pixel footprints, the second ray's surface may lie off the first one's tangent plane.

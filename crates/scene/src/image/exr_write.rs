@@ -3,7 +3,7 @@
 //! The `exr` crate writes header, chunks and offsets. Two things it can't do:
 //!
 //! - **Compress fast.** `UncompressedBlock::compress_to_chunk` deflates at level 4 with no way to choose, which makes a
-//!   frame take three times as long for 8 % fewer bytes (`docs/images.md`). So blocks are compressed here; the steps of ZIP
+//!   frame take three times as long for 8 % fewer bytes (`docs/notebook/images.md`). So blocks are compressed here; the steps of ZIP
 //!   (bytes split into even and odd ones, differences, zlib) are those of OpenEXR's technical introduction.
 //! - **Say that names are long.** `MetaData::validate` looks at attributes' names only when it sets the flag that files
 //!   with names beyond 31 bytes need, not at channels' names. The flag is set here.

@@ -8,7 +8,7 @@
 //!
 //! Deviations: Gaussians are applied one axis at a time, the blue-yellow filter as two of them; the sRGB round trip
 //! between tone mapping and the opponent space is left out, being the identity. Agreement with the tool:
-//! `docs/images.md`.
+//! `docs/notebook/images.md`.
 
 use super::error::ImageError;
 use super::layers::{FloatImage, check_pair};

@@ -23,7 +23,7 @@ const GROUPS: usize = 2;
 const LANES: usize = 8;
 const PACKET: usize = GROUPS * LANES;
 
-/// With at most this many rays left in a subtree, single traversal is faster (docs/rays.md).
+/// With at most this many rays left in a subtree, single traversal is faster (docs/notebook/rays.md).
 const FEW: u32 = 5;
 
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
