@@ -266,7 +266,7 @@ pub fn bake_in_units(
         textures: convert::textures(&kept),
         stage: convert::stage(&kept),
         points: levels,
-        parted: lit.then(|| parted(&transport.parted)).flatten(),
+        separations: lit.then(|| parted(&transport.parted)).flatten(),
         // Without T no sender has anything to do.
         senders: lit.then(|| sender_tree(&transport.tree)),
         transfer: lit.then(|| links(&transport.links)),

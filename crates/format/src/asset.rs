@@ -17,8 +17,8 @@ pub struct Asset {
     pub stage: Stage,
     /// Points of the meshless hierarchy, coarsest level first. A global point index counts through all levels.
     pub points: Vec<Level>,
-    /// Points that surfaces part from each other, if any are.
-    pub parted: Option<Parted>,
+    /// Points that surfaces separate from each other, if any are.
+    pub separations: Option<Separations>,
     /// The clusters of finest points that send light. Without them there are no operators.
     pub senders: Option<Senders>,
     /// T: vector irradiance at the points per unit radiosity of the senders.
@@ -327,14 +327,15 @@ pub struct WeightRows {
     pub row_sums: Vec<f32>,
 }
 
-/// Which points surfaces part from each other: nothing is interpolated between them.
+/// Which points surfaces separate from each other, such as those of two rooms beside a thin wall: nothing is interpolated
+/// between them. The file calls the section `parted`.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Parted {
+pub struct Separations {
     /// Pairs of a point and of a point of a coarser level that is no parent of it although near enough. Global indices,
     /// ascending.
     pub pairs: Vec<[u32; 2]>,
-    /// Points of the finest level, counted in it, that a surface parts from a neighbour; ascending. Whoever
-    /// interpolates between them must look.
+    /// Points of the finest level, counted in it, that a surface separates from a neighbour; ascending.
+    /// Whoever interpolates between them must look.
     pub near: Vec<u32>,
 }
 

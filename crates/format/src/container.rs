@@ -3,7 +3,7 @@
 
 use xxhash_rust::xxh3::xxh3_64;
 
-use crate::error::{Place, Result, invalid, limit, unsupported};
+use crate::error::{Location, Result, invalid, limit, unsupported};
 use crate::layout::{
     BYTE_ORDER_MARK, CONTAINER_VERSION, Codec, ENTRY_BYTES, FLAG_REQUIRED, HEADER_BYTES, Kind, MAGIC,
     MAX_RATIO, MAX_SECTIONS, SPEC_VERSION, ZSTD_LEVEL, entry, header,
@@ -74,7 +74,7 @@ impl SectionInfo {
             _ if !self.required => Ok(None),
             _ => Err(unsupported(
                 &self.name,
-                Place::File(entry_offset),
+                Location::File(entry_offset),
                 format_args!("what a reader of format version {SPEC_VERSION} knows"),
                 format_args!(
                     "a required section of version {} with codec {}, which needs a reader of format version {}",
@@ -132,7 +132,7 @@ fn compress(kind: Kind, raw: &[u8]) -> Result<(Codec, Option<Vec<u8>>)> {
         return Ok((Codec::Stored, None));
     }
     let compressed = zstd::bulk::compress(raw, ZSTD_LEVEL)
-        .map_err(|error| invalid(kind.name(), Place::Raw(0), "bytes that zstd compresses", error))?;
+        .map_err(|error| invalid(kind.name(), Location::Raw(0), "bytes that zstd compresses", error))?;
     let worthwhile = compressed.len() < raw.len() && raw.len() as u64 <= compressed.len() as u64 * MAX_RATIO;
     Ok(if worthwhile {
         (Codec::Zstd, Some(compressed))
@@ -178,7 +178,7 @@ fn u64_at(bytes: &[u8], at: usize) -> u64 {
 /// are fewer.
 pub(crate) fn parse_header(bytes: &[u8], file_bytes: u64, limits: &Limits) -> Result<Header> {
     let fail = |at: usize, expected: &dyn std::fmt::Display, found: &dyn std::fmt::Display| {
-        invalid("header", Place::File(at as u64), expected, found)
+        invalid("header", Location::File(at as u64), expected, found)
     };
     let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
     if magic != MAGIC {
@@ -198,7 +198,7 @@ pub(crate) fn parse_header(bytes: &[u8], file_bytes: u64, limits: &Limits) -> Re
     }
     if file_bytes > limits.file_bytes {
         let expected = format_args!("a file of at most {} bytes", limits.file_bytes);
-        return Err(limit("file", Place::File(0), expected, file_bytes));
+        return Err(limit("file", Location::File(0), expected, file_bytes));
     }
     let mark = u32_at(bytes, header::BYTE_ORDER_MARK);
     if mark != BYTE_ORDER_MARK {
@@ -219,7 +219,7 @@ pub(crate) fn parse_header(bytes: &[u8], file_bytes: u64, limits: &Limits) -> Re
     if version == 0 || version > SPEC_VERSION {
         return Err(unsupported(
             "header",
-            Place::File(header::VERSION as u64),
+            Location::File(header::VERSION as u64),
             format_args!("a format version of 1 to {SPEC_VERSION}"),
             format_args!("{version}, which needs a reader of format version {version}"),
         ));
@@ -273,7 +273,7 @@ pub(crate) fn parse_table(table: &[u8], header: &Header, limits: &Limits) -> Res
         let expected = format_args!("the checksum {:#018x} that the header has", header.table_checksum);
         return Err(invalid(
             "table",
-            Place::File(header.table_offset),
+            Location::File(header.table_offset),
             expected,
             format_args!("{actual:#018x}"),
         ));
@@ -283,7 +283,7 @@ pub(crate) fn parse_table(table: &[u8], header: &Header, limits: &Limits) -> Res
     for (index, bytes) in table.chunks_exact(ENTRY_BYTES as usize).enumerate() {
         let section = parse_entry(bytes);
         let entry_offset = header.table_offset + index as u64 * ENTRY_BYTES;
-        let place = |field: usize| Place::File(entry_offset + field as u64);
+        let place = |field: usize| Location::File(entry_offset + field as u64);
         let flags = u16_at(bytes, entry::FLAGS);
         if flags > FLAG_REQUIRED {
             return Err(invalid(
@@ -319,7 +319,7 @@ pub(crate) fn parse_table(table: &[u8], header: &Header, limits: &Limits) -> Res
     }
     if end != header.table_offset {
         let expected = format_args!("sections that end at {}", header.table_offset);
-        return Err(invalid("table", Place::File(end), expected, end));
+        return Err(invalid("table", Location::File(end), expected, end));
     }
     match sections.first() {
         Some(first) if first.kind == Some(Kind::Provenance) => Ok(sections),
@@ -327,7 +327,7 @@ pub(crate) fn parse_table(table: &[u8], header: &Header, limits: &Limits) -> Res
             let found = other.map_or("no section", |section| section.name.as_str());
             Err(invalid(
                 "table",
-                Place::File(header.table_offset),
+                Location::File(header.table_offset),
                 "provenance as the first section",
                 found,
             ))
@@ -358,7 +358,7 @@ fn parse_entry(bytes: &[u8]) -> SectionInfo {
     }
 }
 
-fn check_lengths(section: &SectionInfo, place: Place, limits: &Limits) -> Result<()> {
+fn check_lengths(section: &SectionInfo, place: Location, limits: &Limits) -> Result<()> {
     let SectionInfo {
         name,
         stored_bytes,
@@ -396,7 +396,7 @@ pub(crate) fn verify(section: &SectionInfo, actual: u64) -> Result<()> {
     let expected = format_args!("stored bytes with the checksum {:#018x}", section.checksum);
     Err(invalid(
         &section.name,
-        Place::File(section.offset),
+        Location::File(section.offset),
         expected,
         format_args!("{actual:#018x}"),
     ))
@@ -409,7 +409,7 @@ const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 pub(crate) fn decompress(section: &SectionInfo, stored: &[u8]) -> Result<Vec<u8>> {
     let fail = |found: &dyn std::fmt::Display| {
         let expected = format_args!("a zstd frame of {} raw bytes", section.raw_bytes);
-        invalid(&section.name, Place::File(section.offset), expected, found)
+        invalid(&section.name, Location::File(section.offset), expected, found)
     };
     // zstd itself would read several frames, and skip those that it may.
     let frame = zstd::zstd_safe::find_frame_compressed_size(stored)

@@ -58,7 +58,7 @@ impl FormatError {
                 source,
             } => Fault {
                 section: section.clone(),
-                place: Place::File(*offset),
+                location: Location::File(*offset),
                 expected: format!("to {action} {}", path.display()),
                 found: source.to_string(),
             },
@@ -74,17 +74,17 @@ impl FormatError {
 pub struct Fault {
     /// `"header"`, `"table"`, `"file"`, or the name of a section as [`layout::Kind::name`](crate::layout::Kind::name) has it.
     pub section: String,
-    /// The place inside it.
-    pub place: Place,
+    /// The location inside it.
+    pub location: Location,
     /// What the specification or a limit asks for.
     pub expected: String,
     /// What was found instead.
     pub found: String,
 }
 
-/// A place in an asset.
+/// A location in an asset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum Location {
     /// Byte offset from the start of the file.
     File(u64),
     /// Byte offset in the section's raw (decompressed) bytes.
@@ -93,12 +93,12 @@ pub enum Place {
     Element(u64),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Place::File(offset) => write!(f, "byte {offset} of the file"),
-            Place::Raw(offset) => write!(f, "byte {offset} of the section's raw bytes"),
-            Place::Element(index) => write!(f, "element {index}"),
+            Location::File(offset) => write!(f, "byte {offset} of the file"),
+            Location::Raw(offset) => write!(f, "byte {offset} of the section's raw bytes"),
+            Location::Element(index) => write!(f, "element {index}"),
         }
     }
 }
@@ -107,18 +107,23 @@ impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Fault {
             section,
-            place,
+            location,
             expected,
             found,
         } = self;
-        write!(f, "{section}, {place}: expected {expected}, found {found}")
+        write!(f, "{section}, {location}: expected {expected}, found {found}")
     }
 }
 
-fn fault(section: &str, place: Place, expected: impl fmt::Display, found: impl fmt::Display) -> Box<Fault> {
+fn fault(
+    section: &str,
+    location: Location,
+    expected: impl fmt::Display,
+    found: impl fmt::Display,
+) -> Box<Fault> {
     Box::new(Fault {
         section: section.to_string(),
-        place,
+        location,
         expected: expected.to_string(),
         found: found.to_string(),
     })
@@ -127,29 +132,29 @@ fn fault(section: &str, place: Place, expected: impl fmt::Display, found: impl f
 /// An [`FormatError::Invalid`] with its evidence.
 pub(crate) fn invalid(
     section: &str,
-    place: Place,
+    location: Location,
     expected: impl fmt::Display,
     found: impl fmt::Display,
 ) -> FormatError {
-    FormatError::Invalid(fault(section, place, expected, found))
+    FormatError::Invalid(fault(section, location, expected, found))
 }
 
 /// An [`FormatError::Unsupported`] with its evidence.
 pub(crate) fn unsupported(
     section: &str,
-    place: Place,
+    location: Location,
     expected: impl fmt::Display,
     found: impl fmt::Display,
 ) -> FormatError {
-    FormatError::Unsupported(fault(section, place, expected, found))
+    FormatError::Unsupported(fault(section, location, expected, found))
 }
 
 /// An [`FormatError::LimitExceeded`] with its evidence.
 pub(crate) fn limit(
     section: &str,
-    place: Place,
+    location: Location,
     expected: impl fmt::Display,
     found: impl fmt::Display,
 ) -> FormatError {
-    FormatError::LimitExceeded(fault(section, place, expected, found))
+    FormatError::LimitExceeded(fault(section, location, expected, found))
 }

@@ -79,6 +79,9 @@ pub const ZSTD_LEVEL: i32 = 9;
 /// hundred thousand materials. SPEC 7.9.
 pub const MAX_RECORD_BYTES: usize = 16 << 20;
 
+/// Most texture coordinate sets of a mesh: glTF viewers support two, exporters write up to eight. SPEC 6.2.
+pub const MAX_UV_SETS: usize = 8;
+
 /// How a section's stored bytes become its raw bytes. SPEC 4.4.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
@@ -136,8 +139,8 @@ pub enum Kind {
     LightTree = 12,
     /// What each site sees of the lights.
     Cuts = 13,
-    /// Points that surfaces part from each other.
-    Parted = 14,
+    /// Points that surfaces separate from each other.
+    Separations = 14,
 }
 
 impl Kind {
@@ -156,7 +159,7 @@ impl Kind {
         Kind::Senders,
         Kind::LightTree,
         Kind::Cuts,
-        Kind::Parted,
+        Kind::Separations,
     ];
 
     /// The kind of a number in the table, if this version knows it.
@@ -180,7 +183,7 @@ impl Kind {
             Kind::Senders => "senders",
             Kind::LightTree => "light_tree",
             Kind::Cuts => "cuts",
-            Kind::Parted => "parted",
+            Kind::Separations => "parted",
         }
     }
 
@@ -196,7 +199,7 @@ impl Kind {
     /// Lowest specification version whose readers decode a version of the section's layout.
     pub fn needs(self, layout: u16) -> u32 {
         match self {
-            Kind::Parted => 3,
+            Kind::Separations => 3,
             // Layouts of version N came with specification version N.
             _ => u32::from(layout),
         }
@@ -213,7 +216,7 @@ impl Kind {
             Kind::Geometry => &[Kind::Materials],
             Kind::Materials => &[Kind::Textures],
             Kind::LinksTransfer | Kind::LinksBounce | Kind::LinksSolution => &[Kind::Senders],
-            Kind::Senders | Kind::Parted => &[Kind::Points],
+            Kind::Senders | Kind::Separations => &[Kind::Points],
             Kind::Cuts => &[Kind::LightTree, Kind::Points, Kind::Geometry],
             Kind::Provenance
             | Kind::Textures

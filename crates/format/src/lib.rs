@@ -57,13 +57,13 @@ mod vertices;
 
 pub use asset::{
     AlphaMode, Asset, BounceLinks, Coding, CutSites, Cuts, Estimates, Filter, Geometry, Instance, LeftOut,
-    Level, LightSamples, LightTree, Links, Material, Mesh, Parted, Provenance, Senders, Solution, Stage,
+    Level, LightSamples, LightTree, Links, Material, Mesh, Provenance, Senders, Separations, Solution, Stage,
     Texture, TextureRef, WeightRows, Wrap,
 };
 pub use codec::vector::{quantised_vector, shortened_vector};
 pub use container::{Limits, SectionInfo};
 pub use content::{Content, CutContent};
-pub use error::{Fault, FormatError, Place, Result};
+pub use error::{Fault, FormatError, Location, Result};
 pub use file::{content_hash, write_asset, write_file};
 pub use read::{Summary, read_asset, read_file, read_parts, read_summary, summarise};
 pub use section::cuts::quantised_cuts;

@@ -12,7 +12,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::asset::{Asset, Provenance};
 use crate::container::{self, Header, Limits, SectionInfo};
-use crate::error::{FormatError, Place, Result, limit};
+use crate::error::{FormatError, Location, Result, limit};
 use crate::layout::{Codec, ENTRY_BYTES, HEADER_BYTES, Kind, MAX_RECORD_BYTES};
 use crate::section;
 
@@ -140,7 +140,12 @@ fn decode(
     let transient = stored_memory.saturating_add(raw_memory);
     if transient > *memory {
         let expected = format_args!("at most {memory} more bytes of memory");
-        return Err(limit(&info.name, Place::File(info.offset), expected, transient));
+        return Err(limit(
+            &info.name,
+            Location::File(info.offset),
+            expected,
+            transient,
+        ));
     }
     *memory -= transient;
     let stored = source.bytes(&info.name, info.offset, info.stored_bytes)?;
@@ -281,7 +286,7 @@ fn summary_of(source: &mut impl Source) -> Result<Summary> {
             let expected = format_args!("at most {most} bytes");
             return Err(limit(
                 &info.name,
-                Place::File(info.offset),
+                Location::File(info.offset),
                 expected,
                 info.raw_bytes,
             ));

@@ -294,8 +294,8 @@ fn on_wall(asset: &mut Asset, change: impl Fn(&mut f32, &mut Vec<[f32; 3]>, &mut
     asset.light_tree = Some(LightTree { lights });
 }
 
-fn parted(asset: &mut Asset) -> &mut Parted {
-    asset.parted.as_mut().unwrap()
+fn separations(asset: &mut Asset) -> &mut Separations {
+    asset.separations.as_mut().unwrap()
 }
 
 fn cuts(asset: &mut Asset) -> &mut Cuts {
@@ -350,21 +350,21 @@ fn structures_that_break_a_rule_are_not_written() {
         }),
         ("links_transfer", "one per cluster", |a| a.senders = None),
         ("parted", "pairs in ascending order", |a| {
-            parted(a).pairs[1] = [2, 1]
+            separations(a).pairs[1] = [2, 1]
         }),
         ("parted", "a point of a coarser level", |a| {
-            parted(a).pairs[0] = [1, 0]
+            separations(a).pairs[0] = [1, 0]
         }),
         ("parted", "a point of a coarser level", |a| {
-            parted(a).pairs[1][1] = 2
+            separations(a).pairs[1][1] = 2
         }),
         ("parted", "a point of a coarser level", |a| {
-            parted(a).pairs[1][0] = 5
+            separations(a).pairs[1][0] = 5
         }),
         ("parted", "finest points in ascending order", |a| {
-            parted(a).near[1] = 0
+            separations(a).near[1] = 0
         }),
-        ("parted", "a finest point below 3", |a| parted(a).near[1] = 3),
+        ("parted", "a finest point below 3", |a| separations(a).near[1] = 3),
         ("senders", "1 to 2 sender levels", |a| {
             a.senders.as_mut().unwrap().counts.clear()
         }),

@@ -286,7 +286,7 @@ fn parts_are_read_with_what_they_refer_to_and_without_the_rest() {
             } else {
                 vec![]
             },
-            parted: whole.parted.clone().filter(|_| has(Kind::Parted)),
+            separations: whole.separations.clone().filter(|_| has(Kind::Separations)),
             senders: whole.senders.clone().filter(|_| has(Kind::Senders)),
             transfer: whole.transfer.clone().filter(|_| has(Kind::LinksTransfer)),
             bounce: whole.bounce.clone().filter(|_| has(Kind::LinksBounce)),
@@ -319,7 +319,7 @@ fn damage_is_seen_in_what_is_read_and_unknown_demands_always() {
     assert!(read_parts(&path, &Limits::default(), &[Kind::Points]).is_ok());
     let error = read_parts(&path, &Limits::default(), &[Kind::LinksTransfer]).unwrap_err();
     assert_eq!(error.fault().section, "links_transfer");
-    assert_eq!(error.fault().place, Place::File(links.offset));
+    assert_eq!(error.fault().location, Location::File(links.offset));
     let mut sections = sections_of(&write_asset(&small_asset()).unwrap());
     sections.push(Forged {
         needs: 7,
@@ -351,7 +351,7 @@ fn every_class_of_error_says_where_and_what() {
         assert_eq!(fault.section, section, "{error}");
         assert!(!fault.expected.is_empty() && !fault.found.is_empty(), "{error}");
     }
-    assert_eq!(errors[1].fault().place, Place::File(12));
+    assert_eq!(errors[1].fault().location, Location::File(12));
 }
 
 /// Counts in provenance are what the rest holds, for whoever reads provenance alone.

@@ -72,7 +72,7 @@ fn the_first_version_is_still_read() {
             // The first files had none.
             light_tree: None,
             cuts: None,
-            parted: None,
+            separations: None,
             ..small_asset()
         })
     );

@@ -112,7 +112,7 @@ const WHOLE: [Kind; 13] = [
     Kind::Textures,
     Kind::Stage,
     Kind::Points,
-    Kind::Parted,
+    Kind::Separations,
     Kind::Senders,
     Kind::LinksTransfer,
     Kind::LinksBounce,
@@ -151,7 +151,7 @@ pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) ->
         textures,
         stage,
         points,
-        parted,
+        separations,
         senders,
         transfer,
         bounce,
@@ -203,7 +203,7 @@ pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) ->
         };
         let operators = Operators {
             points,
-            parted,
+            separations,
             senders,
             transfer,
             bounce,
@@ -261,7 +261,7 @@ fn number(provenance: &Provenance, name: &str) -> Result<usize, String> {
 
 struct Operators {
     points: Vec<format::Level>,
-    parted: Option<format::Parted>,
+    separations: Option<format::Separations>,
     senders: Option<format::Senders>,
     transfer: Option<format::Links>,
     bounce: Option<format::BounceLinks>,
@@ -272,7 +272,7 @@ struct Operators {
 fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, String> {
     let Operators {
         points,
-        parted,
+        separations,
         senders,
         transfer,
         bounce,
@@ -336,14 +336,21 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
             )
         })
         .collect();
-    let parted = parted.unwrap_or_default();
-    let mut near_parted = vec![false; if parted.near.is_empty() { 0 } else { albedo.len() }];
-    for &point in &parted.near {
+    let separations = separations.unwrap_or_default();
+    let mut near_parted = vec![
+        false;
+        if separations.near.is_empty() {
+            0
+        } else {
+            albedo.len()
+        }
+    ];
+    for &point in &separations.near {
         near_parted[point as usize] = true;
     }
     let mut transfer = Transfer::new(
         levels,
-        &parted.pairs,
+        &separations.pairs,
         near_parted,
         tree,
         albedo,

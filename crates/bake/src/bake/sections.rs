@@ -30,13 +30,13 @@ pub(super) fn sender_tree(tree: &SenderTree) -> format::Senders {
 }
 
 /// `None` where no surface parts any points.
-pub(super) fn parted(parted: &Parted) -> Option<format::Parted> {
+pub(super) fn parted(parted: &Parted) -> Option<format::Separations> {
     let near: Vec<u32> = (0u32..)
         .zip(&parted.near)
         .filter(|near| *near.1)
         .map(|near| near.0)
         .collect();
-    (!(near.is_empty() && parted.pairs.is_empty())).then(|| format::Parted {
+    (!(near.is_empty() && parted.pairs.is_empty())).then(|| format::Separations {
         pairs: parted.pairs.clone(),
         near,
     })

@@ -3,7 +3,7 @@
 //! A byte plane holds one byte of each element: all lowest bytes, then all second bytes, and so on. zstd models
 //! a plane of exponents or high bytes far better than the same bytes interleaved with noise.
 
-use crate::error::{Place, Result, invalid, limit};
+use crate::error::{FormatError, Location, Result, invalid, limit};
 
 /// A reader over a section's raw bytes that knows its place and how much memory decoding may still take.
 pub struct Cursor<'a> {
@@ -26,12 +26,8 @@ impl<'a> Cursor<'a> {
     }
 
     /// An error at the reader's place.
-    pub fn invalid(
-        &self,
-        expected: impl std::fmt::Display,
-        found: impl std::fmt::Display,
-    ) -> crate::FormatError {
-        invalid(self.section, Place::Raw(self.at as u64), expected, found)
+    pub fn invalid(&self, expected: impl std::fmt::Display, found: impl std::fmt::Display) -> FormatError {
+        invalid(self.section, Location::Raw(self.at as u64), expected, found)
     }
 
     /// Bytes not yet read.
@@ -143,7 +139,7 @@ impl<'a> Cursor<'a> {
             }
             None => Err(limit(
                 self.section,
-                Place::Raw(self.at as u64),
+                Location::Raw(self.at as u64),
                 format_args!("at most {} more bytes of memory", self.memory),
                 bytes,
             )),
@@ -295,17 +291,14 @@ mod tests {
         let mut memory = 1000;
         let bytes = [0; 100];
         let mut cursor = Cursor::new("test", &bytes, &mut memory);
-        assert!(matches!(
-            cursor.vec::<u32>(101, 1),
-            Err(crate::FormatError::Invalid(_))
-        ));
+        assert!(matches!(cursor.vec::<u32>(101, 1), Err(FormatError::Invalid(_))));
         assert!(matches!(
             cursor.vec::<[u32; 3]>(100, 1),
-            Err(crate::FormatError::LimitExceeded(_))
+            Err(FormatError::LimitExceeded(_))
         ));
         assert!(matches!(
             cursor.vec::<u32>(usize::MAX, 2),
-            Err(crate::FormatError::Invalid(_))
+            Err(FormatError::Invalid(_))
         ));
         assert!(cursor.vec::<u32>(100, 1).is_ok());
     }

@@ -5,7 +5,7 @@ use crate::asset::{Geometry, Instance, Mesh};
 use crate::codec::bytes::{Cursor, Planes, put_planes, put_varint, unzigzag, zigzag};
 use crate::codec::octahedral;
 use crate::error::Result;
-use crate::validate::MAX_UV_SETS;
+use crate::layout::MAX_UV_SETS;
 
 /// Bits of each component of an octahedral vertex normal or tangent.
 pub(crate) const NORMAL_BITS: u32 = 16;

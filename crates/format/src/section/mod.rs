@@ -5,11 +5,11 @@ pub mod cuts;
 pub mod geometry;
 pub mod light_tree;
 pub mod links;
-pub mod parted;
 pub mod points;
 pub mod records;
 pub mod rows;
 pub mod senders;
+pub mod separations;
 pub mod textures;
 pub mod weights;
 
@@ -97,10 +97,10 @@ pub fn encode(kind: Kind, asset: &Asset) -> Result<Option<Vec<u8>>> {
             .as_ref()
             .map(|cuts| cuts::encode(cuts, &mut out))
             .is_some(),
-        Kind::Parted => asset
-            .parted
+        Kind::Separations => asset
+            .separations
             .as_ref()
-            .map(|parted| parted::encode(parted, &mut out))
+            .map(|separations| separations::encode(separations, &mut out))
             .is_some(),
     };
     Ok(needed.then_some(out))
@@ -132,7 +132,7 @@ pub fn decode(kind: Kind, version: u16, raw: &[u8], memory: &mut u64, asset: &mu
         Kind::Senders => asset.senders = Some(senders::decode(&mut cursor)?),
         Kind::LightTree => asset.light_tree = Some(light_tree::decode(&mut cursor)?),
         Kind::Cuts => asset.cuts = Some(cuts::decode(&mut cursor)?),
-        Kind::Parted => asset.parted = Some(parted::decode(&mut cursor)?),
+        Kind::Separations => asset.separations = Some(separations::decode(&mut cursor)?),
     }
     cursor.finish()
 }

@@ -2,7 +2,7 @@
 
 use crate::asset::{AlphaMode, Estimates, LeftOut, Material, Provenance, TextureRef};
 use crate::codec::bytes::Cursor;
-use crate::error::{Place, Result, limit};
+use crate::error::{Location, Result, limit};
 use crate::layout::{Kind, MAX_RECORD_BYTES};
 use crate::section::textures::text;
 
@@ -31,7 +31,7 @@ pub fn encode<T: Record>(kind: Kind, records: &T, out: &mut Vec<u8>) -> Result<(
     let bytes = out.len() - start;
     if bytes > MAX_RECORD_BYTES {
         let expected = format_args!("at most {MAX_RECORD_BYTES} bytes");
-        return Err(limit(kind.name(), Place::Raw(0), expected, bytes));
+        return Err(limit(kind.name(), Location::Raw(0), expected, bytes));
     }
     Ok(())
 }
@@ -334,6 +334,9 @@ mod tests {
             ..Provenance::default()
         };
         let error = encode(Kind::Provenance, &provenance, &mut Vec::new()).unwrap_err();
-        assert!(matches!(error, crate::FormatError::LimitExceeded(_)), "{error}");
+        assert!(
+            matches!(error, crate::error::FormatError::LimitExceeded(_)),
+            "{error}"
+        );
     }
 }

@@ -1,17 +1,12 @@
 //! Rules of light trees and cuts.
 
-use super::{check, check_finite, check_length, check_unit};
+use super::check::{check, check_above_zero, check_finite, check_length, check_unit};
 use crate::asset::{Asset, CutSites, Cuts, LightSamples, LightTree};
 use crate::codec::cut::{MAX_CODE, steps};
 use crate::error::Result;
 use crate::layout::Kind;
 use crate::section::light_tree::is_tree_size;
 use crate::vertices::vertex_site_count;
-
-fn check_above_zero(kind: Kind, what: &str, value: f32) -> Result<()> {
-    let holds = value > 0.0 && value.is_finite();
-    check(holds, kind, 0, format_args!("a finite {what} above 0"), value)
-}
 
 impl LightTree {
     /// Checks the number of lights; that directions are a permutation; area, lengths, finiteness and unit normals of
@@ -31,7 +26,7 @@ impl LightTree {
                 positions,
                 normals,
             } => {
-                check_above_zero(kind, "area", *area)?;
+                check_above_zero(kind, 0, "area", *area)?;
                 check_length(kind, "normals, one per light", normals.len(), lights)?;
                 check_finite(kind, "positions", positions)?;
                 check_unit(kind, "normals", normals)
@@ -62,8 +57,8 @@ impl Cuts {
     /// `Invalid` with the site or the element.
     pub fn validate(&self, lights: usize) -> Result<()> {
         let kind = Kind::Cuts;
-        check_above_zero(kind, "sigma", self.sigma)?;
-        check_above_zero(kind, "unit", self.unit)?;
+        check_above_zero(kind, 0, "sigma", self.sigma)?;
+        check_above_zero(kind, 0, "unit", self.unit)?;
         let elements = self.heights.len();
         check_length(kind, "values, one per element", self.values.len(), elements)?;
         let first = self.row_offsets.first().copied();

@@ -177,7 +177,7 @@ pub fn wide_asset() -> Asset {
             (0..333u32).map(|i| i % 120).collect(),
         ],
     });
-    asset.parted = Some(Parted {
+    asset.separations = Some(Separations {
         // Points of the second level with some of the first, of the third with some of both.
         pairs: (7..460u32)
             .step_by(3)

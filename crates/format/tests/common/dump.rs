@@ -238,10 +238,10 @@ pub fn lines(asset: &Asset) -> Vec<String> {
     if !asset.materials.is_empty() {
         dump.list("materials", &asset.materials, Dump::material);
     }
-    if let Some(parted) = &asset.parted {
-        dump.u32("parted.points", parted.pairs.iter().map(|pair| pair[0]));
-        dump.u32("parted.parents", parted.pairs.iter().map(|pair| pair[1]));
-        dump.u32("parted.near", parted.near.iter().copied());
+    if let Some(separations) = &asset.separations {
+        dump.u32("parted.points", separations.pairs.iter().map(|pair| pair[0]));
+        dump.u32("parted.parents", separations.pairs.iter().map(|pair| pair[1]));
+        dump.u32("parted.near", separations.near.iter().copied());
     }
     if !asset.points.is_empty() {
         dump.list("points", &asset.points, |dump, name, level| {

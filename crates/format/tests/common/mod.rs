@@ -96,7 +96,7 @@ pub fn small_asset() -> Asset {
                 albedo: vec![[0.5; 3]; 3],
             },
         ],
-        parted: Some(Parted {
+        separations: Some(Separations {
             pairs: vec![[2, 1], [4, 0]],
             near: vec![0, 2],
         }),

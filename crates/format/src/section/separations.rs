@@ -1,26 +1,26 @@
-//! Points that surfaces part from each other (SPEC 6.14).
+//! Points that surfaces separate from each other (SPEC 6.14).
 
-use crate::asset::Parted;
+use crate::asset::Separations;
 use crate::codec::bytes::{Cursor, Planes, put_planes, width_of};
 use crate::error::Result;
 
 /// Fewest raw bytes of a pair.
 const MIN_PAIR_BYTES: usize = 2;
 
-pub fn encode(parted: &Parted, out: &mut Vec<u8>) {
-    let column = |i: usize| parted.pairs.iter().map(|pair| pair[i]).collect::<Vec<u32>>();
-    out.extend_from_slice(&(parted.pairs.len() as u32).to_le_bytes());
-    out.extend_from_slice(&(parted.near.len() as u32).to_le_bytes());
-    for numbers in [steps(&column(0)), column(1), steps(&parted.near)] {
+pub fn encode(separations: &Separations, out: &mut Vec<u8>) {
+    let column = |i: usize| separations.pairs.iter().map(|pair| pair[i]).collect::<Vec<u32>>();
+    out.extend_from_slice(&(separations.pairs.len() as u32).to_le_bytes());
+    out.extend_from_slice(&(separations.near.len() as u32).to_le_bytes());
+    for numbers in [steps(&column(0)), column(1), steps(&separations.near)] {
         let width = width_of(numbers.iter().copied().max().unwrap_or(0));
         out.push(width as u8);
         put_planes(out, width, &numbers);
     }
 }
 
-pub fn decode(cursor: &mut Cursor<'_>) -> Result<Parted> {
+pub fn decode(cursor: &mut Cursor<'_>) -> Result<Separations> {
     let (pairs, near) = (cursor.u32()? as usize, cursor.u32()? as usize);
-    let mut parted = Parted {
+    let mut separations = Separations {
         pairs: cursor.vec(pairs, MIN_PAIR_BYTES)?,
         near: Vec::new(),
     };
@@ -29,22 +29,22 @@ pub fn decode(cursor: &mut Cursor<'_>) -> Result<Parted> {
     let points = Planes::take(cursor, width, pairs)?;
     let width = cursor.plane_width()?;
     let parents = Planes::take(cursor, width, pairs)?;
-    parted
+    separations
         .pairs
         .extend(points.values().zip(parents.values()).map(|(step, parent)| {
             point = point.wrapping_add(step);
             [point, parent]
         }));
     let width = cursor.plane_width()?;
-    parted.near = cursor.vec(near, 1)?;
+    separations.near = cursor.vec(near, 1)?;
     let mut last = 0u32;
-    parted
+    separations
         .near
         .extend(Planes::take(cursor, width, near)?.values().map(|step| {
             last = last.wrapping_add(step);
             last
         }));
-    Ok(parted)
+    Ok(separations)
 }
 
 /// Differences of ascending numbers, the first from 0.
