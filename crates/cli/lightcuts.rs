@@ -3,8 +3,8 @@
 use crate::many_lights::PointArgs;
 use crate::session::milliseconds;
 use clap::{Args, ValueEnum};
-use relight_play::layers::{Cancelled, RenderSize, Watch};
-use relight_play::lightcuts::{self, EyeRays, LightcutSettings};
+use relight_render::layers::{Cancelled, RenderSize, Watch};
+use relight_render::lightcuts::{self, EyeRays, LightcutSettings};
 use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
 use relight_scene::light_set::LightSet;

@@ -7,7 +7,7 @@ use relight_bake::params::{BakeParams, Preset};
 use relight_data_generate::furnace::{VARYING_INTENSITY, VARYING_LIGHT, varying_albedo};
 use relight_data_generate::glb::Glb;
 use relight_data_generate::{furnace_box, furnace_sphere, furnace_varying};
-use relight_play::lighting::irradiance_at;
+use relight_render::lighting::irradiance_at;
 use relight_scene::light_set::{LightSet, SceneEmitters};
 
 /// What a furnace shows, as relative errors.

@@ -7,11 +7,11 @@ use relight_bake::params::{BakeParams, Preset};
 use relight_bake::{Progress, bake};
 use relight_format::{self as format, Asset, Limits};
 use relight_play::frame::{LightingSettings, Lit};
-use relight_play::layers::{RenderSize, Watch};
 use relight_play::load::{Loaded, from_asset};
-use relight_play::path::{PathSettings, render};
 use relight_play::reflections::FIXED_RAYS;
 use relight_play::shot::{Shot, expose};
+use relight_render::layers::{RenderSize, Watch};
+use relight_render::path::{PathSettings, render};
 use relight_scene::image::Layers;
 use relight_scene::light::LightTrack;
 use relight_scene::light_set::{LightSet, SceneEmitters};
@@ -203,7 +203,7 @@ pub fn at_points(stage: &Stage, loaded: &Loaded, tracks: &[LightTrack]) -> Resul
     let points: &[Option<SurfaceHit>] = &loaded.player.points;
     for light in 0..lights.len() {
         let mut own = vec![Vec3::ZERO; direct.len()];
-        relight_play::lighting::irradiance_at(
+        relight_render::lighting::irradiance_at(
             &loaded.player.scene,
             &lights,
             light,

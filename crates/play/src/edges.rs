@@ -5,10 +5,10 @@
 //! cross a fragment if light is occluded from it or one of its neighbours, and not from all of them; those few are lit anew, so
 //! that a frame costs hardly more.
 
-use crate::lighting::{DARK, LIT, Met, Samples, reflected_at};
 use crate::shot::{ENDS, Shot};
 use glam::Vec3;
 use rayon::prelude::*;
+use relight_render::lighting::{DARK, LIT, Met, Samples, reflected_at};
 use relight_scene::traced::TracedScene;
 
 /// Fragments that are lit together: what they take stays in fast memory.
@@ -110,9 +110,9 @@ fn crossed(shot: &Shot, met: &[Met], of_pixel: f32) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lighting::own_run;
-    use crate::many_lights::tests::{camera, level, matt, panel, sun, traced};
     use crate::shot::expose;
+    use crate::test_scenes::{camera, level, matt, panel, sun, traced};
+    use relight_render::lighting::own_run;
     use relight_scene::light_set::{LightRig, NoEmitters};
 
     const SIZE: usize = 24;

@@ -9,15 +9,15 @@ use crate::cuts::shade::{Fragments, ShadeStats, Shaded, irradiance_at_sites, sha
 use crate::cuts::sites::FragmentSites;
 use crate::cuts::{SitePlaces, VisibilityCuts};
 use crate::edges;
-use crate::lightcuts::{self, AT_PIXELS, AT_POINTS, LightcutStats, ManyLights};
-use crate::lighting::{self, Samples, own_run};
 use crate::reconstruct;
 use crate::shot::Shot;
 use crate::snap::snapped;
-use crate::sum::Sum;
 use crate::transfer::{Transfer, TransferStats};
 use glam::Vec3;
 use rayon::prelude::*;
+use relight_render::lightcuts::{self, AT_PIXELS, AT_POINTS, LightcutStats, ManyLights};
+use relight_render::lighting::{self, Samples, own_run};
+use relight_render::sum::Sum;
 use relight_scene::light_set::{DistantLight, LightRig, LightSet, Split};
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::SurfaceHit;

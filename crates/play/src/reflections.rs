@@ -11,10 +11,10 @@
 //! All of it is linear in what the points receive, so that a frame costs one sparse product.
 
 use crate::reconstruct::functions_at;
-use crate::sampler::Sampler;
 use crate::transfer::Transfer;
 use glam::Vec3;
 use rayon::prelude::*;
+use relight_render::sampler::Sampler;
 use relight_scene::bsdf;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
@@ -308,7 +308,7 @@ impl Follower<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::many_lights::tests::{level, matt, traced};
+    use crate::test_scenes::{level, matt, traced};
     use relight_scene::material::Material;
     use relight_scene::rays::Ray;
     use relight_scene::traced::Shading;

@@ -57,7 +57,7 @@ pub(crate) fn snapped(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::many_lights::tests::{level, matt, traced};
+    use crate::test_scenes::{level, matt, traced};
 
     #[test]
     fn a_place_finds_its_own_sheet_and_not_the_one_close_above() {

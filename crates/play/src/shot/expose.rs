@@ -288,7 +288,7 @@ fn append_fragments(pixel: &[Sample], ends: f32, row: &mut Shot) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::many_lights::tests::{camera, level, matt, traced};
+    use crate::test_scenes::{camera, level, matt, traced};
 
     const SIZE: usize = 64;
 

@@ -2,11 +2,11 @@
 
 use super::{BLOCK, Bits, Part, UnevenCells};
 use crate::cuts::sites::SITES;
-use crate::direct::reflected;
-use crate::sampler::Sampler;
 use crate::shot::Shot;
 use glam::Vec3;
 use rayon::prelude::*;
+use relight_render::direct::reflected;
+use relight_render::sampler::Sampler;
 use relight_scene::bsdf;
 use relight_scene::bsdf::bounds::ReflectionBound;
 use relight_scene::environment::luminance;

@@ -2,9 +2,9 @@
 //! integrator: `brute` knows neither BRDF samples, nor a choice among lights, nor recursion.
 
 use glam::{Affine3A, Vec3};
-use relight_play::brute::{self, BruteSettings};
-use relight_play::layers::{Cancelled, RenderSize, Watch};
-use relight_play::path::{self, PathSettings};
+use relight_render::brute::{self, BruteSettings};
+use relight_render::layers::{Cancelled, RenderSize, Watch};
+use relight_render::path::{self, PathSettings};
 use relight_scene::animated::Animated;
 use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::image::Layers;

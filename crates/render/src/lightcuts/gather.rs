@@ -149,7 +149,7 @@ impl ManyLights {
 mod tests {
     use super::*;
     use crate::lighting;
-    use crate::many_lights::tests::{bulb, level, light, matt, room, traced};
+    use crate::test_scenes::{bulb, level, light, matt, room, traced};
     use relight_scene::animated::Animated;
     use relight_scene::light::LightKind;
     use relight_scene::light_set::{LightRig, SceneEmitters};

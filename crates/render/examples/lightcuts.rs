@@ -1,6 +1,6 @@
 //! Studies of lightcuts and reconstruction cuts.
 //!
-//! `cargo run --release -p relight-play --example lightcuts -- STUDY SCENE.glb SEQUENCE.json WxH [COUNT…]`
+//! `cargo run --release -p relight-render --example lightcuts -- STUDY SCENE.glb SEQUENCE.json WxH [COUNT…]`
 //!
 //! STUDY is one of
 //!
@@ -18,10 +18,10 @@
 //! many lights, and so is then the one it is compared to.
 
 use glam::Vec3;
-use relight_play::brute::{self, PointsSettings};
-use relight_play::layers::{RenderSize, Watch};
-use relight_play::lightcuts::{self, EyeRays, LightcutSettings};
-use relight_play::many_lights::{PointLights, PointSettings};
+use relight_render::brute::{self, PointsSettings};
+use relight_render::layers::{RenderSize, Watch};
+use relight_render::lightcuts::{self, EyeRays, LightcutSettings};
+use relight_render::many_lights::{PointLights, PointSettings};
 use relight_scene::bsdf::Viewed;
 use relight_scene::camera::Camera;
 use relight_scene::gltf::{ImportOptions, import};

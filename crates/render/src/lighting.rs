@@ -56,11 +56,11 @@ fn random_stream(stage: u32, seed: u64, place: usize, light: usize) -> Stream {
 const DRAWN: usize = 1 << 14;
 
 /// Samples of one light for many places.
-pub(crate) struct Samples<'a> {
+pub struct Samples<'a> {
     lights: &'a LightSet<'a>,
     light: usize,
     /// Samples of each place: one for lights without extent.
-    pub(crate) count: u32,
+    pub count: u32,
     stage: u32,
     seed: u64,
     /// What is drawn once for all places: each takes a run of its own of the sequence, which is evenly spread like all runs
@@ -70,7 +70,7 @@ pub(crate) struct Samples<'a> {
 
 impl<'a> Samples<'a> {
     /// Prepares `samples` of them for each of some `places` that fragments are lit at.
-    pub(crate) fn of_pixels(
+    pub fn of_pixels(
         lights: &'a LightSet<'a>,
         light: usize,
         (places, samples): (usize, u32),
@@ -80,13 +80,13 @@ impl<'a> Samples<'a> {
     }
 
     /// So many for each place; one of lights without extent.
-    pub(crate) fn of_each(self, samples: u32) -> Samples<'a> {
+    pub fn of_each(self, samples: u32) -> Samples<'a> {
         let count = if self.is_delta() { 1 } else { samples.max(1) };
         Samples { count, ..self }
     }
 
     /// Whether the light has no extent.
-    pub(crate) fn is_delta(&self) -> bool {
+    pub fn is_delta(&self) -> bool {
         self.lights.is_delta(self.light)
     }
 
@@ -135,11 +135,11 @@ impl<'a> Samples<'a> {
 }
 
 /// What samples of a light met on their way to a place: bits of how some of them fared.
-pub(crate) type Met = u8;
+pub type Met = u8;
 /// Nothing was in the way.
-pub(crate) const LIT: Met = 1;
+pub const LIT: Met = 1;
 /// It was occluded.
-pub(crate) const DARK: Met = 2;
+pub const DARK: Met = 2;
 
 /// Adds `contribution(place, sample)` of one light, where its direction `is_above` the place and not occluded, to
 /// `out[place]`, averaged over the place's samples. Places without a hit get nothing. `run_of`: see [`reflected_at`]. Returns
@@ -328,14 +328,14 @@ pub fn irradiance_at(
 }
 
 /// Every place has a sequence of samples of its own.
-pub(crate) fn own_run(place: usize) -> (usize, u32) {
+pub fn own_run(place: usize) -> (usize, u32) {
     (place, 0)
 }
 
 /// Adds to `out` the radiance that each place (hits, shading points, unit vectors to their viewers) sends towards its viewer
 /// after one reflection of one light. `run_of` says whose sequence a place's samples are taken from ([`own_run`] for its own), and
 /// from which on. Returns what they met on their way to each.
-pub(crate) fn reflected_at(
+pub fn reflected_at(
     scene: &TracedScene,
     samples: &Samples,
     (hits, points, views): (&[Option<SurfaceHit>], &[Option<ShadingPoint>], &[Vec3]),
@@ -377,7 +377,7 @@ pub(crate) fn reflected_at(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::many_lights::tests::{level, matt, sky, traced};
+    use crate::test_scenes::{level, matt, sky, traced};
     use relight_scene::light::LightKind;
     use relight_scene::light_set::{LightRig, NoEmitters};
 

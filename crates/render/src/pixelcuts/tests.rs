@@ -3,9 +3,9 @@
 use super::*;
 use crate::brute::{self, PointsSettings};
 use crate::many_lights::PointSettings;
-use crate::many_lights::tests::{
-    SIZE, bulb, camera, constant, day, globe, glow, level, light, matt, mean, panel, room, sky, spot_inside,
-    sun, traced,
+use crate::many_lights::tests::{SIZE, mean, spot_inside};
+use crate::test_scenes::{
+    bulb, camera, constant, day, globe, glow, level, light, matt, panel, room, sky, sun, traced,
 };
 use relight_scene::light::{LightKind, LightTrack};
 use relight_scene::light_set::SceneEmitters;

@@ -9,10 +9,12 @@ const TASK: usize = 4096;
 /// A sum over lights at many places: in f64 from the second part on, since a faint light beside a bright one, or each of a
 /// million, would be lost or rounded the same way every time (docs/notebook/stability.md). Most scenes have one light, which is
 /// kept as it is.
-pub(crate) enum Sum {
+pub enum Sum {
     /// At so many places.
     Nothing(usize),
+    /// Of one light.
     One(Vec<Vec3>),
+    /// Of several.
     Several(Vec<DVec3>),
 }
 

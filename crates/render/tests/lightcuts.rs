@@ -1,13 +1,13 @@
 //! Statements about lightcuts and reconstruction cuts. Truth is every point light with a shadow ray of its own.
 
 use glam::{Affine3A, DVec3, Vec3};
-use relight_play::brute::{self, PointsSettings};
-use relight_play::layers::{RenderSize, Watch};
-use relight_play::lightcuts::{
+use relight_render::brute::{self, PointsSettings};
+use relight_render::layers::{RenderSize, Watch};
+use relight_render::lightcuts::{
     self, EyeRays, LightcutSettings, LightcutStats, ReconstructionStats, bound_tightness,
 };
-use relight_play::many_lights::{PointLights, PointSettings};
-use relight_play::path::{self, PathSettings};
+use relight_render::many_lights::{PointLights, PointSettings};
+use relight_render::path::{self, PathSettings};
 use relight_scene::animated::Animated;
 use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::image::{Layers, metrics};

@@ -1,6 +1,6 @@
 //! Pixelcuts against brute force over the same points: error and time over their settings, and the paper's figure 4.
 //!
-//! `cargo run --release -p relight-play --example pixelcuts -- SCENE.glb SEQ.json WIDTHxHEIGHT VPLS OUT_DIR [lambert]
+//! `cargo run --release -p relight-render --example pixelcuts -- SCENE.glb SEQ.json WIDTHxHEIGHT VPLS OUT_DIR [lambert]
 //! [AREA_SAMPLES] [brief]`
 //!
 //! One eye ray per pixel, the same in all. relMSE: metrics of `compare` (ε = 0.01 of the mean², top 0.1 % trimmed).
@@ -8,10 +8,10 @@
 //! figure4a.png (one tree, no filter), figure4b.png (as by default) and their errors; `brief` leaves the
 //! sweeps out.
 
-use relight_play::brute::{self, PointsSettings};
-use relight_play::layers::{RenderSize, Watch};
-use relight_play::many_lights::{PointLights, PointSettings};
-use relight_play::pixelcuts::{self, PixelcutsSettings, PixelcutsStats};
+use relight_render::brute::{self, PointsSettings};
+use relight_render::layers::{RenderSize, Watch};
+use relight_render::many_lights::{PointLights, PointSettings};
+use relight_render::pixelcuts::{self, PixelcutsSettings, PixelcutsStats};
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::image::{FloatImage, Layers, display_encoded, error_map, metrics, tone_mapped, write_png};
 use relight_scene::light_set::{LightSet, SceneEmitters};

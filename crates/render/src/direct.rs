@@ -9,7 +9,7 @@ use relight_scene::surface::{SurfaceHit, Surfaces, ray_between, ray_between_hits
 use relight_scene::traced::TracedScene;
 
 /// BRDF × cosine for light from `wi`.
-pub(crate) fn reflected(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> Vec3 {
+pub fn reflected(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> Vec3 {
     bsdf::eval(point, wo, wi) * point.shading_normal.dot(wi).max(0.0)
 }
 

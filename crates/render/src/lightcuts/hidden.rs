@@ -62,7 +62,7 @@ fn is_behind(piece: &FlatPiece<'_>, hit: &SurfaceHit, seen: &LightBox) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::many_lights::tests::{level, matt, quad, room, traced};
+    use crate::test_scenes::{level, matt, quad, room, traced};
     use relight_scene::rays::Ray;
     use relight_scene::surface::{Surfaces, ray_between, ray_from};
     use relight_scene::traced::Stop;

@@ -1,6 +1,6 @@
 //! Renders the reference scenes with `path` and compares them with another renderer's images.
 //!
-//! `cargo run --release -p relight-play --example reference -- REFERENCE_DIR SCENE_DIR OUT_DIR [SPP [NAME…]]`
+//! `cargo run --release -p relight-render --example reference -- REFERENCE_DIR SCENE_DIR OUT_DIR [SPP [NAME…]]`
 //!
 //! Every reference is rendered twice with half of the samples and different seeds. The table has, for `full`
 //! and `indirect`, relMSE against the reference; the reference's own noise (from its NAME.json); ours (a
@@ -10,8 +10,8 @@
 //! error of both; and NAME.exr.
 
 use glam::{Affine3A, Vec3, Vec4};
-use relight_play::layers::{RenderSize, Watch};
-use relight_play::path::{self, PathSettings};
+use relight_render::layers::{RenderSize, Watch};
+use relight_render::path::{self, PathSettings};
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::image::{
     ExrHeader, FloatImage, Layers, Limits, contact_sheet, display_encoded, error_map, metrics, read_exr,
