@@ -34,7 +34,7 @@ use relight_scene::sequence::read_sequence;
 use relight_scene::traced::{Shading, TracedScene};
 use relight_transport::cuts::SiteCuts;
 use relight_transport::random::Stream;
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{SparseMatrix, zero};
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
@@ -294,18 +294,15 @@ fn mantissa_rounded(v: Vec3, bits: u32) -> Vec3 {
 }
 
 /// Fractions of a row's largest weight, scaled back to the row's sum.
-fn fractions_rounded(k: &mut Rows, bits: u32) {
+fn fractions_rounded(k: &mut SparseMatrix, bits: u32) {
     let codes = ((1u64 << bits) - 1) as f32;
-    for i in 0..k.rows() {
-        let row = &mut k.entries[k.offsets[i] as usize..k.offsets[i + 1] as usize];
-        let sum: f64 = row.iter().map(|e| f64::from(e.1)).sum();
-        let largest = row.iter().fold(0.0f32, |m, e| m.max(e.1));
-        row.iter_mut()
-            .for_each(|e| e.1 = (e.1 / largest * codes).round() / codes * largest);
-        let rounded: f64 = row.iter().map(|e| f64::from(e.1)).sum();
+    for mut row in k.outer_iterator_mut() {
+        let sum: f64 = row.data().iter().map(|w| f64::from(*w)).sum();
+        let largest = row.data().iter().copied().fold(0.0f32, f32::max);
+        row.map_inplace(|w| (w / largest * codes).round() / codes * largest);
+        let rounded: f64 = row.data().iter().map(|w| f64::from(*w)).sum();
         if rounded > 0.0 {
-            row.iter_mut()
-                .for_each(|e| e.1 = (f64::from(e.1) * sum / rounded) as f32);
+            row.map_inplace(|w| (f64::from(*w) * sum / rounded) as f32);
         }
     }
 }
@@ -442,11 +439,6 @@ fn bare_transfer(points: &PointLevels) -> Transfer {
         row_offsets: vec![0; receivers + 1],
         ..Default::default()
     };
-    let nothing = Rows {
-        columns: 1,
-        offsets: vec![0; 2],
-        entries: Vec::new(),
-    };
     Transfer::new(
         levels,
         &[],
@@ -454,7 +446,7 @@ fn bare_transfer(points: &PointLevels) -> Transfer {
         tree,
         vec![Vec3::ZERO; finest],
         &links,
-        nothing,
+        zero(1, 1),
         0,
         None,
     )

@@ -16,7 +16,7 @@ use relight_scene::traced::Shading;
 use relight_transport::bounce::{TOLERANCE, solve_double};
 use relight_transport::random::Stream;
 use relight_transport::senders::weight;
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{SparseMatrix, from_rows, largest_row_sum, row};
 use relight_transport::spectrum::spectral_radius;
 use std::error::Error;
 use std::path::Path;
@@ -35,7 +35,7 @@ impl Progress for Silent {
 /// An operator with what the contestants want to know of it.
 struct Room {
     name: String,
-    k: Rows,
+    k: SparseMatrix,
     /// Importance of each cluster.
     mass: Vec<f64>,
     /// Each cluster's parent on the coarsest level, and their number.
@@ -53,9 +53,12 @@ struct Problem<'a> {
 impl Problem<'_> {
     fn k(&self, v: &[f64]) -> Vec<f64> {
         self.products.set(self.products.get() + 1);
-        let row = |i| self.room.k.row(i).iter();
         (0..v.len())
-            .map(|i| row(i).map(|&(j, w)| f64::from(w) * v[j as usize]).sum())
+            .map(|i| {
+                row(&self.room.k, i)
+                    .map(|(j, w)| f64::from(w) * v[j as usize])
+                    .sum()
+            })
             .collect()
     }
 
@@ -178,14 +181,13 @@ fn bicgstab(p: &Problem) -> Vec<f64> {
 /// Hestenes and Stiefel 1952 in the masses' inner product, for M⁻¹ (M K + Kᵀ M)/2 in place of K.
 fn symmetric(p: &Problem) -> Vec<f64> {
     let (n, mass) = (p.emitted.len(), &p.room.mass);
-    let transposed = p.room.k.transposed();
+    let transposed = p.room.k.transpose_view().to_csr();
     let even = |v: &[f64]| -> Vec<f64> {
         let there = p.k(v);
         (0..n)
             .map(|i| {
-                let row = transposed.row(i).iter();
-                let back: f64 = row
-                    .map(|&(j, w)| f64::from(w) * mass[j as usize] * v[j as usize])
+                let back: f64 = row(&transposed, i)
+                    .map(|(j, w)| f64::from(w) * mass[j as usize] * v[j as usize])
                     .sum();
                 0.5 * (there[i] + if mass[i] > 0.0 { back / mass[i] } else { 0.0 })
             })
@@ -227,7 +229,7 @@ fn two_levels(p: &Problem) -> Vec<f64> {
         } else {
             0.0
         };
-        for &(j, w) in p.room.k.row(i) {
+        for (j, w) in row(&p.room.k, i) {
             matrix[parent[i] as usize][parent[j as usize] as usize] -= share * f64::from(w) * p.rho;
         }
     }
@@ -311,14 +313,12 @@ fn baked(name: &str) -> Result<Room, Box<dyn Error>> {
     for parents in senders.parents[..level].iter().rev() {
         parent.iter_mut().for_each(|c| *c = parents[*c as usize]);
     }
-    let entries = bounce.matrix.columns.into_iter().zip(bounce.matrix.weights);
+    let stored = bounce.matrix;
+    let shape = (mass.len(), mass.len());
     Ok(Room {
         name: name.to_owned(),
-        k: Rows {
-            columns: bounce.matrix.rows,
-            offsets: bounce.matrix.row_offsets,
-            entries: entries.collect(),
-        },
+        k: SparseMatrix::try_new(shape, stored.row_offsets, stored.columns, stored.weights)
+            .map_err(|(.., error)| error)?,
         mass,
         parent: (parent, coarse),
     })
@@ -327,7 +327,8 @@ fn baked(name: &str) -> Result<Room, Box<dyn Error>> {
 /// Rooms in a row, doors between neighbours that take a share of each wall's view.
 fn row_of_rooms(rooms: usize, each: usize, door: f32) -> Room {
     let n = rooms * each;
-    let k = Rows::build(n, n, |i, row| {
+    let of_wall = |i: usize| {
+        let mut row = Vec::new();
         let room = i / each;
         let doors = [room.checked_sub(1), (room + 1 < rooms).then_some(room + 1)];
         let open = doors.iter().flatten().count() as f32 * door;
@@ -341,7 +342,9 @@ fn row_of_rooms(rooms: usize, each: usize, door: f32) -> Room {
                 ((r * each + j) as u32, share(r) * uneven)
             }));
         }
-    });
+        row
+    };
+    let k = from_rows((0..n).map(of_wall).collect(), n);
     let mass = (0..n).map(|i| (i % each + 1) as f64).collect();
     let parent = (0..n as u32).map(|i| i / each as u32).collect();
     Room {
@@ -365,8 +368,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!(
             "| {} | {n} | {:.0} | {:.7} | 0.999 | {:.5} (at most {:.5}) |",
             room.name,
-            room.k.entries.len() as f64 / n as f64,
-            room.k.largest_row_sum(),
+            room.k.nnz() as f64 / n as f64,
+            largest_row_sum(&room.k),
             radius.estimate,
             radius.upper,
         );

@@ -270,7 +270,7 @@ pub fn bake_in_units(
         // Without T no sender has anything to do.
         senders: lit.then(|| sender_tree(&transport.tree)),
         transfer: lit.then(|| links(&transport.links)),
-        bounce: (lit && solved.is_none() && !transport.bounce.entries.is_empty())
+        bounce: (lit && solved.is_none() && transport.bounce.nnz() > 0)
             .then(|| bounce(transport.bounce_level, &transport.bounce)),
         solution: solved.filter(|_| lit).map(|s| stored_solution(&s)),
         light_tree,

@@ -4,7 +4,7 @@
 //! sender j per unit radiosity of sender k.
 
 use rayon::prelude::*;
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{SparseMatrix, from_rows};
 
 /// Share of a row's sum that may be dropped as small entries; the rest is scaled up so that the sum stays.
 const DROPPED_SHARE: f32 = 0.05;
@@ -52,13 +52,13 @@ impl BounceSums {
     }
 
     /// K: rows and columns are clusters. Clusters without a point have empty rows.
-    pub fn operator(self) -> Rows {
+    pub fn operator(self) -> SparseMatrix {
         let clusters = self.sums.len();
         let rows = (self.sums.into_par_iter().zip(self.masses)).map(|(sums, mass)| {
             let positive = (0..).zip(&sums).filter(|e| *e.1 > 0.0);
             sparsified(positive.map(|(k, sum)| (k, (sum / mass) as f32)).collect())
         });
-        Rows::joined(rows.collect(), clusters)
+        from_rows(rows.collect(), clusters)
     }
 }
 

@@ -201,6 +201,7 @@ mod tests {
     use crate::radiosity::tests::hollow;
     use crate::transport::transport;
     use glam::{Quat, Vec3};
+    use relight_transport::sparse::row;
 
     /// Truth: in a closed scene all of the light that leaves surfaces arrives. Smooth normals that lean by 20° would lose
     /// (1 − cos 20°)/2, 3 %, in every bounce. Tolerance: the rounding of a thousand rays' sum in f32.
@@ -219,7 +220,7 @@ mod tests {
         let made = transport(&ball, points, &[Vec3::ZERO], &[], &params, |v| v, |_| Ok(())).unwrap();
         assert!(made.bounce.rows() > 10);
         for i in 0..made.bounce.rows() {
-            let sum: f32 = made.bounce.row(i).iter().map(|entry| entry.1).sum();
+            let sum: f32 = row(&made.bounce, i).map(|entry| entry.1).sum();
             assert!((sum - 1.0).abs() < 1e-4, "row {i}: {sum}");
         }
     }

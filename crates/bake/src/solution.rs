@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use relight_transport::bounce::MOST_ALBEDO;
 use relight_transport::krylov::non_negative_solution;
 use relight_transport::senders::SenderTree;
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{SparseMatrix, from_rows, row};
 use std::ops::Range;
 
 /// Finest sender level that is used: two levels above the finest points' clusters are coarse enough for light
@@ -32,7 +32,7 @@ pub struct Solution {
     /// Sender level.
     pub level: usize,
     /// One matrix for grey reflectances, else one for red, green and blue each.
-    pub channels: Vec<Rows>,
+    pub channels: Vec<SparseMatrix>,
 }
 
 /// Solves the bounces. `k`: the operator on sender level `k_level`; `albedo`: of the finest points; `terms`:
@@ -42,7 +42,7 @@ pub struct Solution {
 /// # Errors
 /// A unit cannot be kept, or `step`, told of the rows that are done, stops the bake.
 pub fn solution(
-    k: &Rows,
+    k: &SparseMatrix,
     k_level: usize,
     tree: &SenderTree,
     albedo: &[Vec3],
@@ -73,7 +73,7 @@ pub fn solution(
 }
 
 /// The operator on the sender level above `level`: rows averaged by area, columns summed.
-fn coarser(k: &Rows, tree: &SenderTree, level: usize) -> Rows {
+fn coarser(k: &SparseMatrix, tree: &SenderTree, level: usize) -> SparseMatrix {
     let parents = &tree.parents[level - 1];
     let shares = &tree.shares[tree.ranges.range(level)];
     let clusters = tree.ranges.range(level - 1).len();
@@ -84,7 +84,7 @@ fn coarser(k: &Rows, tree: &SenderTree, level: usize) -> Rows {
             |dense, cluster| {
                 for &child in tree.children(level - 1, cluster) {
                     let share = f64::from(shares[child as usize]);
-                    for &(column, weight) in k.row(child as usize) {
+                    for (column, weight) in row(k, child as usize) {
                         dense[parents[column as usize] as usize] += share * f64::from(weight);
                     }
                 }
@@ -92,7 +92,7 @@ fn coarser(k: &Rows, tree: &SenderTree, level: usize) -> Rows {
             },
         )
         .collect();
-    Rows::joined(rows, clusters)
+    from_rows(rows, clusters)
 }
 
 /// Rows per unit of work.
@@ -104,7 +104,7 @@ pub struct SparseRows(pub Vec<Vec<(u32, f32)>>);
 /// What is solved. A row x of S = K + KρK + … is the row k of K and all that its senders receive: x = k + (x∘ρ) K. Rows
 /// are independent of each other.
 struct Room {
-    k: Rows,
+    k: SparseMatrix,
     /// At most [`MOST_ALBEDO`].
     albedo: Vec<DVec3>,
     brightest: DVec3,
@@ -121,12 +121,13 @@ impl Room {
         &self,
         units: Units,
         step: &(impl Fn(usize) -> Result<(), BakeError> + Sync),
-    ) -> Result<Vec<Rows>, BakeError> {
+    ) -> Result<Vec<SparseMatrix>, BakeError> {
         let clusters = self.k.rows();
         let inputs = units.inputs(|key| {
             let terms = self.terms.map_or(u64::MAX, u64::from);
-            key.u32s(&self.k.offsets).u64s(&[self.epsilon.to_bits(), terms]);
-            for (column, weight) in &self.k.entries {
+            key.u32s(self.k.indptr().raw_storage())
+                .u64s(&[self.epsilon.to_bits(), terms]);
+            for (column, weight) in self.k.indices().iter().zip(self.k.data()) {
                 key.u32s(&[*column, weight.to_bits()]);
             }
             let albedo = self.albedo.iter().flat_map(|a| a.to_array());
@@ -141,10 +142,7 @@ impl Room {
                 rows[i % channels].push(row);
             }
         }
-        Ok(rows
-            .into_iter()
-            .map(|rows| Rows::joined(rows, clusters))
-            .collect())
+        Ok(rows.into_iter().map(|rows| from_rows(rows, clusters)).collect())
     }
 
     fn rows(
@@ -172,8 +170,8 @@ impl Room {
     /// Rows of K side by side, or one of them for all channels.
     fn first(&self, rows: Range<usize>) -> Vec<DVec3> {
         let mut first = vec![DVec3::ZERO; self.k.rows()];
-        for (lane, row) in rows.enumerate() {
-            for &(column, weight) in self.k.row(row) {
+        for (lane, i) in rows.enumerate() {
+            for (column, weight) in row(&self.k, i) {
                 match self.grey {
                     true => first[column as usize][lane] = f64::from(weight),
                     false => first[column as usize] = DVec3::splat(f64::from(weight)),
@@ -221,7 +219,7 @@ impl Room {
         for (j, (x, rho)) in x.iter().zip(&self.albedo).enumerate() {
             let sent = *x * *rho;
             if sent != DVec3::ZERO {
-                for &(column, weight) in self.k.row(j) {
+                for (column, weight) in row(&self.k, j) {
                     next[column as usize] += sent * f64::from(weight);
                 }
             }
@@ -262,23 +260,30 @@ mod tests {
     use super::*;
     use relight_transport::bounce;
     use relight_transport::random::Stream;
+    use relight_transport::sparse::{apply, normalise};
 
     /// A closed scene of `n` leaves, four points each, under three coarse clusters.
-    fn closed(n: usize) -> (Rows, SenderTree) {
+    fn closed(n: usize) -> (SparseMatrix, SenderTree) {
         let mut s = Stream::new(41, 0, 0);
-        let mut k = Rows::joined(
+        let mut k = from_rows(
             (0..n)
                 .map(|_| (0..n as u32).map(|j| (j, s.uniform())).collect())
                 .collect(),
             n,
         );
-        k.normalise();
+        normalise(&mut k);
         let parents = (0..n as u32).map(|i| i % 3).collect();
         let leaves = (0..4 * n as u32).map(|p| p / 4).collect();
         (k, SenderTree::new(&[3, n], leaves, vec![parents], vec![9; 4 * n]))
     }
 
-    fn solved(k: &Rows, tree: &SenderTree, albedo: &[Vec3], terms: Option<u32>, epsilon: f32) -> Solution {
+    fn solved(
+        k: &SparseMatrix,
+        tree: &SenderTree,
+        albedo: &[Vec3],
+        terms: Option<u32>,
+        epsilon: f32,
+    ) -> Solution {
         solution(k, 1, tree, albedo, terms, epsilon, Units::none(), &|_| Ok(())).unwrap()
     }
 
@@ -290,7 +295,7 @@ mod tests {
             let s = solved(&k, &tree, &[Vec3::splat(rho); 120], None, 0.025);
             assert_eq!(s.channels.len(), 1, "grey reflectances need one matrix");
             let exact = rho / (1.0 - rho);
-            for e in s.channels[0].apply(&[Vec3::splat(rho); 30]) {
+            for e in apply(&s.channels[0], &[Vec3::splat(rho); 30]) {
                 assert!((e.x - exact).abs() <= 2e-3 * exact, "{rho}: {e}");
             }
         }
@@ -302,7 +307,7 @@ mod tests {
         let (k, tree) = closed(30);
         for epsilon in [0.5, 1.0, 10.0, f32::MAX] {
             let s = solved(&k, &tree, &[Vec3::splat(0.9); 120], None, epsilon);
-            for e in s.channels[0].apply(&[Vec3::splat(0.9); 30]) {
+            for e in apply(&s.channels[0], &[Vec3::splat(0.9); 30]) {
                 assert!((e.x / 9.0 - 1.0).abs() <= 2e-3, "{epsilon}: {e}");
             }
         }
@@ -322,7 +327,7 @@ mod tests {
             assert_eq!(s.channels.len(), 3);
             let (iterated, _) = bounce::solve(&k, &emitted, &by_leaf, bounces);
             for channel in 0..3 {
-                for (a, b) in s.channels[channel].apply(&emitted).iter().zip(&iterated) {
+                for (a, b) in apply(&s.channels[channel], &emitted).iter().zip(&iterated) {
                     // To convergence both stop early: 1 % and 0.1 %. Else they differ by rounding.
                     let tolerance = if bounces.is_some() { 1e-5 } else { 0.011 };
                     assert!(
@@ -339,8 +344,8 @@ mod tests {
         let (k, tree) = closed(30);
         let coarse = coarser(&k, &tree, 1);
         // Averages of sums of 1; f32 rounding of weights and shares.
-        for row in 0..3 {
-            let sum: f32 = coarse.row(row).iter().map(|e| e.1).sum();
+        for i in 0..3 {
+            let sum: f32 = row(&coarse, i).map(|e| e.1).sum();
             assert!((sum - 1.0).abs() < 1e-5, "{sum}");
         }
     }

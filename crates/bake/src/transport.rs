@@ -23,7 +23,7 @@ use relight_transport::pyramid::LevelRanges;
 use relight_transport::random::Stream;
 use relight_transport::sampling::{Frame, cosine_hemisphere};
 use relight_transport::senders::{PILOTS, SenderTree, Signed, nearest_seeds, weight};
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::SparseMatrix;
 
 /// All that the asset stores of a scene's transport.
 #[derive(Debug)]
@@ -37,7 +37,7 @@ pub struct Transport {
     /// T.
     pub links: Links,
     /// K: the flat bounce operator; empty where it is not needed.
-    pub bounce: Rows,
+    pub bounce: SparseMatrix,
     /// Sender level on which K works.
     pub bounce_level: usize,
     /// Receivers gathered per level.
@@ -171,11 +171,7 @@ fn leave_out_idle_senders(made: &mut Transport) {
         idle_senders,
         ..
     } = made;
-    let least = if bounce.entries.is_empty() {
-        0
-    } else {
-        *bounce_level
-    };
+    let least = if bounce.nnz() == 0 { 0 } else { *bounce_level };
     let last = links.columns.iter().max().map_or(0, |&j| j as usize);
     let used = (0..tree.levels()).find(|&l| last < tree.ranges.range(l).end);
     let levels = used.unwrap_or(0).max(least) + 1;

@@ -10,6 +10,7 @@ use relight_play::load::{Loaded, from_asset};
 use relight_play::shot::expose;
 use relight_play::transfer::Transfer;
 use relight_transport::bounce::{MOST_ALBEDO, TOLERANCE, solve_double};
+use relight_transport::sparse::largest_row_sum;
 use relight_transport::spectrum::spectral_radius;
 use std::path::Path;
 
@@ -172,7 +173,7 @@ const MOST_PRODUCTS: f64 = 60.0;
 
 fn bounces(transfer: &Transfer) -> Vec<Measure> {
     let (k, _, albedo) = transfer.bounces();
-    if k.entries.is_empty() {
+    if k.nnz() == 0 {
         return Vec::new();
     }
     let brightest = albedo
@@ -192,12 +193,12 @@ fn bounces(transfer: &Transfer) -> Vec<Measure> {
     vec![
         Measure::none(
             "bounces: negative weights",
-            k.entries.iter().filter(|e| e.1 < 0.0 || e.1.is_nan()).count(),
+            k.data().iter().filter(|w| **w < 0.0 || w.is_nan()).count(),
             "a bounce carries light, not darkness",
         ),
         Measure::new(
             "bounces: largest row sum less 1",
-            (k.largest_row_sum() - 1.0).max(0.0),
+            (largest_row_sum(k) - 1.0).max(0.0),
             1e-6,
             "no surface receives more than all others send; rounding of some hundred weights",
         ),

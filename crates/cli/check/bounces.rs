@@ -7,11 +7,12 @@ use super::shapes::{
 use super::stage::{SIZE, Stage, at_points, coarse, mean, quick, sane};
 use glam::{DVec3, Vec3};
 use relight_bake::params::BakeParams;
-use relight_format::{Asset, WeightRows};
+use relight_format::Asset;
+use relight_play::load::matrix;
 use relight_scene::traced::Shading;
 use relight_transport::bounce::{TOLERANCE, solve_double};
 use relight_transport::random::Stream;
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{SparseMatrix, from_rows, largest_row_sum};
 use relight_transport::spectrum::spectral_radius;
 
 /// Products with the operator that the issue allows at a reflectance of 0.999.
@@ -20,22 +21,8 @@ const MOST_PRODUCTS: f64 = 40.0;
 /// Stage number of the random stream.
 const STAGE: u32 = 0x43;
 
-/// An operator as an asset holds it.
-pub fn rows(matrix: &WeightRows) -> Rows {
-    Rows {
-        columns: matrix.rows,
-        offsets: matrix.row_offsets.clone(),
-        entries: matrix
-            .columns
-            .iter()
-            .copied()
-            .zip(matrix.weights.iter().copied())
-            .collect(),
-    }
-}
-
 /// Solves with one cluster alight and albedo `rho`, against the same to 1e-9.
-fn stiff(k: &Rows, rho: f32) -> Vec<Measure> {
+fn stiff(k: &SparseMatrix, rho: f32) -> Vec<Measure> {
     let n = k.rows();
     let mut emitted = vec![Vec3::ZERO; n];
     emitted[n / 3] = Vec3::ONE;
@@ -84,12 +71,13 @@ fn stiff(k: &Rows, rho: f32) -> Vec<Measure> {
 }
 
 /// Eight rooms in a row; a hundredth of each wall's view goes through each door, and no two walls see alike.
-fn row_of_rooms() -> Rows {
+fn row_of_rooms() -> SparseMatrix {
     const ROOMS: usize = 8;
     const EACH: usize = 40;
     const DOOR: f32 = 0.01;
-    Rows::build(ROOMS * EACH, ROOMS * EACH, |i, row| {
+    let of_wall = |i: usize| {
         let mut stream = Stream::new(0, STAGE, i as u64);
+        let mut row = Vec::new();
         let room = i / EACH;
         let seen = room.saturating_sub(1)..(room + 2).min(ROOMS);
         let doors = seen.len() - 1;
@@ -103,7 +91,9 @@ fn row_of_rooms() -> Rows {
             let sum: f32 = parts.iter().sum();
             row.extend((0..EACH).map(|j| ((r * EACH + j) as u32, share * parts[j] / sum)));
         }
-    })
+        row
+    };
+    from_rows((0..ROOMS * EACH).map(of_wall).collect(), ROOMS * EACH)
 }
 
 fn asset_of_sphere(stage: &Stage, albedo: f32) -> Result<Asset, String> {
@@ -127,10 +117,14 @@ fn stiff_baked(stage: &Stage, rho: f32) -> Measured {
     for (name, asset) in [("sphere", sphere), ("room", rooms)] {
         stage.at("bounces");
         let bounce = asset.bounce.as_ref().ok_or("no bounces")?;
-        measures.extend(stiff(&rows(&bounce.matrix), rho).into_iter().map(|m| Measure {
-            what: format!("{name}: {}", m.what),
-            ..m
-        }));
+        measures.extend(
+            stiff(&matrix(bounce.matrix.clone())?, rho)
+                .into_iter()
+                .map(|m| Measure {
+                    what: format!("{name}: {}", m.what),
+                    ..m
+                }),
+        );
     }
     Ok(measures)
 }
@@ -204,12 +198,12 @@ fn truncated(stage: &Stage, epsilon: f32) -> Measured {
             .map_err(|e| e.to_string())?;
         if let Some(bounce) = &asset.bounce {
             stage.at("bounces");
-            let k = rows(&bounce.matrix);
+            let k = matrix(bounce.matrix.clone())?;
             let radius = spectral_radius(&k, &vec![RHO; k.rows()]);
             measures.extend([
                 Measure::new(
                     "largest row sum less 1",
-                    k.largest_row_sum() - 1.0,
+                    largest_row_sum(&k) - 1.0,
                     1e-6,
                     "rows sum to at most 1; a few hundred f32 weights round to that",
                 ),
@@ -221,7 +215,7 @@ fn truncated(stage: &Stage, epsilon: f32) -> Measured {
                 ),
                 Measure::none(
                     "negative weights",
-                    k.entries.iter().filter(|e| e.1 < 0.0 || e.1.is_nan()).count(),
+                    k.data().iter().filter(|w| **w < 0.0 || w.is_nan()).count(),
                     "a bounce carries light, not darkness",
                 ),
             ]);
@@ -250,7 +244,7 @@ fn series(stage: &Stage) -> Measured {
         .asset(room(), Shading::Lambert, &quick())
         .map_err(|e| e.to_string())?;
     stage.at("bounces");
-    let k = rows(&asset.bounce.as_ref().ok_or("no bounces")?.matrix);
+    let k = matrix(asset.bounce.as_ref().ok_or("no bounces")?.matrix.clone())?;
     let n = k.rows();
     let mut emitted = vec![Vec3::ZERO; n];
     emitted[n / 2] = Vec3::ONE;

@@ -15,6 +15,7 @@ use relight_transport::light_tree::sphere_direction;
 use relight_transport::random::Stream;
 use relight_transport::sampling::{Frame, cosine_hemisphere, r2};
 use relight_transport::senders::weight;
+use relight_transport::sparse::row;
 
 /// Stage numbers of the random streams.
 const STAGE_FIELD: u32 = 0x40;
@@ -162,7 +163,7 @@ const PLACE_RAYS: u32 = 256;
 /// Form factors of the bounce operator against fresh rays.
 pub fn form_factors(loaded: &Loaded, transfer: &Transfer, seed: u64) -> Vec<Measure> {
     let (k, level, _) = transfer.bounces();
-    if k.entries.is_empty() {
+    if k.nnz() == 0 {
         return Vec::new();
     }
     let nearest = NearestPoint::new(&transfer.finest);
@@ -172,7 +173,7 @@ pub fn form_factors(loaded: &Loaded, transfer: &Transfer, seed: u64) -> Vec<Meas
         members[c as usize].push(p as u32);
     }
     let full: Vec<usize> = (0..k.rows())
-        .filter(|&c| !k.row(c).is_empty() && members[c].len() >= 8)
+        .filter(|&c| row(k, c).len() > 0 && members[c].len() >= 8)
         .collect();
     let wanted = CLUSTERS.min(full.len());
     // Two estimates from half of the rays each say what noise the comparison has of its own.
@@ -202,9 +203,7 @@ pub fn form_factors(loaded: &Loaded, transfer: &Transfer, seed: u64) -> Vec<Meas
             let both = mass[0] + mass[1];
             let fresh = |c: usize| (halves[0][c] + halves[1][c]) / both;
             let mut stored = vec![0.0f64; k.rows()];
-            k.row(cluster)
-                .iter()
-                .for_each(|&(c, w)| stored[c as usize] = f64::from(w));
+            row(k, cluster).for_each(|(c, w)| stored[c as usize] = f64::from(w));
             let apart: f64 = (0..k.rows()).map(|c| (stored[c] - fresh(c)).abs()).sum();
             // The mean of two halves differs by half as much as they from each other.
             let noise: f64 = (0..k.rows())

@@ -18,7 +18,7 @@ use relight_transport::cuts::SiteCuts;
 use relight_transport::light_tree::sphere_direction;
 use relight_transport::links::Links;
 use relight_transport::senders::SenderTree;
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{SparseMatrix, zero};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -314,15 +314,10 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
         },
     };
     let (bounce_level, bounce) = match bounce {
-        Some(bounce) => (bounce.level as usize, matrix(bounce.matrix)),
+        Some(bounce) => (bounce.level as usize, matrix(bounce.matrix)?),
         None => {
             let size = tree.ranges.range(0).len();
-            let nothing = Rows {
-                columns: size as u32,
-                offsets: vec![0; size + 1],
-                entries: Vec::new(),
-            };
-            (0, nothing)
+            (0, zero(size, size))
         }
     };
     let levels = points
@@ -360,7 +355,11 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
         bounces,
     );
     if let Some(solution) = solution {
-        let channels = solution.channels.into_iter().map(matrix).collect();
+        let channels = solution
+            .channels
+            .into_iter()
+            .map(matrix)
+            .collect::<Result<_, _>>()?;
         transfer.use_solution(solution.level as usize, channels);
     }
     Ok(transfer)
@@ -418,12 +417,14 @@ fn visibility(
     }
 }
 
-fn matrix(stored: format::WeightRows) -> Rows {
-    Rows {
-        columns: stored.rows,
-        offsets: stored.row_offsets,
-        entries: stored.columns.into_iter().zip(stored.weights).collect(),
-    }
+/// An operator between clusters as a matrix.
+///
+/// # Errors
+/// What is wrong with its rows; never with those of an asset that was read.
+pub fn matrix(stored: format::WeightRows) -> Result<SparseMatrix, String> {
+    let size = stored.rows as usize;
+    SparseMatrix::try_new((size, size), stored.row_offsets, stored.columns, stored.weights)
+        .map_err(|(.., error)| format!("links between clusters: {error}"))
 }
 
 fn vectors(values: &[[f32; 3]]) -> Vec<Vec3> {

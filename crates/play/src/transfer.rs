@@ -12,7 +12,7 @@ use relight_transport::bounce::{self, Solve};
 use relight_transport::links::{Links, SenderLinks};
 use relight_transport::pyramid::{LevelRanges, VectorIrradiance, fine_from_coarse, push};
 use relight_transport::senders::SenderTree;
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{Rows, SparseMatrix, apply};
 use std::time::Instant;
 
 /// Operators and basis, ready to be applied frame after frame.
@@ -30,7 +30,7 @@ pub struct Transfer {
     /// Clusters of the finest points.
     pub senders: SenderTree,
     links: SenderLinks,
-    bounce: Rows,
+    bounce: SparseMatrix,
     bounce_level: usize,
     bounce_albedo: Vec<Vec3>,
     /// For each finest point its cluster on the bounce level.
@@ -44,7 +44,7 @@ pub struct Transfer {
 struct Solution {
     level: usize,
     /// One matrix for all colours, or one each for red, green and blue.
-    channels: Vec<Rows>,
+    channels: Vec<SparseMatrix>,
     /// For each finest point its cluster on the level.
     cluster: Vec<u32>,
 }
@@ -52,9 +52,9 @@ struct Solution {
 impl Solution {
     /// Irradiance from the first bounce on of each cluster.
     fn apply(&self, emitted: &[Vec3]) -> Vec<Vec3> {
-        let mut out = self.channels[0].apply(emitted);
+        let mut out = apply(&self.channels[0], emitted);
         for (i, channel) in self.channels.iter().enumerate().skip(1) {
-            for (out, own) in out.iter_mut().zip(channel.apply(emitted)) {
+            for (out, own) in out.iter_mut().zip(apply(channel, emitted)) {
                 out[i] = own[i];
             }
         }
@@ -89,7 +89,7 @@ impl Transfer {
         senders: SenderTree,
         albedo: Vec<Vec3>,
         links: &Links,
-        bounce: Rows,
+        bounce: SparseMatrix,
         bounce_level: usize,
         bounces: Option<u32>,
     ) -> Transfer {
@@ -143,7 +143,7 @@ impl Transfer {
 
     /// Bounces come from a baked solution on sender level `level` from now on: one matrix, or one for red,
     /// green and blue each.
-    pub fn use_solution(&mut self, level: usize, channels: Vec<Rows>) {
+    pub fn use_solution(&mut self, level: usize, channels: Vec<SparseMatrix>) {
         self.solution = (!channels.is_empty()).then(|| Solution {
             level,
             channels,
@@ -193,7 +193,7 @@ impl Transfer {
     }
 
     /// The flat bounce operator, the sender level that it works on, and its clusters' reflectances.
-    pub fn bounces(&self) -> (&Rows, usize, &[Vec3]) {
+    pub fn bounces(&self) -> (&SparseMatrix, usize, &[Vec3]) {
         (&self.bounce, self.bounce_level, &self.bounce_albedo)
     }
 

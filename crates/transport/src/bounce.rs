@@ -11,7 +11,7 @@
 //! solvers. Iteration is in f64: the residual is a difference of sums that agree in up to six digits.
 
 use crate::krylov::non_negative_solution;
-use crate::sparse::Rows;
+use crate::sparse::{SparseMatrix, apply_double};
 use glam::{DVec3, Vec3};
 
 /// How the bounces were solved.
@@ -39,14 +39,19 @@ pub const MOST_ALBEDO: f64 = 0.9999;
 ///
 /// `bounces` limits the series to that many products with K; `None` solves until the residual of every channel falls
 /// below 0.01·(1 − ρ_max), which bounds the relative error of the sum by 1 % in the maximum norm.
-pub fn solve(k: &Rows, emitted: &[Vec3], albedo: &[Vec3], bounces: Option<u32>) -> (Vec<Vec3>, Solve) {
+pub fn solve(
+    k: &SparseMatrix,
+    emitted: &[Vec3],
+    albedo: &[Vec3],
+    bounces: Option<u32>,
+) -> (Vec<Vec3>, Solve) {
     let (e, solve) = solve_double(k, emitted, albedo, bounces, TOLERANCE);
     (e.into_iter().map(|e| e.as_vec3()).collect(), solve)
 }
 
 /// [`solve`] in f64, to a tolerance of the caller's.
 pub fn solve_double(
-    k: &Rows,
+    k: &SparseMatrix,
     emitted: &[Vec3],
     albedo: &[Vec3],
     bounces: Option<u32>,
@@ -61,7 +66,7 @@ pub fn solve_double(
 
 /// One system of equations.
 struct Room<'a> {
-    k: &'a Rows,
+    k: &'a SparseMatrix,
     emitted: Vec<DVec3>,
     albedo: Vec<DVec3>,
     /// Residual at which a channel has converged.
@@ -74,7 +79,7 @@ fn largest(values: impl Iterator<Item = DVec3>) -> DVec3 {
 }
 
 impl<'a> Room<'a> {
-    fn new(k: &'a Rows, emitted: &[Vec3], albedo: &[Vec3], tolerance: f64) -> Room<'a> {
+    fn new(k: &'a SparseMatrix, emitted: &[Vec3], albedo: &[Vec3], tolerance: f64) -> Room<'a> {
         let most = DVec3::splat(MOST_ALBEDO);
         let albedo: Vec<DVec3> = albedo.iter().map(|a| a.as_dvec3().min(most)).collect();
         let brightest = largest(albedo.iter().copied());
@@ -93,7 +98,7 @@ impl<'a> Room<'a> {
             .zip(&self.albedo)
             .map(|(e, a)| *e * *a)
             .collect();
-        self.k.apply_double(&sent)
+        apply_double(self.k, &sent)
     }
 
     /// Irradiance one bounce after `irradiance`: K (b + ρ E).
@@ -102,7 +107,7 @@ impl<'a> Room<'a> {
             .zip(&self.emitted)
             .map(|((e, a), b)| *b + *e * *a)
             .collect();
-        self.k.apply_double(&sent)
+        apply_double(self.k, &sent)
     }
 
     /// What a bounce changed, against what is allowed: largest relative change, and whether all channels are done.
@@ -132,7 +137,7 @@ impl<'a> Room<'a> {
 
     /// All bounces: GMRES until one more bounce changes nothing.
     fn converged(&self) -> (Vec<DVec3>, Solve) {
-        let first = self.k.apply_double(&self.emitted);
+        let first = apply_double(self.k, &self.emitted);
         let spread = (self.k.rows() as f64).sqrt();
         let mut solve = Solve::default();
         let (irradiance, products) = non_negative_solution(
@@ -154,19 +159,14 @@ impl<'a> Room<'a> {
 mod tests {
     use super::*;
     use crate::random::Stream;
+    use crate::sparse::{from_rows, normalise, row};
 
     /// A closed scene of `n` functions: rows sum to one.
-    fn closed(n: usize) -> Rows {
+    fn closed(n: usize) -> SparseMatrix {
         let mut s = Stream::new(31, 0, 0);
-        let mut k = Rows::build(n, n, |_, _| {});
-        k.offsets = vec![0];
-        for _ in 0..n {
-            for j in 0..n {
-                k.entries.push((j as u32, s.uniform()));
-            }
-            k.offsets.push(k.entries.len() as u32);
-        }
-        k.normalise();
+        let mut row = || (0..n as u32).map(|j| (j, s.uniform())).collect();
+        let mut k = from_rows((0..n).map(|_| row()).collect(), n);
+        normalise(&mut k);
         k
     }
 
@@ -198,9 +198,9 @@ mod tests {
         // The series summed in double precision, 400 bounces: 0.8^400 is 1e-39.
         let dense: Vec<Vec<f64>> = (0..n)
             .map(|i| {
-                let mut row = vec![0.0; n];
-                k.row(i).iter().for_each(|&(j, w)| row[j as usize] = f64::from(w));
-                row
+                let mut dense = vec![0.0; n];
+                row(&k, i).for_each(|(j, w)| dense[j as usize] = f64::from(w));
+                dense
             })
             .collect();
         let mut exact = vec![0.0f64; n];
@@ -218,26 +218,28 @@ mod tests {
     }
 
     /// Eight rooms in a row of forty walls each; a hundredth of what a wall sees lies beyond each door.
-    fn row_of_rooms() -> Rows {
+    fn row_of_rooms() -> SparseMatrix {
         let (rooms, each, door) = (8usize, 40usize, 0.01f32);
-        Rows::build(rooms * each, rooms * each, |i, row| {
+        let of_wall = |i: usize| -> Vec<(u32, f32)> {
             let room = i / each;
-            let beyond: Vec<usize> = [room.wrapping_sub(1), room + 1]
-                .into_iter()
-                .filter(|&r| r < rooms)
-                .collect();
-            for r in room.saturating_sub(1)..(room + 2).min(rooms) {
-                let share = if r == room {
-                    1.0 - door * beyond.len() as f32
+            let seen = room.saturating_sub(1)..(room + 2).min(rooms);
+            let beyond = seen.len() - 1;
+            let share = |r: usize| {
+                if r == room {
+                    1.0 - door * beyond as f32
                 } else {
                     door
-                };
-                row.extend((0..each).map(|j| {
+                }
+            };
+            let walls = seen.flat_map(|r| (0..each).map(move |j| (r, j)));
+            walls
+                .map(|(r, j)| {
                     let uneven = 2.0 * (j + 1) as f32 / (each * (each + 1)) as f32;
-                    ((r * each + j) as u32, share * uneven)
-                }));
-            }
-        })
+                    ((r * each + j) as u32, share(r) * uneven)
+                })
+                .collect()
+        };
+        from_rows((0..rooms * each).map(of_wall).collect(), rooms * each)
     }
 
     /// The bound: a residual of 0.01·(1 − ρ) in at most 40 products at ρ = 0.999, under light from one wall

@@ -4,7 +4,7 @@
 //! (A v)_i / v_i bounds the spectral radius from above; power iteration brings it down to it. With v = Aⁿ 1 places where
 //! v is zero may be left out: no way of n steps starts there, so that none comes back to where it was.
 
-use crate::sparse::Rows;
+use crate::sparse::{SparseMatrix, row};
 
 /// Spectral radius of a non-negative operator.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -24,7 +24,7 @@ const MOST_ITERATIONS: u32 = 500;
 const CLOSE: f64 = 1e-5;
 
 /// The spectral radius of v ↦ K (ρ v), `albedo` ρ at least 0.
-pub fn spectral_radius(k: &Rows, albedo: &[f64]) -> SpectralRadius {
+pub fn spectral_radius(k: &SparseMatrix, albedo: &[f64]) -> SpectralRadius {
     let n = k.rows();
     let mut v = vec![1.0f64; n];
     let mut found = SpectralRadius {
@@ -37,8 +37,8 @@ pub fn spectral_radius(k: &Rows, albedo: &[f64]) -> SpectralRadius {
     while found.iterations < MOST_ITERATIONS {
         let next: Vec<f64> = (0..n)
             .map(|i| {
-                let row = k.row(i).iter();
-                row.map(|&(j, w)| f64::from(w) * albedo[j as usize] * v[j as usize])
+                row(k, i)
+                    .map(|(j, w)| f64::from(w) * albedo[j as usize] * v[j as usize])
                     .sum()
             })
             .collect();
@@ -65,13 +65,13 @@ pub fn spectral_radius(k: &Rows, albedo: &[f64]) -> SpectralRadius {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sparse::from_rows;
 
     /// Two places: A = ((a, b), (c, d)) has the eigenvalues (t ± √(t² − 4 det))/2.
     #[test]
     fn two_places_have_the_radius_of_the_formula() {
         let (a, b, c, d) = (0.2f32, 0.7f32, 0.5f32, 0.3f32);
-        let rows = [[(0, a), (1, b)], [(0, c), (1, d)]];
-        let k = Rows::build(2, 2, |i, row| row.extend(rows[i]));
+        let k = from_rows(vec![vec![(0, a), (1, b)], vec![(0, c), (1, d)]], 2);
         let rho = [0.9, 0.4];
         let [a, b, c, d] = [a, b, c, d].map(f64::from);
         let (trace, det) = (
@@ -90,13 +90,11 @@ mod tests {
     /// A closed white room loses what its albedo takes, and nothing else; rooms that light never comes back to lose all.
     #[test]
     fn closed_rooms_keep_their_albedo_and_open_ones_keep_nothing() {
-        let closed = Rows::build(5, 5, |_, row| row.extend((0..5).map(|j| (j, 0.2))));
+        let closed = from_rows(vec![(0..5).map(|j| (j, 0.2)).collect(); 5], 5);
         let found = spectral_radius(&closed, &[0.75; 5]);
         // Five weights of 0.2 sum to 1 to f32's rounding.
         assert!((found.upper - 0.75).abs() < 1e-6, "{found:?}");
-        let one_way = Rows::build(3, 3, |i, row| {
-            row.extend((0..i as u32).map(|j| (j, 0.5)));
-        });
+        let one_way = from_rows((0..3).map(|i| (0..i).map(|j| (j, 0.5)).collect()).collect(), 3);
         assert_eq!(spectral_radius(&one_way, &[0.9; 3]).upper, 0.0);
     }
 }

@@ -6,7 +6,7 @@ use glam::Vec3;
 use relight_format as format;
 use relight_transport::links::Links;
 use relight_transport::senders::SenderTree;
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{SparseMatrix, row_sums};
 
 pub(super) fn links(links: &Links) -> format::Links {
     format::Links {
@@ -42,10 +42,10 @@ pub(super) fn parted(parted: &Parted) -> Option<format::Separations> {
     })
 }
 
-pub(super) fn bounce(level: usize, rows: &Rows) -> format::BounceLinks {
+pub(super) fn bounce(level: usize, matrix: &SparseMatrix) -> format::BounceLinks {
     format::BounceLinks {
         level: level as u32,
-        matrix: matrix(rows, 1.0),
+        matrix: stored(matrix, 1.0),
     }
 }
 
@@ -55,20 +55,18 @@ pub(super) fn stored_solution(solution: &Solution) -> format::Solution {
         channels: solution
             .channels
             .iter()
-            .map(|rows| matrix(rows, f64::MAX))
+            .map(|channel| stored(channel, f64::MAX))
             .collect(),
     }
 }
 
 /// `most`: what no row may exceed, whatever rounding made of it.
-fn matrix(rows: &Rows, most: f64) -> format::WeightRows {
+fn stored(matrix: &SparseMatrix, most: f64) -> format::WeightRows {
     format::WeightRows {
-        rows: rows.rows() as u32,
-        row_offsets: rows.offsets.clone(),
-        columns: rows.entries.iter().map(|e| e.0).collect(),
-        weights: rows.entries.iter().map(|e| e.1).collect(),
-        row_sums: (0..rows.rows())
-            .map(|i| rows.row(i).iter().map(|e| f64::from(e.1)).sum::<f64>().min(most) as f32)
-            .collect(),
+        rows: matrix.rows() as u32,
+        row_offsets: matrix.indptr().raw_storage().to_vec(),
+        columns: matrix.indices().to_vec(),
+        weights: matrix.data().to_vec(),
+        row_sums: row_sums(matrix).map(|sum| sum.min(most) as f32).collect(),
     }
 }
