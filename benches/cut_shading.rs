@@ -115,9 +115,9 @@ fn shot(loaded: &Loaded) -> Shot {
     let player = &loaded.player;
     let camera = loaded.scene.cameras[0].at(0.0);
     let mut shot = expose(&player.scene, &camera, SIZE.0, SIZE.1, 1);
-    if let (Some(transfer), Some(cuts)) = (&player.transfer, &player.cuts) {
+    if let Some(transfer) = &player.transfer {
         shot.weigh(transfer, &player.scene, FIXED_RAYS);
-        shot.choose_sites(&cuts.places);
+        shot.choose_sites();
     }
     shot
 }

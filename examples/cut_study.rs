@@ -6,12 +6,10 @@
 //! - `table`: sites, mean length, error, bytes and bake time under a tree by geometry and one by pilots, play times for
 //!   illumination cuts of 128, 256 and 512 nodes (figure 10 of Cheslack-Postava et al. 2008, for our scenes);
 //! - `size`: image error and time against the size of the illumination cut (their figure 7);
-//! - `sites`: storage of cuts at vertices and at points of several distances, and the points' storage at the error of
-//!   the vertices;
 //! - `judge`: nothing is made; the three arguments are an image and two path tracings.
 //!
 //! Options: `--size WxH` (160x90), `--spp N` of each of the two path tracings (64), `--cut-lights N` (4096), `--levels N`
-//! of points (4), `--radii R,R,…` of points in metres, falling (`sites` only), `--block N` (1): images are compared by the
+//! of points (4), `--block N` (1): images are compared by the
 //! means of N × N pixels, against the noise of path tracing, `--keep DIR` for what is made on the way. Direct light only,
 //! so that bakes leave the transfer operator out. relMSE is that to the mean of the two path tracings less a quarter of that
 //! between them, which is the noise of their mean.
@@ -29,7 +27,6 @@ struct Study {
     spp: String,
     lights: String,
     levels: String,
-    radii: Vec<f64>,
     block: usize,
     folder: PathBuf,
     scenes: Vec<(PathBuf, PathBuf)>,
@@ -44,7 +41,6 @@ fn main() -> Result<()> {
         spp: "64".into(),
         lights: "4096".into(),
         levels: "4".into(),
-        radii: vec![0.8, 0.4, 0.2],
         block: 1,
         folder: temporary.path().into(),
         scenes: Vec::new(),
@@ -58,9 +54,6 @@ fn main() -> Result<()> {
             "--levels" => study.levels = value()?,
             "--block" => study.block = value()?.parse::<usize>()?.max(1),
             "--keep" => study.folder = value()?.into(),
-            "--radii" => {
-                study.radii = (value()?.split(',').map(str::parse)).collect::<std::result::Result<_, _>>()?;
-            }
             _ if what == "judge" => study.scenes.push((argument.into(), PathBuf::new())),
             _ => {
                 let (scene, map) = argument
@@ -77,9 +70,8 @@ fn main() -> Result<()> {
     match what.as_str() {
         "table" => study.table(),
         "size" => study.illumination(),
-        "sites" => study.sites(),
         "judge" => study.judgement(),
-        _ => Err("the first argument is table, size, sites or judge".into()),
+        _ => Err("the first argument is table, size or judge".into()),
     }
 }
 
@@ -97,9 +89,6 @@ struct Judged {
     bias: f64,
     flip: f64,
 }
-
-/// Levels of points in a comparison of sites: gathering starts from the coarsest, and ends there.
-const SITE_LEVELS: u32 = 4;
 
 impl Study {
     fn table(&self) -> Result<()> {
@@ -171,76 +160,6 @@ impl Study {
                     of(frame, "illumination_cut")?,
                     of(frame, "shade")?,
                 );
-            }
-        }
-        Ok(())
-    }
-
-    fn sites(&self) -> Result<()> {
-        println!(
-            "| scene | sites | number | mean length | bytes of cuts | with points | relMSE | bias | FLIP | cuts s |"
-        );
-        println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |");
-        for (scene, map) in &self.scenes {
-            let lights = self.sequence(map)?;
-            let mut reference = None;
-            let mut row = |what: &str, options: &[&str], at: &str| -> Result<(f64, f64)> {
-                let asset = self.path(scene, &format!("{at}.relight"));
-                let said = self.bake(scene, &asset, options)?;
-                let reference = match &mut reference {
-                    Some(reference) => reference,
-                    none => {
-                        let made = self.reference(&asset, &lights)?;
-                        println!(
-                            "| {} | noise of the reference | | | | | {:.4} | | | |",
-                            name(scene),
-                            made.noise
-                        );
-                        none.insert(made)
-                    }
-                };
-                let (image, _) = self.play(&asset, &lights, "256")?;
-                let judged = self.judge(&image, reference)?;
-                let bytes = stored(&said, "cuts")? + stored(&said, "light_tree")?;
-                println!(
-                    "| | {what} | {} | {:.0} | {:.0} kB | {:.0} kB | {:.4} | {:+.1} % | {:.3} | {:.1} |",
-                    of(&said["cuts"], "sites")?,
-                    of(&said["cuts"], "mean_length")?,
-                    bytes / 1e3,
-                    (bytes + stored(&said, "points")?) / 1e3,
-                    judged.relmse,
-                    100.0 * judged.bias,
-                    judged.flip,
-                    of(&said["seconds"], "cuts")?,
-                );
-                Ok((bytes, judged.relmse))
-            };
-            let levels = SITE_LEVELS.to_string();
-            let coarse = |finest: f64| (finest * f64::from(1 << (SITE_LEVELS - 1))).to_string();
-            // The sides that vertices look to are known best from the finest points.
-            let finest = coarse(*self.radii.last().ok_or("--radii has none")?);
-            let options = [
-                "--levels",
-                &levels,
-                "--coarse-radius",
-                &finest,
-                "--cut-sites",
-                "vertices",
-            ];
-            let vertices = row("vertices", &options, "vertices")?;
-            let mut points = Vec::new();
-            for &radius in &self.radii {
-                let (what, coarse) = (format!("points {radius} m apart"), coarse(radius));
-                let options = ["--levels", &levels, "--coarse-radius", &coarse];
-                points.push(row(&what, &options, &format!("points{radius}"))?);
-            }
-            match bytes_at(&points, vertices.1) {
-                Some(bytes) => println!(
-                    "\nAt the error of the vertices points take {:.0} kB: {:.2} of the vertices' storage.\n",
-                    bytes / 1e3,
-                    bytes / vertices.0
-                ),
-                None => println!("\nThe error of the vertices lies outside of what these points reach.\n"),
             }
         }
         Ok(())
@@ -378,16 +297,6 @@ impl Study {
             pixels: (0..width * height).map(mean).collect(),
         })
     }
-}
-
-/// Bytes at an error, from (bytes, error) of growing bytes: between neighbours both are taken to be powers of each
-/// other.
-fn bytes_at(measured: &[(f64, f64)], error: f64) -> Option<f64> {
-    measured.windows(2).find_map(|pair| {
-        let [(few, coarse), (many, fine)] = pair.try_into().ok()?;
-        let part = (coarse.ln() - error.ln()) / (coarse.ln() - fine.ln());
-        (0.0..=1.0).contains(&part).then(|| few * (many / few).powf(part))
-    })
 }
 
 /// The program, which cargo puts beside the folder of examples.

@@ -19,7 +19,7 @@ use relight_bake::units::Units;
 use relight_bake::viewpoint;
 use relight_bake::visibility::site_cuts;
 use relight_format::codec::{cut, octahedral};
-use relight_play::cuts::{SitePlaces, VisibilityCuts};
+use relight_play::cuts::VisibilityCuts;
 use relight_play::frame::{Distant, LightingSettings, Player};
 use relight_play::reflections::FIXED_RAYS;
 use relight_play::shot::{Shot, expose};
@@ -379,13 +379,9 @@ fn cuts(study: &Study) -> Result<(), Box<dyn Error>> {
         // Sites only need the points; links may be anything.
         let transfer = bare_transfer(&points);
         let mut player = Player::new(study.traced.clone(), Some(transfer), None);
-        player.cuts = Some(VisibilityCuts::of_directions(
-            cuts,
-            SitePlaces::Points,
-            directions,
-        ));
+        player.cuts = Some(VisibilityCuts::of_directions(cuts, directions));
         let mut shot = study.shot(&player);
-        shot.choose_sites(&SitePlaces::Points);
+        shot.choose_sites();
         let emitters = SceneEmitters::new(&player.scene);
         let rig = LightRig::new(&emitters, &tracks)?;
         let split = rig.split(0, params.lights).map(Arc::new);

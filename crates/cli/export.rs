@@ -10,7 +10,7 @@ use anyhow::{Context, anyhow, bail};
 use clap::{Args, ValueEnum};
 use files::{Column, Folder, Matrix};
 use relight_format::layout::Kind;
-use relight_format::{self as format, Asset, CutSites, LightSamples, Limits, WeightRows};
+use relight_format::{self as format, Asset, LightSamples, Limits, WeightRows};
 use relight_transport::light_tree::sphere_direction;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -188,10 +188,6 @@ fn cuts(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
     }
     folder.numbers("cut_first_leaves", "1", &first)?;
     Ok(json!({
-        "sites": match cuts.sites {
-            CutSites::Points => "points",
-            CutSites::Vertices => "vertices",
-        },
         "sigma": cuts.sigma,
         "unit": cuts.unit,
         "lights": tree.lights.len(),

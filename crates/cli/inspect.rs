@@ -216,7 +216,6 @@ pub fn add_saved_seconds(json: &mut Value) {
 fn cuts_json(cuts: &CutContent, rms_error: Option<f64>) -> Value {
     json!({
         "mode": if cuts.of_surfaces { "indirect" } else { "environment" },
-        "sites_at": if cuts.at_vertices { "vertices" } else { "points" },
         "lights": cuts.lights,
         "sites": cuts.sites,
         "elements": cuts.elements,
@@ -306,11 +305,10 @@ pub fn describe(json: &Value) -> String {
     if cuts.is_object() {
         let of_cuts = |key: &str| cuts[key].as_u64().unwrap_or(0);
         line(format!(
-            "cuts       {}: {} elements of {} sites at {}, {:.0} each, over {} lights, RMS error {:.3}",
+            "cuts       {}: {} elements of {} sites, {:.0} each, over {} lights, RMS error {:.3}",
             cuts["mode"].as_str().unwrap_or("-"),
             count(of_cuts("elements")),
             count(of_cuts("sites")),
-            cuts["sites_at"].as_str().unwrap_or("-"),
             cuts["mean_length"].as_f64().unwrap_or(0.0),
             count(of_cuts("lights")),
             cuts["rms_error"].as_f64().unwrap_or(0.0),

@@ -199,7 +199,7 @@ impl Session<'_> {
                 shot.weigh(transfer, &player.scene, rays);
             }
             if let (Some(cuts), true) = (&player.cuts, self.by_cuts != ByCuts::Nothing) {
-                shot.choose_sites(&cuts.places);
+                shot.choose_sites();
                 if self.fixed {
                     own_sites::give(cuts, &player.scene, &mut shot);
                 }

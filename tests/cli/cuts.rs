@@ -1,8 +1,6 @@
 //! Visibility cuts: baked on demand, played where they are, refused where they are not.
 
-use crate::stage::{
-    SQUARE, TINY, bake_json, complaint, cornell, data, folder, gltf, json, mean, names, relight,
-};
+use crate::stage::{TINY, bake_json, complaint, cornell, data, folder, json, mean, names, relight};
 use relight_scene::image::{FloatImage, Layers, Limits, read_exr};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -299,93 +297,22 @@ fn a_single_pixel_of_a_million_shines_as_brute_force_says() {
     assert!(cuts > 0.0 && (cuts / rays - 1.0).abs() < 0.05, "{cuts} {rays}");
 }
 
-/// The options of a bake at vertices.
-const AT_VERTICES: [&str; 2] = ["--cut-sites", "vertices"];
-
 #[test]
-fn cuts_at_vertices_say_so_and_do_not_depend_on_threads() {
-    let folder = folder();
-    let asset = |name: &str| folder.path().join(name);
-    let said = bake_json(
-        &data("cornell.glb"),
-        &asset("a.relight"),
-        &[&TINY[..], &FEW, &AT_VERTICES].concat(),
-    );
-    let cuts = &said["cuts"];
-    assert_eq!(cuts["sites_at"], "vertices");
-    assert_eq!(said["settings"]["cut_sites"], "vertices");
-    // 68 vertices in the file, all of them corners.
-    assert_eq!(cuts["sites"], 68);
-    let inspect = relight()
-        .arg("inspect")
-        .arg(asset("a.relight"))
-        .assert()
-        .success();
-    let text = String::from_utf8(inspect.get_output().stdout.clone()).unwrap();
-    assert!(text.contains("68 sites at vertices"), "{text}");
-    let again = [&TINY[..], &FEW, &AT_VERTICES, &["--threads", "1"]].concat();
-    bake_json(&data("cornell.glb"), &asset("b.relight"), &again);
-    let bytes = |name: &str| std::fs::read(asset(name)).unwrap();
-    assert!(bytes("a.relight") == bytes("b.relight"), "assets differ");
-
-    let (points, _) = table();
-    let inspect = relight()
-        .arg("inspect")
-        .arg(points)
-        .args(["--json"])
-        .assert()
-        .success();
-    assert_eq!(json(&inspect.get_output().stdout)["cuts"]["sites_at"], "points");
-}
-
-/// Truth: a lone square sees all of its hemisphere from everywhere, so that where its sites are is all one.
-#[test]
-fn a_lone_square_is_lit_alike_from_its_corners_and_from_its_points() {
-    let folder = folder();
-    let scene = gltf(folder.path(), &SQUARE);
-    let sky = map(folder.path(), "sky.hdr", 16, 8, |i| [100, 90 + i as u8, 60, 129]);
-    let frame = |at: &str, integrator: &str| {
-        let asset = folder.path().join("a.relight");
-        let few = ["--levels", "2", "--sender-levels", "1", "--coarse-radius", "0.4"];
-        let said = bake_json(&scene, &asset, &[&few[..], &FEW, &["--cut-sites", at]].concat());
-        // Without normals each of the six corners is a site.
-        assert_eq!(said["cuts"]["sites"] == 6, at == "vertices");
-        let frame = folder.path().join("f.exr");
-        play(&asset, &sky, &frame, &["--integrator", integrator]);
-        direct(&frame)
-    };
-    for integrator in ["cuts", "auto"] {
-        let (points, vertices) = (frame("points", integrator), frame("vertices", integrator));
-        assert!(mean(&points) > 0.1);
-        for (a, b) in points
-            .pixels
-            .iter()
-            .flatten()
-            .zip(vertices.pixels.iter().flatten())
-        {
-            assert!((a - b).abs() <= 1e-5 * a.abs(), "{a} {b}");
+fn a_file_with_cuts_at_vertices_is_refused_with_its_name_and_what_to_do() {
+    let name = "version_3_surface.relight";
+    let file = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("crates/format/tests/fixtures/vertices")
+        .join(name);
+    for command in ["inspect", "play"] {
+        let mut relight = relight();
+        relight.arg(command).arg(&file);
+        if command == "play" {
+            relight.args(["-o", "never.exr"]);
         }
-    }
-}
-
-/// Against cuts at points: what the points receive, and reflect further, comes from between the vertices.
-#[test]
-fn light_at_the_vertices_of_a_box_goes_into_indirect_light_too() {
-    let folder = folder();
-    let sky = map(folder.path(), "sky.hdr", 16, 8, |_| [128, 128, 128, 129]);
-    let indirect = |at: &str| {
-        let asset = folder.path().join("a.relight");
-        bake_json(
-            &data("cornell.glb"),
-            &asset,
-            &[&TINY[..], &FEW, &["--cut-sites", at]].concat(),
+        let text = complaint(&mut relight, 1);
+        assert!(
+            text.contains(name) && text.contains("at vertices") && text.contains("bake it again"),
+            "{text}"
         );
-        let frame = folder.path().join("f.exr");
-        play(&asset, &sky, &frame, &[]);
-        let layers: Layers = read_exr(&frame, &Limits::default()).unwrap();
-        mean(&layers.rgb("indirect").unwrap())
-    };
-    // Eight corners of a wall stand for all of it: the light is there, but not where exactly.
-    let ratio = indirect("vertices") / indirect("points");
-    assert!((0.5..2.0).contains(&ratio), "{ratio}");
+    }
 }

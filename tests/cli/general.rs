@@ -76,26 +76,6 @@ fn parameters_out_of_range_are_wrong_usage_and_name_their_option() {
 }
 
 #[test]
-fn where_cuts_stand_belongs_to_cuts_and_is_points_or_vertices() {
-    let bake = ["bake", "a.glb", "-o", "a.relight"];
-    let text = complaint(relight().args(bake).args(["--cut-sites", "vertices"]), 2);
-    assert!(
-        text.contains("--cut-sites") && text.contains("--cuts environment"),
-        "{text}"
-    );
-    let wrong = ["--cuts", "environment", "--cut-sites", "pixels"];
-    let output = relight()
-        .args(bake)
-        .args(wrong)
-        .assert()
-        .code(2)
-        .get_output()
-        .clone();
-    let text = String::from_utf8(output.stderr).unwrap();
-    assert!(text.contains("points") && text.contains("vertices"), "{text}");
-}
-
-#[test]
 fn sizes_of_illumination_cuts_are_1_to_a_million() {
     for size in ["0", "-1", "1048577", "many"] {
         let size = format!("--illumination-cut={size}");

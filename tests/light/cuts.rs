@@ -8,10 +8,10 @@ use relight_bake::light_samples::{Lights, in_tree};
 use relight_bake::params::CutParams;
 use relight_bake::visibility::site_cuts;
 use relight_format as format;
+use relight_play::cuts::VisibilityCuts;
 use relight_play::cuts::illumination::Illumination;
 use relight_play::cuts::shade::{Fragments, shade};
 use relight_play::cuts::sites::FragmentSites;
-use relight_play::cuts::{SitePlaces, VisibilityCuts};
 use relight_scene::bsdf;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::rays::Ray;
@@ -91,7 +91,7 @@ fn at_a_site_cuts_of_all_leaves_are_brute_force() {
     };
     let points: Vec<Option<ShadingPoint>> = fragments.iter().map(|f| Some(f.1)).collect();
     let views: Vec<Vec3> = fragments.iter().map(|f| f.2).collect();
-    let cuts = VisibilityCuts::of_directions(made.cuts, SitePlaces::Points, directions);
+    let cuts = VisibilityCuts::of_directions(made.cuts, directions);
     let light = Illumination::of_directions(cuts.directions().unwrap(), &flux, LIGHTS as usize);
     let shaded = shade(
         &cuts,
@@ -167,7 +167,7 @@ fn bits_of_means_that_sigma_cannot_use_change_less_than_sigma_does() {
             narrow: &[],
             matt: true,
         };
-        let cuts = VisibilityCuts::of_directions(cuts, SitePlaces::Points, directions);
+        let cuts = VisibilityCuts::of_directions(cuts, directions);
         let light = Illumination::of_directions(cuts.directions().unwrap(), &flux, LIGHTS as usize);
         shade(&cuts, &light, &fragments).radiance
     };
@@ -182,7 +182,6 @@ fn bits_of_means_that_sigma_cannot_use_change_less_than_sigma_does() {
     // With so few lights the usual σ splits all that is neither lit nor dark: four times that.
     let (cuts, sigma) = cuts_of(4.0 * CutParams::default().sigma);
     let stored = format::quantised_cuts(&format::Cuts {
-        sites: format::CutSites::Points,
         sigma,
         unit: 1.0,
         row_offsets: cuts.offsets.clone(),

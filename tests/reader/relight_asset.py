@@ -191,17 +191,7 @@ def mesh(cursor):
         signs = np.where(hands == 0, 1, -1).astype(np.float32)
         result["tangents"] = np.concatenate([directions, signs[:, None]], axis=1)
     result["triangles"] = indices(cursor, triangles, vertices)
-    result["sites"] = vertex_sites(result, codes)
     return result
-
-
-def vertex_sites(mesh, codes):
-    """6.13.1: their number."""
-    corners = mesh["triangles"].reshape(-1)
-    if codes is None:
-        return len(corners)
-    positions = np.ascontiguousarray(mesh["positions"], "<f4").view("<u4")
-    return len({(*positions[i].tolist(), int(codes[0][i]), int(codes[1][i])) for i in corners.tolist()})
 
 
 def geometry(cursor):
@@ -361,13 +351,12 @@ def light_tree(cursor):
 
 def cuts(cursor):
     sites, height = cursor.u8(), cursor.u8()
-    require(sites <= 1 and height <= 20, "sites of kind 0 or 1, a height of at most 20")
+    require(sites == 0 and height <= 20, "sites of kind 0, a height of at most 20")
     cursor.zeros(2)
     sigma, unit, count_rows, count = cursor.f32(), cursor.f32(), cursor.u32(), cursor.u32()
     require(sigma > 0 and unit > 0 and count_rows > 0, "sigma and unit above 0, a site")
     offsets, heights, values = elements(cursor, count_rows, count, height, sigma)
     return {
-        "sites": sites,
         "height": height,
         "sigma": np.array([sigma]),
         "unit": np.array([unit]),
@@ -473,8 +462,7 @@ def check_whole(asset):
         part = asset["cuts"]
         require("light_tree" in asset, "cuts: a light tree")
         require(part["height"] == asset["light_tree"]["height"], "cuts: the height of the light tree")
-        at_vertices = sum(shapes["meshes"][i["mesh"]]["sites"] for i in shapes["instances"])
-        sites = at_vertices if part["sites"] else (sizes[-1] if sizes else 0)
+        sites = sizes[-1] if sizes else 0
         require(len(part["row_offsets"]) - 1 == sites, "cuts: a cut for each site")
 
 

@@ -2,16 +2,14 @@
 
 use crate::bake::Progress;
 use crate::candidates::Candidate;
-use crate::convert;
 use crate::error::BakeError;
 use crate::light_samples::{LightLeaves, Lights, Ordered, order};
-use crate::params::{CutMode, CutParams, CutSites};
+use crate::params::{CutMode, CutParams};
 use crate::points::PointLevels;
 use crate::surface_lights::surface_lights;
 use crate::transport::levels_of;
 use crate::units::Units;
 use crate::units::key::Key;
-use crate::vertex_sites::{VertexSite, vertex_sites};
 use crate::visibility::{cut_ranges, cut_unit, site_cuts_in_units};
 use relight_format as format;
 use relight_scene::surface::Surfaces;
@@ -24,7 +22,7 @@ pub struct World<'a> {
     pub scene: &'a TracedScene,
     /// The same, for rays.
     pub surfaces: &'a dyn Surfaces,
-    /// The finest of them are the sites, or say which sides of vertices are.
+    /// The finest of them are the sites.
     pub points: &'a PointLevels,
 }
 
@@ -40,26 +38,12 @@ pub struct CutSections {
     pub rays: u64,
 }
 
-impl World<'_> {
-    /// Meshes as they will be stored, as far as sites depend on them.
-    fn geometry(&self) -> format::Geometry {
-        convert::geometry(self.scene.scene())
-    }
-}
-
 /// Where cuts stand and what they cluster.
 struct Layout<'a> {
     points: &'a [Candidate],
-    vertices: Option<Vec<VertexSite>>,
     leaves: LightLeaves,
     /// Hash of sites, lights and settings.
     inputs: u128,
-}
-
-impl Layout<'_> {
-    fn sites(&self) -> usize {
-        self.vertices.as_ref().map_or(self.points.len(), Vec::len)
-    }
 }
 
 fn layout<'a>(
@@ -70,10 +54,6 @@ fn layout<'a>(
 ) -> Result<Layout<'a>, BakeError> {
     let points = (world.points.levels.last()).map_or(&[][..], |level| &level.points);
     let finest = levels_of(world.points).pop();
-    let vertices = match (params.sites, &finest) {
-        (CutSites::Vertices, Some(finest)) => Some(vertex_sites(world.scene, &world.geometry(), finest)),
-        _ => None,
-    };
     let lights = match (params.mode, &finest) {
         (CutMode::Indirect, Some(finest)) => {
             Lights::Surface(surface_lights(world.scene, finest, params.lights as usize, seed))
@@ -95,16 +75,11 @@ fn layout<'a>(
         })?;
     let inputs = units.inputs(|key| {
         add_common(key);
-        key.u64s(&[
-            params.sites as u64,
-            params.most as u64,
-            u64::from(params.every_light),
-        ])
-        .f32s(&[params.sigma]);
+        key.u64s(&[params.most as u64, u64::from(params.every_light)])
+            .f32s(&[params.sigma]);
     });
     Ok(Layout {
         points,
-        vertices,
         leaves: LightLeaves::new(&lights, &ordered),
         inputs,
     })
@@ -124,24 +99,21 @@ pub fn cut_part(
 ) -> Result<(), BakeError> {
     let layout = layout(world, params, seed, units)?;
     let Some((index, of)) = part else { return Ok(()) };
-    let ranges: Vec<Range<usize>> = cut_ranges(units, layout.sites()).collect();
+    let ranges: Vec<Range<usize>> = cut_ranges(units, layout.points.len()).collect();
     let own = &ranges[index * ranges.len() / of..(index + 1) * ranges.len() / of];
     progress.stage("cuts", Some(own.iter().map(|r| r.len() as u64).sum()));
     let step = |done| watched(progress, done);
     let at = (units, layout.inputs);
     for range in own {
-        match &layout.vertices {
-            Some(sites) => cut_unit(world.surfaces, sites, &layout.leaves, params, at, range, &step)?,
-            None => cut_unit(
-                world.surfaces,
-                layout.points,
-                &layout.leaves,
-                params,
-                at,
-                range,
-                &step,
-            )?,
-        };
+        cut_unit(
+            world.surfaces,
+            layout.points,
+            &layout.leaves,
+            params,
+            at,
+            range,
+            &step,
+        )?;
     }
     Ok(())
 }
@@ -169,24 +141,15 @@ pub fn cut_sections(
     progress.stage("light_tree", None);
     let Layout {
         points,
-        vertices,
         leaves,
         inputs,
     } = layout(world, params, seed, units)?;
-    let count = vertices.as_ref().map_or(points.len(), Vec::len);
-    progress.stage("cuts", Some(count as u64));
+    progress.stage("cuts", Some(points.len() as u64));
     let step = |done| watched(progress, done);
     let at = (units, inputs);
-    let made = match &vertices {
-        Some(vertices) => site_cuts_in_units(world.surfaces, vertices, &leaves, params, at, step)?,
-        None => site_cuts_in_units(world.surfaces, points, &leaves, params, at, step)?,
-    };
+    let made = site_cuts_in_units(world.surfaces, points, &leaves, params, at, step)?;
     // The largest means may not fit a narrow σ's steps: quantised, they do.
     let cuts = format::quantised_cuts(&format::Cuts {
-        sites: match vertices {
-            Some(_) => format::CutSites::Vertices,
-            None => format::CutSites::Points,
-        },
         sigma: params.sigma(),
         unit: leaves.unit,
         row_offsets: made.cuts.offsets,

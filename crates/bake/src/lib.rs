@@ -32,7 +32,6 @@ pub mod timed;
 pub mod transport;
 pub mod trials;
 pub mod units;
-pub mod vertex_sites;
 pub mod viewpoint;
 pub mod visibility;
 

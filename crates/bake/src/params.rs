@@ -109,23 +109,11 @@ pub enum CutMode {
     Indirect,
 }
 
-/// Where visibility cuts stand.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CutSites {
-    /// At the finest points: as many as the lighting needs.
-    #[default]
-    Points,
-    /// At the vertices of the meshes, as in the paper: for comparison.
-    Vertices,
-}
-
 /// Parameters of visibility cuts (design section 7).
 #[derive(Clone, Debug, PartialEq)]
 pub struct CutParams {
     /// What they are made for.
     pub mode: CutMode,
-    /// Where they stand.
-    pub sites: CutSites,
     /// Lights that the cuts cluster: a power of two, 256 to 2²⁰.
     pub lights: u32,
     /// Threshold of a node's error, |C|·var ≤ σ² (Cheslack-Postava et al. 2008, equation 5), for 32 768 lights: it grows
@@ -155,7 +143,6 @@ impl Default for CutParams {
     fn default() -> Self {
         CutParams {
             mode: CutMode::Environment,
-            sites: CutSites::Points,
             lights: 32_768,
             sigma: 2.0,
             beta: 0.45,

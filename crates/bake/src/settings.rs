@@ -1,7 +1,7 @@
 //! Checks of a bake's parameters, and their names and values for provenance.
 
 use crate::error::BakeError;
-use crate::params::{BakeParams, CutMode, CutSites};
+use crate::params::{BakeParams, CutMode};
 use relight_transport::light_tree::HEIGHTS;
 
 /// Most receiver levels: radii halve from level to level, and 2¹² is already finer than any pixel.
@@ -91,13 +91,8 @@ pub fn settings(params: &BakeParams) -> Vec<(String, String)> {
             CutMode::Environment => "environment",
             CutMode::Indirect => "indirect",
         };
-        let sites = match cuts.sites {
-            CutSites::Points => "points",
-            CutSites::Vertices => "vertices",
-        };
         [
             ("cuts", mode.to_owned()),
-            ("cut_sites", sites.to_owned()),
             ("cut_lights", cuts.lights.to_string()),
             ("sigma", cuts.sigma.to_string()),
             ("beta", cuts.beta.to_string()),

@@ -10,7 +10,7 @@
 
 use crate::candidates::Candidate;
 use crate::error::BakeError;
-use crate::light_samples::{LightLeaves, Lights};
+use crate::light_samples::LightLeaves;
 use crate::params::CutParams;
 use crate::units::Units;
 use rayon::prelude::*;
@@ -32,27 +32,6 @@ pub struct Cuts {
     pub rms_error: f64,
 }
 
-/// A place that looks at lights.
-pub trait Site: Sync {
-    /// What an unoccluded light counts for, as [`Lights::factor`] says; NaN for what counts for nothing.
-    fn factor(&self, lights: &Lights, light: usize) -> f32;
-
-    /// The shadow ray to a light whose factor is above 0.
-    fn ray(&self, lights: &Lights, light: usize) -> Ray;
-}
-
-impl Site for Candidate {
-    #[inline]
-    fn factor(&self, lights: &Lights, light: usize) -> f32 {
-        lights.factor(self, light)
-    }
-
-    #[inline]
-    fn ray(&self, lights: &Lights, light: usize) -> Ray {
-        lights.ray(self, light)
-    }
-}
-
 /// Sites per parallel task.
 pub const TASK: usize = 64;
 
@@ -65,7 +44,7 @@ const SITES_PER_UNIT: usize = 16 * TASK;
 /// What `step`, called with each number of sites done, returns.
 pub fn site_cuts(
     surfaces: &dyn Surfaces,
-    sites: &[impl Site],
+    sites: &[Candidate],
     leaves: &LightLeaves,
     params: &CutParams,
     step: impl Fn(usize) -> Result<(), BakeError> + Sync,
@@ -79,7 +58,7 @@ pub fn site_cuts(
 /// As [`site_cuts`], or a unit cannot be kept.
 pub fn site_cuts_in_units(
     surfaces: &dyn Surfaces,
-    sites: &[impl Site],
+    sites: &[Candidate],
     leaves: &LightLeaves,
     params: &CutParams,
     (units, inputs): (Units, u128),
@@ -103,7 +82,7 @@ pub fn cut_ranges(units: Units, sites: usize) -> impl Iterator<Item = Range<usiz
 /// As [`site_cuts_in_units`].
 pub fn cut_unit(
     surfaces: &dyn Surfaces,
-    sites: &[impl Site],
+    sites: &[Candidate],
     leaves: &LightLeaves,
     params: &CutParams,
     (units, inputs): (Units, u128),
@@ -121,7 +100,7 @@ pub fn cut_unit(
 
 fn parts(
     surfaces: &dyn Surfaces,
-    sites: &[impl Site],
+    sites: &[Candidate],
     leaves: &LightLeaves,
     params: &CutParams,
     step: &(impl Fn(usize) -> Result<(), BakeError> + Sync),
@@ -208,23 +187,23 @@ fn joined(parts: Vec<Part>) -> Result<Cuts, BakeError> {
 }
 
 /// What a site sees of the leaves of a tree.
-struct SiteSight<'a, S> {
+struct SiteSight<'a> {
     surfaces: &'a dyn Surfaces,
     leaves: &'a LightLeaves,
-    site: &'a S,
+    site: &'a Candidate,
     /// One over the unit in which lights count.
     scale: f32,
     rays: &'a mut Vec<Ray>,
 }
 
-impl<S: Site> Sight for SiteSight<'_, S> {
+impl Sight for SiteSight<'_> {
     fn factor(&self, light: usize) -> f32 {
-        self.site.factor(&self.leaves.lights, light) * self.scale
+        self.leaves.lights.factor(self.site, light) * self.scale
     }
 
     fn occluded(&mut self, lights: &[u32], dark: &mut [bool]) {
         self.rays.clear();
-        let ray = |&light: &u32| self.site.ray(&self.leaves.lights, light as usize);
+        let ray = |&light: &u32| self.leaves.lights.ray(self.site, light as usize);
         self.rays.extend(lights.iter().map(ray));
         self.surfaces.occluded_packet(self.rays, dark);
     }

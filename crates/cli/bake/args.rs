@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::target;
 use clap::{Args, ValueEnum};
 use glam::Vec3;
-use relight_bake::params::{BakeParams, CutMode, CutParams, CutSites, Part, Preset};
+use relight_bake::params::{BakeParams, CutMode, CutParams, Part, Preset};
 use relight_scene::traced::Shading;
 use std::path::{Path, PathBuf};
 
@@ -66,10 +66,6 @@ pub struct BakeArgs {
     /// light.
     #[arg(long, value_enum, default_value_t = CutsName::None)]
     pub cuts: CutsName,
-    /// Where the cuts stand: at the finest points, whose number follows the lighting, or at the vertices of the meshes,
-    /// between which triangles interpolate [default: points].
-    #[arg(long, value_enum)]
-    pub cut_sites: Option<CutSitesName>,
     /// Even directions, or even samples of the surfaces, that the cuts cluster: a power of two, 256 to 1048576 [default: 32768].
     #[arg(long, value_name = "N")]
     pub cut_lights: Option<u32>,
@@ -207,15 +203,6 @@ impl KeepName {
     }
 }
 
-/// Where visibility cuts stand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum CutSitesName {
-    /// At the finest points.
-    Points,
-    /// At the vertices of the meshes.
-    Vertices,
-}
-
 /// Names of the units in which lights may be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Units {
@@ -265,7 +252,6 @@ pub fn params(args: &BakeArgs, seed: u64) -> Result<BakeParams, Failure> {
 
 fn cut_params(args: &BakeArgs) -> Result<Option<CutParams>, Failure> {
     let given = [
-        ("--cut-sites", args.cut_sites.is_some()),
         ("--cut-lights", args.cut_lights.is_some()),
         ("--sigma", args.sigma.is_some()),
         ("--beta", args.beta.is_some()),
@@ -285,10 +271,6 @@ fn cut_params(args: &BakeArgs) -> Result<Option<CutParams>, Failure> {
     let defaults = CutParams::default();
     Ok(Some(CutParams {
         mode,
-        sites: match args.cut_sites {
-            Some(CutSitesName::Vertices) => CutSites::Vertices,
-            Some(CutSitesName::Points) | None => CutSites::Points,
-        },
         lights: args.cut_lights.unwrap_or(defaults.lights),
         sigma: args.sigma.unwrap_or(defaults.sigma),
         beta: args.beta.unwrap_or(defaults.beta),
@@ -370,7 +352,6 @@ impl BakeArgs {
             ("--epsilon", number(self.epsilon)),
             ("--bounces", self.bounces.map(|n| n.to_string())),
             ("--cuts", name(&self.cuts)),
-            ("--cut-sites", self.cut_sites.as_ref().and_then(name)),
             ("--cut-lights", self.cut_lights.map(|n| n.to_string())),
             ("--sigma", number(self.sigma)),
             ("--beta", number(self.beta)),
@@ -417,7 +398,7 @@ mod tests {
     #[test]
     fn words_say_all_that_was_asked_for() {
         let all = "/s.glb -o /a.relight --preset fine --lights /l.json --levels 5 --sender-levels 3 --coarse-radius 0.3 \
-                   --epsilon 0.07 --bounces 3 --solution --cuts indirect --cut-sites vertices --cut-lights 1024 \
+                   --epsilon 0.07 --bounces 3 --solution --cuts indirect --cut-lights 1024 \
                    --sigma 1.7 --beta 0.1 --viewpoint -1,2.5,3e-7 --viewpoint 0,0,0.1 --lambert --light-units raw \
                    --keep lights,senders --cameras-only";
         let given = parsed(&all.split_whitespace().map(str::to_owned).collect::<Vec<_>>());

@@ -242,9 +242,6 @@ pub fn cuts(
         // Their exact places are not in the file.
         format::LightSamples::Surface { .. } => return Vec::new(),
     };
-    if cuts.sites != format::CutSites::Points {
-        return Vec::new();
-    }
     let rows = SiteCuts {
         offsets: cuts.row_offsets.clone(),
         heights: cuts.heights.clone(),

@@ -204,7 +204,7 @@ fn cuts(stage: &Stage) -> Measured {
     let loaded = stage.loaded(scene, &params)?;
     let mut shot = stage.shot(&loaded, SIZE)?;
     if let Some(cuts) = &loaded.player.cuts {
-        shot.choose_sites(&cuts.places);
+        shot.choose_sites();
         own_sites::give(cuts, &loaded.player.scene, &mut shot);
     }
     let emitters = SceneEmitters::new(&loaded.player.scene);
@@ -256,8 +256,8 @@ fn mirrored_sky(stage: &Stage) -> Measured {
     let asset = (stage.asset(scene, Shading::Full, &params)).map_err(|e| e.to_string())?;
     let loaded = stage.through_file(&asset)?;
     let mut shot = stage.shot(&loaded, SIZE)?;
-    if let Some(cuts) = &loaded.player.cuts {
-        shot.choose_sites(&cuts.places);
+    if loaded.player.cuts.is_some() {
+        shot.choose_sites();
     }
     // Two columns of 256, 2.8°, bright and two dark; a direction of 4096 stands for 3.6°.
     let stripes: Vec<f32> = (0..256 * 128)

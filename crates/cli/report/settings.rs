@@ -142,9 +142,7 @@ impl Facts {
                 base.push((option, text.to_owned()));
             }
         }
-        for (name, option) in [("cuts", "--cuts"), ("cut_sites", "--cut-sites")] {
-            base.extend(value(name).map(|text| (option, text.to_owned())));
-        }
+        base.extend(value("cuts").map(|text| ("--cuts", text.to_owned())));
         for viewpoint in value("viewpoints")
             .filter(|v| *v != "automatic")
             .into_iter()

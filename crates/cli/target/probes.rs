@@ -320,8 +320,8 @@ impl Probes {
             if let Some(transfer) = &player.transfer {
                 shot.weigh(transfer, &player.scene, FIXED_RAYS);
             }
-            if let (Some(cuts), true) = (&player.cuts, surface || by_directions) {
-                shot.choose_sites(&cuts.places);
+            if player.cuts.is_some() && (surface || by_directions) {
+                shot.choose_sites();
             }
             let lights = rig.at(frame.into());
             let distant = by_directions.then(|| {

@@ -388,25 +388,13 @@ impl LightSamples {
     }
 }
 
-/// Where cuts stand.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum CutSites {
-    /// Site i is point i of the finest level.
-    #[default]
-    Points,
-    /// The vertices of every instance's mesh, instance by instance; see [`vertex_sites`](crate::vertex_sites).
-    Vertices,
-}
-
-/// Cuts through a [`LightTree`], one per site: what the site sees of the lights, as a piecewise constant function
+/// Cuts through a [`LightTree`], one per site, which are the points of the finest level: what the site sees of the lights, as a piecewise constant function
 /// over them (Cheslack-Postava et al. 2008, section 3). The elements of site i stand at
 /// `row_offsets[i]..row_offsets[i + 1]`, their nodes from left to right; together a site's nodes tile the leaves: a node
 /// starts at the sum of 2^height of those before it, a multiple of its own 2^height. A site that sees nothing has one
 /// element, the root with value 0.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Cuts {
-    /// Where the sites are.
-    pub sites: CutSites,
     /// σ of |C|·var > σ² (Cheslack-Postava et al. 2008, equation 5), by which the cuts were refined; above zero, finite.
     /// Values are stored as precisely as it deserves.
     pub sigma: f32,

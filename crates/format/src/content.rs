@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use crate::asset::{Asset, CutSites, LightSamples};
+use crate::asset::{Asset, LightSamples};
 
 /// How much an asset holds.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -41,8 +41,6 @@ pub struct Content {
 pub struct CutContent {
     /// The lights are surface samples, else directions.
     pub of_surfaces: bool,
-    /// The sites are vertices of meshes, else the finest points.
-    pub at_vertices: bool,
     /// Lights of the tree.
     pub lights: u64,
     /// Sites.
@@ -98,7 +96,6 @@ impl Content {
                 .zip(asset.light_tree.as_ref())
                 .map(|(cuts, tree)| CutContent {
                     of_surfaces: matches!(tree.lights, LightSamples::Surface { .. }),
-                    at_vertices: cuts.sites == CutSites::Vertices,
                     lights: tree.lights.len() as u64,
                     sites: cuts.row_offsets.len().saturating_sub(1) as u64,
                     elements: cuts.heights.len() as u64,
@@ -135,7 +132,6 @@ impl Content {
         }
         if let Some(cuts) = &self.cuts {
             counts.push(("cut_of_surfaces".into(), cuts.of_surfaces.into()));
-            counts.push(("cut_at_vertices".into(), cuts.at_vertices.into()));
             counts.push(("cut_lights".into(), cuts.lights));
             counts.push(("cut_sites".into(), cuts.sites));
             counts.push(("cut_elements".into(), cuts.elements));
@@ -145,7 +141,7 @@ impl Content {
     }
 
     /// What [`to_counts`](Self::to_counts) made, among other counts; `None` where one lacks, as in files of bakes before
-    /// there were any.
+    /// there were any, and for cuts at vertices, which no reader takes.
     pub fn from_counts(counts: &[(String, u64)]) -> Option<Self> {
         // A map: a hostile file may have a million of them.
         let all: HashMap<&str, u64> = counts
@@ -154,6 +150,10 @@ impl Content {
             .map(|(name, value)| (name.as_str(), *value))
             .collect();
         let find = |name: &str| all.get(name).copied();
+        // Of such a file only its sections tell that it is not read any more.
+        if find("cut_at_vertices") == Some(1) {
+            return None;
+        }
         let bits = |name: &str| {
             find(name)
                 .and_then(|bits| u32::try_from(bits).ok())
@@ -184,7 +184,6 @@ impl Content {
                 None => None,
                 Some(lights) => Some(CutContent {
                     of_surfaces: find("cut_of_surfaces")? != 0,
-                    at_vertices: find("cut_at_vertices")? != 0,
                     lights,
                     sites: find("cut_sites")?,
                     elements: find("cut_elements")?,

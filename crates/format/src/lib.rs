@@ -53,11 +53,10 @@ mod read;
 mod section;
 pub mod unit;
 mod validate;
-mod vertices;
 
 pub use asset::{
-    AlphaMode, Asset, BounceLinks, Coding, CutSites, Cuts, Estimates, Filter, Geometry, Instance, LeftOut,
-    Level, LightSamples, LightTree, Links, Material, Mesh, Provenance, Senders, Separations, Solution, Stage,
+    AlphaMode, Asset, BounceLinks, Coding, Cuts, Estimates, Filter, Geometry, Instance, LeftOut, Level,
+    LightSamples, LightTree, Links, Material, Mesh, Provenance, Senders, Separations, Solution, Stage,
     Texture, TextureRef, WeightRows, Wrap,
 };
 pub use codec::vector::{quantised_vector, shortened_vector};
@@ -71,4 +70,3 @@ pub use section::light_tree::quantised_light_tree;
 pub use section::links::{quantised_links, shortened_links};
 pub use section::points::quantised_level;
 pub use section::weights::quantised_weights;
-pub use vertices::{VertexSites, vertex_site_count, vertex_sites};

@@ -419,7 +419,13 @@ fn structures_that_break_a_rule_are_not_written() {
         }),
         ("cuts", "leaves in all", |a| cuts(a).heights[0] = 7),
         ("cuts", "a value of 0 to", |a| cuts(a).values[3] = -0.1),
-        ("cuts", "one per vertex", |a| cuts(a).sites = CutSites::Vertices),
+        ("cuts", "one per finest point", |a| {
+            let cuts = cuts(a);
+            cuts.row_offsets.pop();
+            let end = cuts.row_offsets[cuts.row_offsets.len() - 1] as usize;
+            cuts.heights.truncate(end);
+            cuts.values.truncate(end);
+        }),
     ];
     for (section, expected, apply) in breaks {
         let mut asset = small_asset();

@@ -2,6 +2,7 @@
 
 mod common;
 
+use common::assets::{short_asset, wide_asset};
 use common::small_asset;
 use proptest::prelude::*;
 use relight_format::*;
@@ -213,31 +214,41 @@ fn asset_of_cuts(lights: LightSamples, cuts: Cuts) -> Asset {
     }
 }
 
+/// Files of three versions with cuts at the vertices of meshes: the cuts are refused by name, and the rest is still read.
 #[test]
-fn cuts_stand_at_vertices_of_every_instance() {
-    // Two instances of four vertices: eight sites.
-    let mut asset = small_asset();
-    asset.geometry.instances.push(asset.geometry.instances[0]);
-    let cuts = Cuts {
-        sites: CutSites::Vertices,
-        sigma: 1.0,
-        unit: 0.01,
-        row_offsets: vec![0; 9],
-        ..Cuts::default()
-    };
-    asset.cuts = Some(cuts.clone());
-    let error = write_asset(&asset).unwrap_err().to_string();
-    assert!(
-        error.contains("nodes of 256 leaves in all at the site"),
-        "{error}"
-    );
-    asset.cuts = Some(Cuts {
-        row_offsets: (0..=8).collect(),
-        heights: vec![8; 8],
-        values: (0..8).map(|i| i as f32 * 0.3).collect(),
-        ..cuts
-    });
-    assert_eq!(round_trip(&asset).cuts, asset.cuts.as_ref().map(quantised_cuts));
+fn cuts_at_vertices_are_refused_and_the_rest_of_their_files_is_read() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/vertices");
+    for (name, written) in [
+        ("version_1_surface", wide_asset()),
+        ("version_2_short", short_asset()),
+        ("version_3_surface", wide_asset()),
+    ] {
+        let file = folder.join(format!("{name}.relight"));
+        let error = read_file(&file, &Limits::default()).unwrap_err();
+        assert!(matches!(error, FormatError::Unsupported(_)), "{error}");
+        let said = error.to_string();
+        assert!(
+            said.contains("cuts, byte 0") && said.contains("at vertices") && said.contains("bake it again"),
+            "{said}"
+        );
+        assert_eq!(
+            Content::from_counts(&read_summary(&file).unwrap().provenance.counts),
+            None
+        );
+        let others: Vec<layout::Kind> = (layout::Kind::ALL.into_iter())
+            .filter(|kind| *kind != layout::Kind::Cuts)
+            .collect();
+        let read = read_parts(&file, &Limits::default(), &others).unwrap();
+        let today = round_trip(&written);
+        assert!(
+            read.transfer == today.transfer && read.points == today.points,
+            "{name}"
+        );
+        assert!(
+            read.geometry == today.geometry && read.materials == today.materials,
+            "{name}"
+        );
+    }
 }
 
 #[test]
@@ -248,7 +259,6 @@ fn values_that_no_code_holds_are_refused() {
         row_offsets: vec![0, 1],
         heights: vec![8],
         values: vec![value],
-        ..Cuts::default()
     };
     let write = |value, sigma| write_asset(&asset_of_cuts(common::directions(), cuts(value, sigma)));
     // 16 steps per unit at height 8 and σ = 2; 2¹⁶ for the smallest σ.
@@ -271,7 +281,6 @@ fn cuts_take_memory_that_is_counted() {
         row_offsets: (0..=100).map(|site| 256 * site).collect(),
         heights: vec![0; 25_600],
         values: vec![1.0; 25_600],
-        ..Cuts::default()
     };
     let bytes = write_asset(&asset_of_cuts(common::directions(), cuts)).unwrap();
     assert!(bytes.len() < 3000);

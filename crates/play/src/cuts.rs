@@ -25,20 +25,10 @@ use relight_transport::light_tree::{Node, sums};
 
 /// What sites see of many lights, as the asset has it.
 pub struct VisibilityCuts {
-    /// The cut of each site.
+    /// The cut of each site; site i is finest point i.
     pub cuts: SiteCuts,
-    /// Where the sites are.
-    pub places: SitePlaces,
     /// The lights.
     pub lights: Lights,
-}
-
-/// Where the sites of cuts are.
-pub enum SitePlaces {
-    /// Site i is finest point i.
-    Points,
-    /// The site of each corner of each triangle of the scene, in the order of barycentric weights.
-    Vertices(Vec<[u32; 3]>),
 }
 
 /// Lights that cuts cluster.
@@ -83,12 +73,12 @@ pub struct NodeView {
 
 impl VisibilityCuts {
     /// Cuts through the tree whose leaves look into `directions` (unit; a power of two of them).
-    pub fn of_directions(cuts: SiteCuts, places: SitePlaces, directions: &[Vec3]) -> VisibilityCuts {
+    pub fn of_directions(cuts: SiteCuts, directions: &[Vec3]) -> VisibilityCuts {
         let lights = Lights::Directions(Directions {
             tree: DirectionTree::new(directions),
             cells: illumination::Cells::new(directions),
         });
-        VisibilityCuts { cuts, places, lights }
+        VisibilityCuts { cuts, lights }
     }
 
     /// The even directions, if those are the lights.

@@ -4,10 +4,9 @@
 //! takes the vector irradiance dotted with the shading normal; lobes that matter are followed by rays
 //! ([`crate::reflections`]), others spread their light like the matt part, with the right total.
 
+use crate::cuts::VisibilityCuts;
 use crate::cuts::illumination::Illumination;
 use crate::cuts::shade::{Fragments, ShadeStats, Shaded, irradiance_at_sites, shade};
-use crate::cuts::sites::FragmentSites;
-use crate::cuts::{SitePlaces, VisibilityCuts};
 use crate::edges;
 use crate::reconstruct;
 use crate::shot::Shot;
@@ -19,7 +18,6 @@ use relight_render::lightcuts::{self, AT_PIXELS, AT_POINTS, LightcutStats, ManyL
 use relight_render::lighting::{self, Samples, own_run};
 use relight_render::sum::Sum;
 use relight_scene::light_set::{DistantLight, LightRig, LightSet, Split};
-use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
 use relight_transport::basis::Level;
@@ -378,12 +376,9 @@ impl Player {
         times.shade += milliseconds(start);
         let start = Instant::now();
         let irradiance = match &self.transfer {
-            Some(transfer) if settings.indirect => match &cuts.places {
-                SitePlaces::Points => {
-                    irradiance_at_sites(cuts, &light, &transfer.finest.positions, &transfer.finest.normals)
-                }
-                SitePlaces::Vertices(corners) => self.irradiance_between(cuts, &light, corners),
-            },
+            Some(transfer) if settings.indirect => {
+                irradiance_at_sites(cuts, &light, &transfer.finest.positions, &transfer.finest.normals)
+            }
             _ => Vec::new(),
         };
         times.direct_points += milliseconds(start);
@@ -392,28 +387,6 @@ impl Player {
             irradiance,
             stats: Some((light.heights.len(), stats)),
         }
-    }
-
-    /// Irradiance of the finest points between the vertices at which cuts stand: what they would reflect if they were
-    /// matt and reflected π. Points that no triangle was found for get none.
-    fn irradiance_between(
-        &self,
-        cuts: &VisibilityCuts,
-        light: &Illumination,
-        corners: &[[u32; 3]],
-    ) -> Vec<Vec3> {
-        let matt = |hit: &SurfaceHit| ShadingPoint::lambert(hit, Vec3::splat(PI));
-        let points: Vec<Option<ShadingPoint>> =
-            (self.points.iter()).map(|hit| hit.as_ref().map(matt)).collect();
-        let fragments = Fragments {
-            sites: &FragmentSites::at_corners(&self.points, corners),
-            points: &points,
-            // What is matt looks the same from everywhere.
-            views: &vec![Vec3::Z; points.len()],
-            narrow: &[],
-            matt: true,
-        };
-        shade(cuts, light, &fragments).radiance
     }
 
     /// Indirect light at the fragments, and how transfer and cuts went.

@@ -1,7 +1,7 @@
 //! An asset, ready to be lit.
 
 use crate::convert;
-use crate::cuts::{Lights, SitePlaces, SurfaceSamples, VisibilityCuts};
+use crate::cuts::{Lights, SurfaceSamples, VisibilityCuts};
 use crate::frame::Player;
 use crate::snap::snapped;
 use crate::transfer::Transfer;
@@ -174,12 +174,6 @@ pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) ->
         json => stage_from_json(json),
     }
     .map_err(|source| LoadError::Stage { file: file(), source })?;
-    let corners: Vec<format::VertexSites> = match &cuts {
-        Some(cuts) if cuts.sites == format::CutSites::Vertices => {
-            geometry.meshes.iter().map(format::vertex_sites).collect()
-        }
-        _ => Vec::new(),
-    };
     let scene = Arc::new(Scene {
         meshes: convert::meshes(geometry.meshes),
         instances: geometry.instances.iter().map(convert::instance).collect(),
@@ -215,7 +209,7 @@ pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) ->
     };
     // Without points nothing is indirect, nor are there cuts.
     let cuts = (light_tree.zip(cuts).zip(transfer.as_ref()))
-        .map(|((tree, cuts), transfer)| visibility(tree, cuts, corners, &traced, transfer));
+        .map(|((tree, cuts), transfer)| visibility(tree, cuts, &traced, transfer));
     Ok(Loaded {
         player: Player::new(traced, transfer, cuts),
         scene,
@@ -365,25 +359,14 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
     Ok(transfer)
 }
 
-/// Cuts through the tree of an environment or of surface samples. `corners`: where they stand at vertices, the sites of
-/// each mesh.
+/// Cuts through the tree of an environment or of surface samples.
 fn visibility(
     tree: format::LightTree,
     cuts: format::Cuts,
-    corners: Vec<format::VertexSites>,
     scene: &TracedScene,
     transfer: &Transfer,
 ) -> VisibilityCuts {
     let unit = cuts.unit;
-    let places = match cuts.sites {
-        format::CutSites::Points => SitePlaces::Points,
-        format::CutSites::Vertices => {
-            let numbers: Vec<(u32, &[[u32; 3]])> = (corners.iter())
-                .map(|sites| (sites.count as u32, sites.of_corners.as_slice()))
-                .collect();
-            SitePlaces::Vertices(scene.corner_numbers(&numbers))
-        }
-    };
     let cuts = SiteCuts {
         offsets: cuts.row_offsets,
         heights: cuts.heights,
@@ -393,7 +376,7 @@ fn visibility(
         format::LightSamples::Environment { order } => {
             let count = order.len() as u32;
             let directions: Vec<Vec3> = order.iter().map(|&i| sphere_direction(i, count)).collect();
-            VisibilityCuts::of_directions(cuts, places, &directions)
+            VisibilityCuts::of_directions(cuts, &directions)
         }
         format::LightSamples::Surface {
             area,
@@ -410,7 +393,6 @@ fn visibility(
             let samples = SurfaceSamples::new(scene, area, &positions, hits, unit, unfound);
             VisibilityCuts {
                 cuts,
-                places,
                 lights: Lights::Surface(samples),
             }
         }

@@ -10,7 +10,6 @@ mod expose;
 pub(crate) use expose::ENDS;
 pub use expose::expose;
 
-use crate::cuts::SitePlaces;
 use crate::cuts::sites::FragmentSites;
 use crate::reconstruct;
 use crate::reflections::{self, Reflections, Start};
@@ -139,12 +138,9 @@ impl Shot {
         self.components = reconstruct::components(&self.weights, finest, &normals);
     }
 
-    /// Chooses the sites of every fragment; where those are points, after [`Shot::weigh`].
-    pub fn choose_sites(&mut self, places: &SitePlaces) {
-        self.sites = match places {
-            SitePlaces::Points => FragmentSites::new(&self.weights),
-            SitePlaces::Vertices(corners) => FragmentSites::at_corners(&self.hits, corners),
-        };
+    /// Chooses the points between which every fragment interpolates visibility, after [`Shot::weigh`].
+    pub fn choose_sites(&mut self) {
+        self.sites = FragmentSites::new(&self.weights);
     }
 
     /// Fragments of a pixel.

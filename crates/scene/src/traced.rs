@@ -191,32 +191,6 @@ impl TracedScene {
         self.traced_instance(triangle).material
     }
 
-    /// Numbers for the corners of all triangles from numbers for the corners of each mesh: `of_meshes` has, per mesh,
-    /// how many numbers it uses and those of each of its triangles. Those of the instances follow one another. The
-    /// result is in the order of the triangles, corners in the order of [`TracedScene::triangle_positions`].
-    ///
-    /// # Panics
-    /// `of_meshes` has fewer meshes than the scene, or fewer triangles than one of its meshes.
-    pub fn corner_numbers(&self, of_meshes: &[(u32, &[[u32; 3]])]) -> Vec<[u32; 3]> {
-        let mut first = 0u32;
-        let firsts: Vec<u32> = (self.instances.iter())
-            .map(|instance| {
-                let start = first;
-                first = first.wrapping_add(of_meshes[instance.mesh as usize].0);
-                start
-            })
-            .collect();
-        (self.instance_of_triangle.iter().zip(0u32..))
-            .map(|(&of, triangle)| {
-                let instance = &self.instances[of as usize];
-                let corners = of_meshes[instance.mesh as usize].1;
-                let [a, b, c] = corners[(triangle - instance.first_triangle) as usize]
-                    .map(|number| firsts[of as usize].wrapping_add(number));
-                if instance.mirrored { [a, c, b] } else { [a, b, c] }
-            })
-            .collect()
-    }
-
     /// A triangle's material.
     ///
     /// # Panics

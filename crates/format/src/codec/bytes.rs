@@ -3,7 +3,7 @@
 //! A byte plane holds one byte of each element: all lowest bytes, then all second bytes, and so on. zstd models
 //! a plane of exponents or high bytes far better than the same bytes interleaved with noise.
 
-use crate::error::{FormatError, Location, Result, invalid, limit};
+use crate::error::{FormatError, Location, Result, invalid, limit, unsupported};
 
 /// A reader over a section's raw bytes that knows its place and how much memory decoding may still take.
 pub struct Cursor<'a> {
@@ -28,6 +28,16 @@ impl<'a> Cursor<'a> {
     /// An error at the reader's place.
     pub fn invalid(&self, expected: impl std::fmt::Display, found: impl std::fmt::Display) -> FormatError {
         invalid(self.section, Location::Raw(self.at as u64), expected, found)
+    }
+
+    /// An error at the byte before the reader's place, for what only other versions read.
+    pub fn unsupported(
+        &self,
+        expected: impl std::fmt::Display,
+        found: impl std::fmt::Display,
+    ) -> FormatError {
+        let location = Location::Raw(self.at.saturating_sub(1) as u64);
+        unsupported(self.section, location, expected, found)
     }
 
     /// Bytes not yet read.

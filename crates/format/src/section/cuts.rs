@@ -1,11 +1,13 @@
 //! Cuts of all sites: a byte per element, and codes that do not fit it (SPEC 6.13).
 
-use crate::asset::{CutSites, Cuts};
+use crate::asset::Cuts;
 use crate::codec::bytes::Cursor;
 use crate::codec::cut::{self, MAX_HEIGHT};
 use crate::error::Result;
 
-const SITES: [CutSites; 2] = [CutSites::Points, CutSites::Vertices];
+/// Where cuts stand: at the points of the finest level, or, in files of earlier writers, at the vertices of meshes.
+const AT_POINTS: u8 = 0;
+const AT_VERTICES: u8 = 1;
 
 /// Height of the tree whose leaves the first site's nodes tile.
 fn tree_height(cuts: &Cuts) -> u8 {
@@ -16,8 +18,7 @@ fn tree_height(cuts: &Cuts) -> u8 {
 
 pub fn encode(cuts: &Cuts, out: &mut Vec<u8>) {
     let height = tree_height(cuts);
-    // Discriminants count from 0 in the order of SITES.
-    out.extend_from_slice(&[cuts.sites as u8, height, 0, 0]);
+    out.extend_from_slice(&[AT_POINTS, height, 0, 0]);
     out.extend_from_slice(&cuts.sigma.to_le_bytes());
     out.extend_from_slice(&cuts.unit.to_le_bytes());
     out.extend_from_slice(&(cuts.row_offsets.len() as u32 - 1).to_le_bytes());
@@ -26,10 +27,13 @@ pub fn encode(cuts: &Cuts, out: &mut Vec<u8>) {
 }
 
 pub fn decode(cursor: &mut Cursor<'_>) -> Result<Cuts> {
-    let code = cursor.u8()?;
-    let Some(&sites) = SITES.get(usize::from(code)) else {
-        return Err(cursor.invalid("sites of kind 0 or 1", code));
-    };
+    match cursor.u8()? {
+        AT_POINTS => {}
+        AT_VERTICES => {
+            return Err(cursor.unsupported("cuts at points", "cuts at vertices, which are no longer read"));
+        }
+        kind => return Err(cursor.invalid("sites of kind 0", kind)),
+    }
     let height = cursor.u8()?;
     if height > MAX_HEIGHT {
         return Err(cursor.invalid(format_args!("a tree of height up to {MAX_HEIGHT}"), height));
@@ -42,7 +46,6 @@ pub fn decode(cursor: &mut Cursor<'_>) -> Result<Cuts> {
     let count = cursor.u32()? as usize;
     let (row_offsets, heights, values) = cut::elements(cursor, rows, count, height, sigma)?;
     Ok(Cuts {
-        sites,
         sigma,
         unit,
         row_offsets,

@@ -1,12 +1,11 @@
 //! Rules of light trees and cuts.
 
 use super::check::{check, check_above_zero, check_finite, check_length, check_unit};
-use crate::asset::{Asset, CutSites, Cuts, LightSamples, LightTree};
+use crate::asset::{Asset, Cuts, LightSamples, LightTree};
 use crate::codec::cut::{MAX_CODE, steps};
 use crate::error::Result;
 use crate::layout::Kind;
 use crate::section::light_tree::is_tree_size;
-use crate::vertices::vertex_site_count;
 
 impl LightTree {
     /// Checks the number of lights; that directions are a permutation; area, lengths, finiteness and unit normals of
@@ -130,7 +129,7 @@ impl Cuts {
     }
 }
 
-/// Checks the light tree, and the cuts against it and against their sites. Geometry must be valid.
+/// Checks the light tree, and the cuts against it and against the points.
 pub(super) fn validate(asset: &Asset) -> Result<()> {
     if let Some(tree) = &asset.light_tree {
         tree.validate()?;
@@ -142,18 +141,11 @@ pub(super) fn validate(asset: &Asset) -> Result<()> {
         return check(false, Kind::Cuts, 0, "a light tree for cuts", "none");
     };
     cuts.validate(tree.lights.len())?;
-    let (what, sites) = match cuts.sites {
-        CutSites::Points => {
-            let finest = asset.points.last();
-            (
-                "sites, one per finest point",
-                finest.map_or(0, |l| l.positions.len()),
-            )
-        }
-        CutSites::Vertices => {
-            let sites = vertex_site_count(&asset.geometry).unwrap_or(0);
-            ("sites, one per vertex of each instance", sites)
-        }
-    };
-    check_length(Kind::Cuts, what, cuts.row_offsets.len() - 1, sites)
+    let sites = asset.points.last().map_or(0, |level| level.positions.len());
+    check_length(
+        Kind::Cuts,
+        "sites, one per finest point",
+        cuts.row_offsets.len() - 1,
+        sites,
+    )
 }

@@ -102,7 +102,7 @@ fn weights(lengths: &[u32], columns: u32, largest_sum: f32) -> WeightRows {
 }
 
 /// Points exact, on a grid and on a grid of differences; scans; 300 clusters, more than are remembered; vectors from
-/// f32's smallest to its largest; a bounce operator; surface lights, and cuts at vertices of every instance.
+/// f32's smallest to its largest; a bounce operator; surface lights and cuts.
 pub fn wide_asset() -> Asset {
     let small = small_asset();
     let mut asset = Asset {
@@ -209,13 +209,12 @@ pub fn wide_asset() -> Asset {
         matrix: weights(&lengths, 120, 1.0),
     });
     asset.light_tree = Some(LightTree { lights: wall() });
-    let sites = vertex_site_count(&asset.geometry).unwrap() as u32;
+    let sites = 333;
     let heads: Vec<Vec<u8>> = (0..sites)
         .map(|i| if i % 7 == 0 { vec![8] } else { vec![(i % 8) as u8] })
         .collect();
     let row_offsets = (0..=sites).collect();
     asset.cuts = Some(completed(Cuts {
-        sites: CutSites::Vertices,
         sigma: 0.125,
         unit: 1e-12,
         row_offsets,

@@ -107,7 +107,6 @@ impl Dump {
             .flat_map(|i| i.to_le_bytes())
             .collect();
         self.line(&of("triangles"), "u32", &[mesh.triangles.len(), 3], &indices);
-        self.number(&of("sites"), vertex_sites(mesh).count as u64);
     }
 
     fn material(&mut self, name: &str, m: &Material) {
@@ -182,7 +181,6 @@ impl Dump {
     }
 
     fn cuts(&mut self, cuts: &Cuts, lights: usize) {
-        self.number("cuts.sites", cuts.sites as u64);
         self.number("cuts.height", lights.ilog2().into());
         self.f32("cuts.sigma", &[cuts.sigma]);
         self.f32("cuts.unit", &[cuts.unit]);

@@ -134,7 +134,6 @@ pub fn small_asset() -> Asset {
         }),
         light_tree: Some(LightTree { lights: directions() }),
         cuts: Some(completed(Cuts {
-            sites: CutSites::Points,
             sigma: 2.0,
             unit: 1.0,
             row_offsets: vec![0, 1, 5, 9],

@@ -2,7 +2,6 @@
 
 use super::VisibilityCuts;
 use rayon::prelude::*;
-use relight_scene::surface::SurfaceHit;
 use relight_transport::cuts::{Cut, SiteCuts};
 use relight_transport::sparse::Rows;
 
@@ -27,37 +26,11 @@ impl FragmentSites {
     /// Takes the heaviest functions of each fragment's row. Less the weight of the heaviest that is left out, so that a
     /// site enters and leaves with weight 0 and shading stays continuous. Fragments without functions are left out.
     pub fn new(functions: &Rows) -> FragmentSites {
-        FragmentSites::sorted(functions.rows(), |fragment| heaviest(functions.row(fragment)))
-    }
-
-    /// Takes the corners of the triangle on which each fragment lies, by barycentric weights; `corners` are the sites of
-    /// each triangle. Fragments that lie on none of those are left out.
-    pub fn at_corners(hits: &[Option<SurfaceHit>], corners: &[[u32; 3]]) -> FragmentSites {
-        FragmentSites::sorted(hits.len(), |fragment| {
-            let hit = hits[fragment].as_ref()?;
-            let [v, w] = hit.barycentric;
-            let weights = [1.0 - v - w, v, w].map(|weight| weight.max(0.0));
-            // A triangle that has a site twice gives it both weights.
-            let mut row: Vec<(u32, f32)> = Vec::with_capacity(3);
-            for (&site, weight) in corners.get(hit.primitive as usize)?.iter().zip(weights) {
-                match row.iter_mut().find(|entry| entry.0 == site) {
-                    Some(entry) => entry.1 += weight,
-                    None => row.push((site, weight)),
-                }
-            }
-            heaviest(&row)
-        })
-    }
-
-    fn sorted(
-        fragments: usize,
-        sites: impl Fn(usize) -> Option<([u32; SITES], [f32; SITES])> + Sync,
-    ) -> FragmentSites {
-        let mut found: Vec<([u32; SITES], [f32; SITES], u32)> = (0..fragments)
+        let mut found: Vec<([u32; SITES], [f32; SITES], u32)> = (0..functions.rows())
             .into_par_iter()
             .with_min_len(1024)
             .filter_map(|fragment| {
-                let (sites, weights) = sites(fragment)?;
+                let (sites, weights) = heaviest(functions.row(fragment))?;
                 Some((sites, weights, fragment as u32))
             })
             .collect();

@@ -99,7 +99,7 @@ pub(super) fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
         cuts.offsets.push(cuts.heights.len() as u32);
     }
     if !world.near {
-        return VisibilityCuts::of_directions(cuts, SitePlaces::Points, &world.lights);
+        return VisibilityCuts::of_directions(cuts, &world.lights);
     }
     let samples = SurfaceSamples {
         tree: PositionTree::new(&world.lights, 1e-6),
@@ -109,7 +109,6 @@ pub(super) fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
     };
     VisibilityCuts {
         cuts,
-        places: SitePlaces::Points,
         lights: Lights::Surface(samples),
     }
 }
@@ -323,7 +322,7 @@ impl HalfRoof {
             selector.select(&seen, 0.0, usize::MAX, &mut all.heights, &mut all.values);
             all.offsets.push(all.heights.len() as u32);
         }
-        let cuts = VisibilityCuts::of_directions(all, SitePlaces::Points, &directions);
+        let cuts = VisibilityCuts::of_directions(all, &directions);
         for f in 0..shot.len() as u32 {
             let Some(hit) = shot.hits[f as usize] else {
                 continue;

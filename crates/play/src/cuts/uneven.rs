@@ -190,12 +190,12 @@ fn lit_parts(cells: &Cells, leaf: u32, parts: &[Vec3]) -> Vec<Part> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cuts::VisibilityCuts;
     use crate::cuts::tests::world;
-    use crate::cuts::{SitePlaces, VisibilityCuts};
     use relight_transport::cuts::SiteCuts;
 
     fn uneven(radiance: impl Fn(Vec3) -> Vec3 + Sync) -> (VisibilityCuts, UnevenCells) {
-        let cuts = VisibilityCuts::of_directions(SiteCuts::default(), SitePlaces::Points, &world().lights);
+        let cuts = VisibilityCuts::of_directions(SiteCuts::default(), &world().lights);
         let directions = cuts.directions().unwrap();
         let parts = directions.cells.parts(radiance);
         let cells = UnevenCells::new(directions, &parts, &directions.cells.flux(&parts));

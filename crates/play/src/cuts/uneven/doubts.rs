@@ -294,10 +294,10 @@ impl Resolver<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cuts::VisibilityCuts;
     use crate::cuts::illumination::Illumination;
     use crate::cuts::shade::shade;
     use crate::cuts::tests::{HalfRoof, LIGHTS, world};
-    use crate::cuts::{SitePlaces, VisibilityCuts};
     use relight_transport::cuts::{Selector, SiteCuts, merge};
     use relight_transport::light_tree::Node;
 
@@ -347,7 +347,7 @@ mod tests {
             selector.select(seen, 0.0, usize::MAX, &mut all.heights, &mut all.values);
             all.offsets.push(all.heights.len() as u32);
         }
-        let cuts = VisibilityCuts::of_directions(all, SitePlaces::Points, &world.lights);
+        let cuts = VisibilityCuts::of_directions(all, &world.lights);
         let directions = cuts.directions().unwrap();
         let parts = directions
             .cells
