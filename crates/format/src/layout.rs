@@ -82,6 +82,30 @@ pub const MAX_RECORD_BYTES: usize = 16 << 20;
 /// Most texture coordinate sets of a mesh: glTF viewers support two, exporters write up to eight. SPEC 6.2.
 pub const MAX_UV_SETS: usize = 8;
 
+/// Names of the settings in provenance that a reader must mind. SPEC 6.1.1.
+pub mod setting {
+    /// Bounces of indirect light: a number, or [`CONVERGED`].
+    pub const BOUNCES: &str = "bounces";
+    /// Whether links_solution has all bounces: [`BAKED`] or not.
+    pub const SOLUTION: &str = "solution";
+    /// Whether the scene's own lights are there: [`LEFT_OUT`] or not.
+    pub const OWN_LIGHTS: &str = "own_lights";
+    /// Whether the emission of materials is there: [`LEFT_OUT`] or not.
+    pub const EMISSION: &str = "emission";
+    /// Hashes of the only cameras that the asset is for.
+    pub const CAMERAS_ONLY: &str = "cameras_only";
+
+    /// All of these.
+    pub const ALL: [&str; 5] = [BOUNCES, SOLUTION, OWN_LIGHTS, EMISSION, CAMERAS_ONLY];
+
+    /// Value: as many bounces as change anything.
+    pub const CONVERGED: &str = "converged";
+    /// Value: the bake solved the bounces.
+    pub const BAKED: &str = "baked";
+    /// Value: it is not in the asset.
+    pub const LEFT_OUT: &str = "left out";
+}
+
 /// How a section's stored bytes become its raw bytes. SPEC 4.4.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]

@@ -151,6 +151,22 @@ fn the_constants_are_the_codes() {
     assert_eq!(stated, actual.map(|(name, value)| (name.to_string(), value)));
 }
 
+#[test]
+fn the_settings_that_readers_mind_are_the_codes() {
+    let rows = table("<!-- table: settings -->");
+    let stated: Vec<_> = rows.iter().map(|row| row[0].as_str()).collect();
+    assert_eq!(stated, layout::setting::ALL);
+    let values = |name: &str| &rows.iter().find(|row| row[0] == name).unwrap()[1];
+    for (name, value) in [
+        (layout::setting::BOUNCES, layout::setting::CONVERGED),
+        (layout::setting::SOLUTION, layout::setting::BAKED),
+        (layout::setting::OWN_LIGHTS, layout::setting::LEFT_OUT),
+        (layout::setting::EMISSION, layout::setting::LEFT_OUT),
+    ] {
+        assert!(values(name).contains(value), "{name}");
+    }
+}
+
 /// The asset that SPEC.md section 9 spells out in bytes.
 fn example() -> Asset {
     Asset {
