@@ -1,6 +1,8 @@
 //! What an asset holds, as plain arrays.
 //!
-//! Conventions (design section 2): metres, right-handed, +Y up, linear Rec. 709, f32. World space unless said otherwise.
+//! Conventions: metres, right-handed, +Y up, linear Rec. 709, f32. World space unless said otherwise.
+
+use bincode::{Decode, Encode};
 
 /// Everything in one file. A part that is empty or `None` has no section in the file.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -47,7 +49,7 @@ pub struct Coding {
 }
 
 /// Where an asset came from. Nothing in it may vary from run to run (no times, paths, thread counts).
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Encode, Decode)]
 pub struct Provenance {
     /// Version of the tool that baked, such as `relight 0.1.0`.
     pub tool_version: String,
@@ -67,8 +69,16 @@ pub struct Provenance {
     pub notes: Vec<String>,
 }
 
+impl Provenance {
+    /// Value of a setting.
+    pub fn setting(&self, name: &str) -> Option<&str> {
+        let found = self.settings.iter().find(|(known, _)| known == name);
+        found.map(|(_, value)| value.as_str())
+    }
+}
+
 /// One part that a bake left out.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Encode, Decode)]
 pub struct LeftOut {
     /// What: "texture coordinates", "environment cuts", ...
     pub what: String,
@@ -88,7 +98,7 @@ pub struct Geometry {
 }
 
 /// One placed copy of a mesh.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Encode, Decode)]
 pub struct Instance {
     /// Index into [`Geometry::meshes`].
     pub mesh: u32,
@@ -116,7 +126,7 @@ pub struct Mesh {
 }
 
 /// glTF metallic-roughness parameters. All values finite.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Encode, Decode)]
 pub struct Material {
     /// Name in the source, for lighting sequences and material edits. May be empty or shared.
     pub name: String,
@@ -168,7 +178,7 @@ impl Default for Material {
 }
 
 /// How a material's alpha acts.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Encode, Decode)]
 pub enum AlphaMode {
     /// Alpha is ignored.
     #[default]
@@ -180,7 +190,7 @@ pub enum AlphaMode {
 }
 
 /// Which image a material reads, and how texture coordinates reach it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Encode, Decode)]
 pub struct TextureRef {
     /// Index into [`Asset::textures`].
     pub texture: u32,
@@ -340,7 +350,7 @@ pub struct Separations {
 }
 
 /// Error estimates of the bake, as names and values.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Encode, Decode)]
 pub struct Estimates {
     /// Such as `relmse_indirect` and its value; all finite.
     pub values: Vec<(String, f64)>,

@@ -1,8 +1,11 @@
 //! The container: header, sections, table of contents (SPEC 3 to 5). Everything is checked against the file's real
 //! length before anything is allocated, every byte is under a checksum, and sections lie end to end.
 
+use bincode::{Decode, Encode};
 use xxhash_rust::xxh3::xxh3_64;
 
+use crate::codec::bytes::Cursor;
+use crate::codec::record;
 use crate::error::{Location, Result, invalid, limit, unsupported};
 use crate::layout::{
     BYTE_ORDER_MARK, CONTAINER_VERSION, Codec, ENTRY_BYTES, FLAG_REQUIRED, HEADER_BYTES, Kind, MAGIC,
@@ -85,44 +88,84 @@ impl SectionInfo {
     }
 }
 
+/// The header as it stands in the file (SPEC 3).
+#[derive(Debug, Clone, Copy, Encode, Decode)]
+pub(crate) struct Header {
+    magic: [u8; 8],
+    byte_order_mark: u32,
+    pub version: u32,
+    file_bytes: u64,
+    pub table_offset: u64,
+    section_count: u32,
+    reserved: u32,
+    table_checksum: u64,
+    header_checksum: u64,
+}
+
+impl Header {
+    /// Bytes of the table.
+    pub fn table_bytes(&self) -> u64 {
+        u64::from(self.section_count) * ENTRY_BYTES
+    }
+}
+
+/// An entry of the table as it stands in the file (SPEC 4).
+#[derive(Encode, Decode)]
+struct Entry {
+    kind: u32,
+    version: u16,
+    flags: u16,
+    codec: u32,
+    needs: u32,
+    offset: u64,
+    stored_bytes: u64,
+    raw_bytes: u64,
+    checksum: u64,
+}
+
 /// Lays out a file: header, the sections in the given order, table.
 ///
 /// # Errors
 /// `Io` never; `Invalid` when zstd fails, which it does only without memory.
 pub(crate) fn assemble(sections: &[(Kind, u16, Vec<u8>)]) -> Result<Vec<u8>> {
-    let mut file = vec![0; HEADER_BYTES as usize];
+    let mut body = Vec::new();
     let mut table = Vec::new();
     for (kind, version, raw) in sections {
         let (codec, compressed) = compress(*kind, raw)?;
         let stored = compressed.as_deref().unwrap_or(raw);
-        table.extend_from_slice(&(*kind as u32).to_le_bytes());
-        table.extend_from_slice(&version.to_le_bytes());
-        table.extend_from_slice(&(if kind.required() { FLAG_REQUIRED } else { 0 }).to_le_bytes());
-        table.extend_from_slice(&(codec as u32).to_le_bytes());
-        table.extend_from_slice(&kind.needs(*version).to_le_bytes());
-        for number in [
-            file.len() as u64,
-            stored.len() as u64,
-            raw.len() as u64,
-            xxh3_64(stored),
-        ] {
-            table.extend_from_slice(&number.to_le_bytes());
-        }
-        file.extend_from_slice(stored);
+        let entry = Entry {
+            kind: *kind as u32,
+            version: *version,
+            flags: if kind.required() { FLAG_REQUIRED } else { 0 },
+            codec: codec as u32,
+            needs: kind.needs(*version),
+            offset: HEADER_BYTES + body.len() as u64,
+            stored_bytes: stored.len() as u64,
+            raw_bytes: raw.len() as u64,
+            checksum: xxh3_64(stored),
+        };
+        record::put(entry, &mut table);
+        body.extend_from_slice(stored);
     }
-    let table_offset = file.len() as u64;
-    file.extend_from_slice(&table);
-    let file_bytes = file.len() as u64;
-    let mut put = |at: usize, bytes: &[u8]| file[at..at + bytes.len()].copy_from_slice(bytes);
-    put(header::MAGIC, &MAGIC);
-    put(header::BYTE_ORDER_MARK, &BYTE_ORDER_MARK.to_le_bytes());
-    put(header::VERSION, &CONTAINER_VERSION.to_le_bytes());
-    put(header::FILE_BYTES, &file_bytes.to_le_bytes());
-    put(header::TABLE_OFFSET, &table_offset.to_le_bytes());
-    put(header::SECTION_COUNT, &(sections.len() as u32).to_le_bytes());
-    put(header::TABLE_CHECKSUM, &xxh3_64(&table).to_le_bytes());
+    let table_offset = HEADER_BYTES + body.len() as u64;
+    let header = Header {
+        magic: MAGIC,
+        byte_order_mark: BYTE_ORDER_MARK,
+        version: CONTAINER_VERSION,
+        file_bytes: table_offset + table.len() as u64,
+        table_offset,
+        section_count: sections.len() as u32,
+        reserved: 0,
+        table_checksum: xxh3_64(&table),
+        header_checksum: 0,
+    };
+    let mut file = Vec::with_capacity(header.file_bytes as usize);
+    record::put(header, &mut file);
     let checksum = xxh3_64(&file[..header::HEADER_CHECKSUM]);
-    file[header::HEADER_CHECKSUM..][..8].copy_from_slice(&checksum.to_le_bytes());
+    file.truncate(header::HEADER_CHECKSUM);
+    record::put(checksum, &mut file);
+    file.extend_from_slice(&body);
+    file.extend_from_slice(&table);
     Ok(file)
 }
 
@@ -139,39 +182,6 @@ fn compress(kind: Kind, raw: &[u8]) -> Result<(Codec, Option<Vec<u8>>)> {
     } else {
         (Codec::Stored, None)
     })
-}
-
-/// The checked fields of a header.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Header {
-    pub version: u32,
-    pub table_offset: u64,
-    pub table_bytes: u64,
-    table_checksum: u64,
-}
-
-fn u16_at(bytes: &[u8], at: usize) -> u16 {
-    bytes[at..]
-        .iter()
-        .take(2)
-        .rev()
-        .fold(0, |n, &byte| n << 8 | u16::from(byte))
-}
-
-fn u32_at(bytes: &[u8], at: usize) -> u32 {
-    bytes[at..]
-        .iter()
-        .take(4)
-        .rev()
-        .fold(0, |n, &byte| n << 8 | u32::from(byte))
-}
-
-fn u64_at(bytes: &[u8], at: usize) -> u64 {
-    bytes[at..]
-        .iter()
-        .take(8)
-        .rev()
-        .fold(0, |n, &byte| n << 8 | u64::from(byte))
 }
 
 /// Checks the first bytes of a file of `file_bytes` bytes. `bytes` are its first [`HEADER_BYTES`], or all if there
@@ -200,22 +210,20 @@ pub(crate) fn parse_header(bytes: &[u8], file_bytes: u64, limits: &Limits) -> Re
         let expected = format_args!("a file of at most {} bytes", limits.file_bytes);
         return Err(limit("file", Location::File(0), expected, file_bytes));
     }
-    let mark = u32_at(bytes, header::BYTE_ORDER_MARK);
-    if mark != BYTE_ORDER_MARK {
+    let mut memory = 0;
+    let header: Header = record::fixed(&mut Cursor::new("header", bytes, &mut memory))?;
+    if header.byte_order_mark != BYTE_ORDER_MARK {
         let expected = format!("the byte order mark {BYTE_ORDER_MARK:#010x}");
-        return Err(fail(header::BYTE_ORDER_MARK, &expected, &format!("{mark:#010x}")));
+        let found = format!("{:#010x}", header.byte_order_mark);
+        return Err(fail(header::BYTE_ORDER_MARK, &expected, &found));
     }
-    let checksum = u64_at(bytes, header::HEADER_CHECKSUM);
     let actual = xxh3_64(&bytes[..header::HEADER_CHECKSUM]);
-    if checksum != actual {
+    if header.header_checksum != actual {
         let expected = format!("the header's checksum {actual:#018x}");
-        return Err(fail(
-            header::HEADER_CHECKSUM,
-            &expected,
-            &format!("{checksum:#018x}"),
-        ));
+        let found = format!("{:#018x}", header.header_checksum);
+        return Err(fail(header::HEADER_CHECKSUM, &expected, &found));
     }
-    let version = u32_at(bytes, header::VERSION);
+    let version = header.version;
     if version == 0 || version > SPEC_VERSION {
         return Err(unsupported(
             "header",
@@ -224,45 +232,25 @@ pub(crate) fn parse_header(bytes: &[u8], file_bytes: u64, limits: &Limits) -> Re
             format_args!("{version}, which needs a reader of format version {version}"),
         ));
     }
-    if u32_at(bytes, header::RESERVED) != 0 {
-        return Err(fail(
-            header::RESERVED,
-            &"a reserved field of 0",
-            &u32_at(bytes, header::RESERVED),
-        ));
+    if header.reserved != 0 {
+        return Err(fail(header::RESERVED, &"a reserved field of 0", &header.reserved));
     }
-    let declared = u64_at(bytes, header::FILE_BYTES);
-    if declared != file_bytes {
-        return Err(fail(
-            header::FILE_BYTES,
-            &format!("the file's length {file_bytes}"),
-            &declared,
-        ));
+    if header.file_bytes != file_bytes {
+        let expected = format!("the file's length {file_bytes}");
+        return Err(fail(header::FILE_BYTES, &expected, &header.file_bytes));
     }
-    let count = u32_at(bytes, header::SECTION_COUNT);
+    let count = header.section_count;
     if count > MAX_SECTIONS {
-        return Err(fail(
-            header::SECTION_COUNT,
-            &format!("at most {MAX_SECTIONS} sections"),
-            &count,
-        ));
+        let expected = format!("at most {MAX_SECTIONS} sections");
+        return Err(fail(header::SECTION_COUNT, &expected, &count));
     }
-    let table_offset = u64_at(bytes, header::TABLE_OFFSET);
-    let table_bytes = u64::from(count) * ENTRY_BYTES;
-    if table_offset < HEADER_BYTES || table_offset.checked_add(table_bytes) != Some(file_bytes) {
+    let table_end = header.table_offset.checked_add(header.table_bytes());
+    if header.table_offset < HEADER_BYTES || table_end != Some(file_bytes) {
         let expected = format!("a table of {count} entries that ends at the end of the file");
-        return Err(fail(
-            header::TABLE_OFFSET,
-            &expected,
-            &format!("offset {table_offset}"),
-        ));
+        let found = format!("offset {}", header.table_offset);
+        return Err(fail(header::TABLE_OFFSET, &expected, &found));
     }
-    Ok(Header {
-        version,
-        table_offset,
-        table_bytes,
-        table_checksum: u64_at(bytes, header::TABLE_CHECKSUM),
-    })
+    Ok(header)
 }
 
 /// Checks the table of contents: checksum, contiguous sections from header to table, no kind twice, lengths that
@@ -281,10 +269,12 @@ pub(crate) fn parse_table(table: &[u8], header: &Header, limits: &Limits) -> Res
     let mut sections: Vec<SectionInfo> = Vec::with_capacity(table.len() / ENTRY_BYTES as usize);
     let mut end = HEADER_BYTES;
     for (index, bytes) in table.chunks_exact(ENTRY_BYTES as usize).enumerate() {
-        let section = parse_entry(bytes);
+        let mut memory = 0;
+        let fields: Entry = record::fixed(&mut Cursor::new("table", bytes, &mut memory))?;
+        let flags = fields.flags;
+        let section = SectionInfo::from(fields);
         let entry_offset = header.table_offset + index as u64 * ENTRY_BYTES;
         let place = |field: usize| Location::File(entry_offset + field as u64);
-        let flags = u16_at(bytes, entry::FLAGS);
         if flags > FLAG_REQUIRED {
             return Err(invalid(
                 &section.name,
@@ -335,26 +325,24 @@ pub(crate) fn parse_table(table: &[u8], header: &Header, limits: &Limits) -> Res
     }
 }
 
-fn parse_entry(bytes: &[u8]) -> SectionInfo {
-    let kind_number = u32_at(bytes, entry::KIND);
-    let kind = Kind::from_number(kind_number);
-    let codec_number = u32_at(bytes, entry::CODEC);
-    SectionInfo {
-        kind_number,
-        kind,
-        name: kind.map_or_else(
-            || format!("unknown_{kind_number}"),
-            |kind| kind.name().to_string(),
-        ),
-        version: u16_at(bytes, entry::VERSION),
-        required: u16_at(bytes, entry::FLAGS) & FLAG_REQUIRED != 0,
-        codec_number,
-        codec: Codec::from_number(codec_number),
-        needs: u32_at(bytes, entry::NEEDS),
-        offset: u64_at(bytes, entry::OFFSET),
-        stored_bytes: u64_at(bytes, entry::STORED_BYTES),
-        raw_bytes: u64_at(bytes, entry::RAW_BYTES),
-        checksum: u64_at(bytes, entry::CHECKSUM),
+impl From<Entry> for SectionInfo {
+    fn from(entry: Entry) -> Self {
+        let kind = Kind::from_number(entry.kind);
+        let unknown = || format!("unknown_{}", entry.kind);
+        SectionInfo {
+            kind_number: entry.kind,
+            kind,
+            name: kind.map_or_else(unknown, |kind| kind.name().to_string()),
+            version: entry.version,
+            required: entry.flags & FLAG_REQUIRED != 0,
+            codec_number: entry.codec,
+            codec: Codec::from_number(entry.codec),
+            needs: entry.needs,
+            offset: entry.offset,
+            stored_bytes: entry.stored_bytes,
+            raw_bytes: entry.raw_bytes,
+            checksum: entry.checksum,
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! The four ways in which reading or writing an asset fails, each with the evidence.
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Shorthand for results of this crate.
 pub type Result<T> = std::result::Result<T, FormatError>;
@@ -127,6 +127,23 @@ fn fault(
         expected: expected.to_string(),
         found: found.to_string(),
     })
+}
+
+/// A [`FormatError::Io`] from the system's reason.
+pub(crate) fn io(
+    action: &'static str,
+    path: &Path,
+    section: &str,
+    offset: u64,
+) -> impl FnOnce(std::io::Error) -> FormatError {
+    let (path, section) = (path.to_path_buf(), section.to_string());
+    move |source| FormatError::Io {
+        action,
+        path,
+        section,
+        offset,
+        source,
+    }
 }
 
 /// An [`FormatError::Invalid`] with its evidence.

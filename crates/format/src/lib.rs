@@ -1,9 +1,43 @@
-//! The relight asset file: container, typed sections, codecs and validation.
+//! The relight asset file: what a bake writes and whoever relights reads.
 //!
-//! An asset holds everything that `play` needs to relight one static scene: geometry, materials, textures, the
-//! points of the meshless hierarchy and the sparse transfer operators. This crate alone knows its bytes; it
-//! knows no rendering, no glTF, no threads and no vector library. `SPEC.md`, beside this code, specifies every
-//! byte; comments here cite its sections.
+//! An [`Asset`] holds one static scene with everything needed to relight it: geometry, materials, textures, the points of
+//! the meshless hierarchy and the sparse operators that carry light between them. This crate alone knows the file's bytes;
+//! it knows no rendering, no glTF, no threads and no vector library. `SPEC.md`, beside this code, specifies every byte;
+//! comments here cite its sections.
+//!
+//! # From a file to links
+//!
+//! [`read_file`] reads and checks all of an asset, [`read_parts`] some sections and what they refer to, [`read_summary`] the
+//! table of contents and provenance of a file of any length. Every byte read is checked against checksums, [`Limits`] and
+//! the rules of [`Asset::validate`], so rows and columns need no further checks. T in [`Asset::transfer`] gives vector
+//! irradiance at the points of all levels, coarsest first, per unit radiosity of the senders, which are clusters of the
+//! finest points ([`Senders`]):
+//!
+//! ```
+//! use relight_format::{FormatError, Limits, layout::Kind, read_parts};
+//!
+//! # fn main() -> Result<(), FormatError> {
+//! let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/version_1.relight");
+//! let asset = read_parts(file, &Limits::default(), &[Kind::LinksTransfer])?;
+//! let positions: Vec<[f32; 3]> = asset.points.iter().flat_map(|level| level.positions.clone()).collect();
+//! let links = asset.transfer.unwrap_or_default();
+//! for (point, row) in links.row_offsets.windows(2).enumerate() {
+//!     for link in row[0] as usize..row[1] as usize {
+//!         let (sender, vector) = (links.columns[link], links.vectors[link]);
+//!         println!("at {:?}: {vector:?} W/m² per W/m² of sender {sender}", positions[point]);
+//!     }
+//! }
+//! assert_eq!((positions.len(), links.columns.len()), (5, 6));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # From an asset to a file
+//!
+//! [`write_file`] checks an asset and writes it whole or not at all. Equal assets give equal bytes. What is quantised loses
+//! precision, within the bounds that [`codec`] states; a baker that corrects for the loss asks [`quantised_level`],
+//! [`quantised_links`], [`quantised_vector`], [`quantised_weights`], [`shortened_links`], [`quantised_light_tree`] and
+//! [`quantised_cuts`] what a reader will see.
 //!
 //! ```
 //! use relight_format::{Asset, Limits, read_asset, write_asset};
@@ -16,36 +50,13 @@
 //! # Ok(())
 //! # }
 //! ```
-//!
-//! An engine that only wants the operator reads points and links in a few lines; what it gets is validated, so rows
-//! and columns need no further checks:
-//!
-//! ```no_run
-//! use relight_format::{Limits, read_file};
-//!
-//! # fn main() -> Result<(), relight_format::FormatError> {
-//! let asset = read_file("hall.relight", &Limits::default())?;
-//! let positions: Vec<[f32; 3]> = asset.points.iter().flat_map(|level| level.positions.clone()).collect();
-//! if let Some(t) = &asset.transfer {
-//!     for (receiver, row) in t.row_offsets.windows(2).enumerate() {
-//!         for link in row[0] as usize..row[1] as usize {
-//!             println!("{:?} from sender {}: {:?}", positions[receiver], t.columns[link], t.vectors[link]);
-//!         }
-//!     }
-//! }
-//! # Ok(())
-//! # }
-//! ```
-//!
-//! What is quantised loses precision, within the bounds that [`codec`] states. A baker that corrects for the
-//! loss asks [`quantised_level`], [`quantised_links`], [`quantised_vector`], [`quantised_weights`], [`shortened_links`],
-//! [`quantised_light_tree`] and [`quantised_cuts`] what a reader will see.
 #![forbid(unsafe_code)]
 
 mod asset;
 pub mod codec;
 mod container;
 mod content;
+mod disk;
 mod error;
 mod file;
 pub mod layout;

@@ -12,7 +12,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::asset::{Asset, Provenance};
 use crate::container::{self, Header, Limits, SectionInfo};
-use crate::error::{FormatError, Location, Result, limit};
+use crate::error::{Location, Result, io, limit};
 use crate::layout::{Codec, ENTRY_BYTES, HEADER_BYTES, Kind, MAX_RECORD_BYTES};
 use crate::section;
 
@@ -75,13 +75,7 @@ impl OpenFile {
             let length = file.metadata()?.len();
             Ok((file, length))
         });
-        let (file, length) = opened.map_err(|source| FormatError::Io {
-            action: "open",
-            path: path.to_path_buf(),
-            section: "file".into(),
-            offset: 0,
-            source,
-        })?;
+        let (file, length) = opened.map_err(io("open", path, "file", 0))?;
         Ok(OpenFile {
             file,
             path: path.to_path_buf(),
@@ -101,13 +95,7 @@ impl Source for OpenFile {
             .seek(SeekFrom::Start(offset))
             // `take`: a file that grows meanwhile stays within what was asked for.
             .and_then(|_| (&mut self.file).take(count).read_to_end(&mut bytes))
-            .map_err(|source| FormatError::Io {
-                action: "read",
-                path: self.path.clone(),
-                section: section.into(),
-                offset,
-                source,
-            })?;
+            .map_err(io("read", &self.path, section, offset))?;
         Ok(Cow::Owned(bytes))
     }
 
@@ -121,7 +109,7 @@ fn contents(source: &mut impl Source, limits: &Limits) -> Result<(Header, Vec<Se
     let length = source.length();
     let header = container::parse_header(&source.bytes("header", 0, HEADER_BYTES)?, length, limits)?;
     // At most 256 entries, which end at the end of the file.
-    let table = source.bytes("table", header.table_offset, header.table_bytes)?;
+    let table = source.bytes("table", header.table_offset, header.table_bytes())?;
     let sections = container::parse_table(&table, &header, limits)?;
     Ok((header, sections))
 }

@@ -1,23 +1,29 @@
 //! Files of interim results: what a bake has finished of its work, kept so that it can go on after a stop.
 //!
 //! They are no assets: they hold plain columns of numbers, are read by the build of relight that wrote them and by no
-//! other, and may be deleted at any time. SPEC.md does not cover them. Layout, little-endian: magic, name of the stage
-//! (length byte and bytes), hash of the inputs (16 bytes), range (two u64), number of columns (u32), then per column
-//! its type (u8), length (u64) and numbers; at the end XXH3-64 of all that.
+//! other, and may be deleted at any time. SPEC.md does not cover them. Layout, little-endian: a record (as SPEC 7.9) of magic,
+//! name and number of columns (u32), then per column a record of its type (u8) and length (u64), and its numbers; at the
+//! end XXH3-64 of all that.
 
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::Path;
+
+use bincode::Encode;
 use xxhash_rust::xxh3::xxh3_64;
 
-const MAGIC: [u8; 8] = *b"RLUNIT\x01\n";
+use crate::codec::bytes::Cursor;
+use crate::codec::record;
+use crate::disk::{self, UNFINISHED};
+
+const MAGIC: [u8; 8] = *b"RLUNIT\x02\n";
 /// Bytes of the checksum at the end.
 const CHECKSUM: usize = 8;
 
 /// What a unit is of: the same name, and the same surroundings where its content depends on any, the same content.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Encode)]
 pub struct UnitName {
-    /// Stage of the bake; at most 255 bytes, of which file names are made.
+    /// Stage of the bake, of which file names are made.
     pub stage: String,
     /// Hash of all that the unit's numbers depend on, but for the range.
     pub inputs: u128,
@@ -68,18 +74,11 @@ pub enum UnitDamage {
 
 /// The bytes of a unit's file.
 pub fn write_unit(name: &UnitName, columns: &[Column]) -> Vec<u8> {
-    let mut out = MAGIC.to_vec();
-    let stage = &name.stage.as_bytes()[..name.stage.len().min(255)];
-    out.push(stage.len() as u8);
-    out.extend(stage);
-    out.extend(name.inputs.to_le_bytes());
-    out.extend(name.start.to_le_bytes());
-    out.extend(name.end.to_le_bytes());
-    out.extend((columns.len() as u32).to_le_bytes());
+    let mut out = head(name);
+    record::put(columns.len() as u32, &mut out);
     for column in columns {
         let (kind, count) = column.shape();
-        out.push(kind);
-        out.extend((count as u64).to_le_bytes());
+        record::put((kind, count as u64), &mut out);
         match column {
             Column::U8(v) => out.extend(v),
             Column::U32(v) => v.iter().for_each(|x| out.extend(x.to_le_bytes())),
@@ -89,6 +88,13 @@ pub fn write_unit(name: &UnitName, columns: &[Column]) -> Vec<u8> {
         }
     }
     out.extend(xxh3_64(&out).to_le_bytes());
+    out
+}
+
+/// What the file of a unit of this name begins with.
+fn head(name: &UnitName) -> Vec<u8> {
+    let mut out = Vec::new();
+    record::put((MAGIC, name), &mut out);
     out
 }
 
@@ -102,24 +108,22 @@ pub fn read_unit(bytes: &[u8], name: &UnitName) -> Result<Vec<Column>, UnitDamag
     if checksum != xxh3_64(body).to_le_bytes() {
         return Err(UnitDamage::Checksum);
     }
-    let head = write_unit(name, &[]);
-    // Less the number of columns and the checksum.
-    let head = &head[..head.len() - 4 - CHECKSUM];
-    let mut rest = body.strip_prefix(head).ok_or(UnitDamage::Other)?;
-    let count = u32::from_le_bytes(array(take(&mut rest, 4)?));
+    let rest = body.strip_prefix(&head(name)[..]).ok_or(UnitDamage::Other)?;
+    let mut memory = 0;
+    let mut cursor = Cursor::new("unit", rest, &mut memory);
+    let cut_short = |_| UnitDamage::Truncated;
+    let count: u32 = record::fixed(&mut cursor).map_err(cut_short)?;
     let mut columns = Vec::new();
     for _ in 0..count {
-        let kind = take(&mut rest, 1)?[0];
-        let length = u64::from_le_bytes(array(take(&mut rest, 8)?));
-        let size = [1u64, 4, 8, 4, 8];
-        let size = size.get(usize::from(kind)).ok_or(UnitDamage::Other)?;
-        let length = length.checked_mul(*size).ok_or(UnitDamage::Truncated)?;
-        let numbers = take(
-            &mut rest,
-            usize::try_from(length).map_err(|_| UnitDamage::Truncated)?,
-        )?;
-        let fours = || numbers.chunks_exact(4).map(array::<4>);
-        let eights = || numbers.chunks_exact(8).map(array::<8>);
+        let (kind, length): (u8, u64) = record::fixed(&mut cursor).map_err(cut_short)?;
+        let size = [1, 4, 8, 4, 8];
+        let size: usize = *size.get(usize::from(kind)).ok_or(UnitDamage::Other)?;
+        let length = usize::try_from(length).ok().and_then(|n| n.checked_mul(size));
+        let numbers = cursor
+            .take(length.ok_or(UnitDamage::Truncated)?)
+            .map_err(cut_short)?;
+        let fours = || numbers.as_chunks::<4>().0.iter().copied();
+        let eights = || numbers.as_chunks::<8>().0.iter().copied();
         columns.push(match kind {
             0 => Column::U8(numbers.to_vec()),
             1 => Column::U32(fours().map(u32::from_le_bytes).collect()),
@@ -128,11 +132,8 @@ pub fn read_unit(bytes: &[u8], name: &UnitName) -> Result<Vec<Column>, UnitDamag
             _ => Column::F64(eights().map(f64::from_le_bytes).collect()),
         });
     }
-    if rest.is_empty() {
-        Ok(columns)
-    } else {
-        Err(UnitDamage::Other)
-    }
+    cursor.finish().map_err(|_| UnitDamage::Other)?;
+    Ok(columns)
 }
 
 impl Column {
@@ -147,55 +148,20 @@ impl Column {
     }
 }
 
-fn take<'a>(rest: &mut &'a [u8], count: usize) -> Result<&'a [u8], UnitDamage> {
-    let (taken, left) = rest.split_at_checked(count).ok_or(UnitDamage::Truncated)?;
-    *rest = left;
-    Ok(taken)
-}
-
-/// `bytes` has `N` bytes wherever this is called.
-fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
-    let mut out = [0; N];
-    out.copy_from_slice(bytes);
-    out
-}
-
-/// Ending of files that are not finished.
-pub const PART: &str = ".part";
-
 /// Writes a file of a folder of units: beside its target, synced, renamed, and the folder synced, so that after a
 /// crash or a loss of power it is there whole or not at all. Any number of processes may write the same file.
 ///
 /// # Errors
 /// The system refuses; nothing is left of the attempt.
 pub fn write_durably(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    write_durably_with(path, bytes, |file, bytes| file.write_all(bytes))
+    write_durably_with(path, |file| file.write_all(bytes))
 }
 
 fn write_durably_with(
     path: &Path,
-    bytes: &[u8],
-    write: impl FnOnce(&mut File, &[u8]) -> std::io::Result<()>,
+    write: impl FnOnce(&mut File) -> std::io::Result<()>,
 ) -> std::io::Result<()> {
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix("unit-").suffix(PART);
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        // Whoever may work on the same plan may read it (less the umask).
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
-    let mut file = builder.tempfile_in(folder)?;
-    write(file.as_file_mut(), bytes)?;
-    file.as_file().sync_all()?;
-    file.persist(path).map_err(|error| error.error)?;
-    #[cfg(unix)]
-    File::open(folder)?.sync_all()?;
-    Ok(())
+    disk::replace(path, "unit-", write).map_err(|refused| refused.source)
 }
 
 /// Removes what killed writers left in a folder. Only for who is alone in it.
@@ -205,7 +171,11 @@ fn write_durably_with(
 pub fn sweep_parts(folder: &Path) -> std::io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
-        if path.as_os_str().as_encoded_bytes().ends_with(PART.as_bytes()) {
+        if path
+            .as_os_str()
+            .as_encoded_bytes()
+            .ends_with(UNFINISHED.as_bytes())
+        {
             // Another sweeper may have been faster.
             let _ = fs::remove_file(path);
         }
@@ -279,7 +249,7 @@ mod tests {
     #[test]
     fn forged_lengths_are_refused() {
         let bytes = write_unit(&name(), &columns());
-        let head = write_unit(&name(), &[]).len() - 4 - CHECKSUM;
+        let head = head(&name()).len();
         for at in head..bytes.len() - CHECKSUM {
             for value in [0x00, 0x7f, 0xff] {
                 let mut forged = bytes.clone();
@@ -303,11 +273,11 @@ mod tests {
         let bytes = write_unit(&name(), &columns());
         write_durably(&path, b"old").unwrap();
         for room in 0..bytes.len() {
-            let full = |file: &mut File, bytes: &[u8]| {
+            let full = |file: &mut File| {
                 file.write_all(&bytes[..room])?;
                 Err(std::io::Error::from(std::io::ErrorKind::StorageFull))
             };
-            let error = write_durably_with(&path, &bytes, full).unwrap_err();
+            let error = write_durably_with(&path, full).unwrap_err();
             assert_eq!(error.kind(), std::io::ErrorKind::StorageFull);
             assert_eq!(fs::read(&path).unwrap(), b"old");
             assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);

@@ -39,10 +39,7 @@ fn write_the_seeds() {
             write_seed("container", name, &file);
         }
         for section in sections_of(&file) {
-            let raw = match section.codec {
-                0 => section.stored,
-                _ => zstd::bulk::decompress(&section.stored, section.raw_bytes as usize).unwrap(),
-            };
+            let raw = section.raw();
             let kind = relight_format::layout::Kind::from_number(section.kind).unwrap();
             // Longer ones would only slow the fuzzer down.
             if raw.len() <= 4096 {

@@ -4,12 +4,11 @@
 mod common;
 
 use common::assets::wide_asset;
-use common::{Forged, forge, sections_of, small_asset};
+use common::{Forged, fixtures, forge, sections_of, small_asset};
 use relight_format::layout::Kind;
 use relight_format::*;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// The system's allocator, counted.
@@ -55,18 +54,6 @@ fn peak(act: impl FnOnce()) -> usize {
 
 /// Memory that limits do not count: a table of 256 entries, the words of an error, what a section's decoder keeps aside.
 const ASIDE: usize = 128 << 10;
-
-fn fixtures() -> Vec<(String, Vec<u8>)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
-    let mut all: Vec<(String, Vec<u8>)> = std::fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .filter(|path| path.is_file())
-        .map(|path| (path.display().to_string(), std::fs::read(path).unwrap()))
-        .collect();
-    all.sort();
-    all
-}
 
 fn limits(total_bytes: u64) -> Limits {
     Limits {
@@ -134,20 +121,14 @@ fn counts_that_the_file_does_not_justify_take_no_memory() {
     for asset in [small_asset(), wide_asset()] {
         let sections = sections_of(&write_asset(&asset).unwrap());
         for (i, section) in sections.iter().enumerate() {
-            let raw = match section.codec {
-                0 => section.stored.clone(),
-                _ => zstd::bulk::decompress(&section.stored, section.raw_bytes as usize).unwrap(),
-            };
+            let raw = section.raw();
             // Counts stand at the start or between arrays: all places of the first kilobyte.
             for at in 0..raw.len().saturating_sub(4).min(1024) {
                 for number in [u32::MAX, 1 << 30, 1 << 24] {
                     let mut changed = raw.clone();
                     changed[at..at + 4].copy_from_slice(&number.to_le_bytes());
                     let mut sections = sections.clone();
-                    sections[i] = Forged {
-                        flags: section.flags,
-                        ..Forged::new(section.kind, changed)
-                    };
+                    sections[i] = section.with_raw(changed);
                     let file = forge(&sections);
                     // In proportion to the file, although the limits would allow sixteen gibibytes.
                     let most = peak(|| drop(read_asset(&file, &Limits::default())));
@@ -259,47 +240,31 @@ fn parts_are_read_with_what_they_refer_to_and_without_the_rest() {
             read.abs_diff(56 + table + bytes) <= 4,
             "{kind:?}: {read} bytes read of {bytes}"
         );
-        let has = |kind| wanted.contains(&kind);
-        let expected = Asset {
-            provenance: whole.provenance.clone(),
-            geometry: if has(Kind::Geometry) {
-                whole.geometry.clone()
-            } else {
-                Geometry::default()
-            },
-            materials: if has(Kind::Materials) {
-                whole.materials.clone()
-            } else {
-                vec![]
-            },
-            textures: if has(Kind::Textures) {
-                whole.textures.clone()
-            } else {
-                vec![]
-            },
-            stage: if has(Kind::Stage) {
-                whole.stage.clone()
-            } else {
-                Stage::default()
-            },
-            points: if has(Kind::Points) {
-                whole.points.clone()
-            } else {
-                vec![]
-            },
-            separations: whole.separations.clone().filter(|_| has(Kind::Separations)),
-            senders: whole.senders.clone().filter(|_| has(Kind::Senders)),
-            transfer: whole.transfer.clone().filter(|_| has(Kind::LinksTransfer)),
-            bounce: whole.bounce.clone().filter(|_| has(Kind::LinksBounce)),
-            solution: whole.solution.clone().filter(|_| has(Kind::LinksSolution)),
-            estimates: whole.estimates.clone().filter(|_| has(Kind::Estimates)),
-            light_tree: whole.light_tree.clone().filter(|_| has(Kind::LightTree)),
-            cuts: whole.cuts.clone().filter(|_| has(Kind::Cuts)),
-            coding: Coding {
-                grey: whole.coding.grey && has(Kind::Points),
-                short_links: whole.coding.short_links && has(Kind::LinksTransfer),
-            },
-        };
+        let mut expected = whole.clone();
+        for left in Kind::ALL.into_iter().filter(|kind| !wanted.contains(kind)) {
+            match left {
+                Kind::Provenance => expected.provenance = Provenance::default(),
+                Kind::Geometry => expected.geometry = Geometry::default(),
+                Kind::Materials => expected.materials.clear(),
+                Kind::Textures => expected.textures.clear(),
+                Kind::Stage => expected.stage = Stage::default(),
+                Kind::Points => {
+                    expected.points.clear();
+                    expected.coding.grey = false;
+                }
+                Kind::LinksTransfer => {
+                    expected.transfer = None;
+                    expected.coding.short_links = false;
+                }
+                Kind::LinksBounce => expected.bounce = None,
+                Kind::LinksSolution => expected.solution = None,
+                Kind::Estimates => expected.estimates = None,
+                Kind::Senders => expected.senders = None,
+                Kind::LightTree => expected.light_tree = None,
+                Kind::Cuts => expected.cuts = None,
+                Kind::Separations => expected.separations = None,
+            }
+        }
         assert_eq!(asset, expected, "{kind:?}");
     }
 }

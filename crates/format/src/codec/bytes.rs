@@ -58,42 +58,12 @@ impl<'a> Cursor<'a> {
         Ok(taken)
     }
 
-    fn array<const N: usize>(&mut self) -> Result<[u8; N]> {
-        let mut array = [0; N];
-        array.copy_from_slice(self.take(N)?);
-        Ok(array)
-    }
-
     /// The next byte.
     ///
     /// # Errors
     /// None is left.
     pub fn u8(&mut self) -> Result<u8> {
-        Ok(self.array::<1>()?[0])
-    }
-
-    /// The next u32, little-endian.
-    ///
-    /// # Errors
-    /// Fewer than 4 bytes are left.
-    pub fn u32(&mut self) -> Result<u32> {
-        Ok(u32::from_le_bytes(self.array()?))
-    }
-
-    /// The next u64, little-endian.
-    ///
-    /// # Errors
-    /// Fewer than 8 bytes are left.
-    pub fn u64(&mut self) -> Result<u64> {
-        Ok(u64::from_le_bytes(self.array()?))
-    }
-
-    /// The next f32, little-endian.
-    ///
-    /// # Errors
-    /// Fewer than 4 bytes are left.
-    pub fn f32(&mut self) -> Result<f32> {
-        Ok(f32::from_bits(self.u32()?))
+        Ok(self.take(1)?[0])
     }
 
     /// The next unsigned LEB128 number of at most 32 bits (SPEC 7.1).
@@ -156,15 +126,15 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The next byte, which must be zero: reserved for later versions.
+    /// What `read` gives, with `bytes` of memory set aside meanwhile.
     ///
     /// # Errors
-    /// It is not zero, or none is left.
-    pub fn zero_u8(&mut self) -> Result<()> {
-        match self.u8()? {
-            0 => Ok(()),
-            found => Err(self.invalid("a reserved byte of 0", found)),
-        }
+    /// The limit is passed, or those of `read`.
+    pub fn lend<T>(&mut self, bytes: u64, read: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
+        self.charge(bytes)?;
+        let result = read(self);
+        *self.memory += bytes;
+        result
     }
 
     /// The number of planes that follow, 1 to 4.

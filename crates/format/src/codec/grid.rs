@@ -5,8 +5,10 @@
 //! extent, so a small scene and a wide one both keep the bound. Levels too wide for 24 bits, too far from the
 //! origin for f32 to resolve the step, or with non-finite numbers, are stored exactly.
 
+use bincode::{Decode, Encode};
+
 /// The grid of one level.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Encode, Decode)]
 pub struct Grid {
     /// Corner of the level's bounds, world space, metres.
     pub origin: [f32; 3],

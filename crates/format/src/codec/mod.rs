@@ -21,4 +21,5 @@ pub mod fraction;
 pub mod grid;
 pub mod octahedral;
 pub mod recency;
+pub(crate) mod record;
 pub mod vector;

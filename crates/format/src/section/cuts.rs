@@ -1,13 +1,27 @@
 //! Cuts of all sites: a byte per element, and codes that do not fit it (SPEC 6.13).
 
+use bincode::{Decode, Encode};
+
 use crate::asset::Cuts;
 use crate::codec::bytes::Cursor;
 use crate::codec::cut::{self, MAX_HEIGHT};
+use crate::codec::record::{self, Zeros};
 use crate::error::Result;
 
 /// Where cuts stand: at the points of the finest level, or, in files of earlier writers, at the vertices of meshes.
 const AT_POINTS: u8 = 0;
 const AT_VERTICES: u8 = 1;
+
+/// The fields between the kind of sites and the elements.
+#[derive(Encode, Decode)]
+struct Head {
+    height: u8,
+    zeros: Zeros<2>,
+    sigma: f32,
+    unit: f32,
+    rows: u32,
+    elements: u32,
+}
 
 /// Height of the tree whose leaves the first site's nodes tile.
 fn tree_height(cuts: &Cuts) -> u8 {
@@ -18,11 +32,15 @@ fn tree_height(cuts: &Cuts) -> u8 {
 
 pub fn encode(cuts: &Cuts, out: &mut Vec<u8>) {
     let height = tree_height(cuts);
-    out.extend_from_slice(&[AT_POINTS, height, 0, 0]);
-    out.extend_from_slice(&cuts.sigma.to_le_bytes());
-    out.extend_from_slice(&cuts.unit.to_le_bytes());
-    out.extend_from_slice(&(cuts.row_offsets.len() as u32 - 1).to_le_bytes());
-    out.extend_from_slice(&(cuts.heights.len() as u32).to_le_bytes());
+    let head = Head {
+        height,
+        zeros: Zeros,
+        sigma: cuts.sigma,
+        unit: cuts.unit,
+        rows: cuts.row_offsets.len() as u32 - 1,
+        elements: cuts.heights.len() as u32,
+    };
+    record::put((AT_POINTS, head), out);
     cut::put_elements(&cuts.heights, &cuts.values, height, cuts.sigma, out);
 }
 
@@ -34,17 +52,19 @@ pub fn decode(cursor: &mut Cursor<'_>) -> Result<Cuts> {
         }
         kind => return Err(cursor.invalid("sites of kind 0", kind)),
     }
-    let height = cursor.u8()?;
+    let Head {
+        height,
+        sigma,
+        unit,
+        rows,
+        elements,
+        ..
+    } = record::fixed(cursor)?;
     if height > MAX_HEIGHT {
         return Err(cursor.invalid(format_args!("a tree of height up to {MAX_HEIGHT}"), height));
     }
-    cursor.zero_u8()?;
-    cursor.zero_u8()?;
-    let sigma = cursor.f32()?;
-    let unit = cursor.f32()?;
-    let rows = cursor.u32()? as usize;
-    let count = cursor.u32()? as usize;
-    let (row_offsets, heights, values) = cut::elements(cursor, rows, count, height, sigma)?;
+    let (rows, elements) = (rows as usize, elements as usize);
+    let (row_offsets, heights, values) = cut::elements(cursor, rows, elements, height, sigma)?;
     Ok(Cuts {
         sigma,
         unit,

@@ -1,9 +1,12 @@
 //! Meshes and instances (SPEC 6.2). Positions, texture coordinates and colours keep their bits; normals and
 //! tangents become octahedral; indices become distances below the highest index seen so far.
 
-use crate::asset::{Geometry, Instance, Mesh};
+use bincode::{Decode, Encode};
+
+use crate::asset::{Geometry, Mesh};
 use crate::codec::bytes::{Cursor, Planes, put_planes, put_varint, unzigzag, zigzag};
 use crate::codec::octahedral;
+use crate::codec::record::{self, Zeros};
 use crate::error::Result;
 use crate::layout::MAX_UV_SETS;
 
@@ -21,22 +24,38 @@ const FLOATS_DELTA_PLANES: u8 = 1;
 /// zstd level of the trial that chooses between the two: it ranks them as level 9 does, at a tenth of the time.
 const TRIAL_LEVEL: i32 = 1;
 
+/// A mesh's fixed fields.
+#[derive(Encode, Decode)]
+struct MeshHead {
+    vertices: u32,
+    triangles: u32,
+    material: u32,
+    flags: u8,
+    uv_sets: u8,
+    zeros: Zeros<2>,
+}
+
 /// Bytes of a mesh's fixed fields.
 const MESH_BYTES: usize = 16;
 /// Bytes of an instance.
 const INSTANCE_BYTES: usize = 52;
 
 pub fn encode(geometry: &Geometry, out: &mut Vec<u8>) {
-    out.extend_from_slice(&(geometry.meshes.len() as u32).to_le_bytes());
+    record::put(geometry.meshes.len() as u32, out);
     for mesh in &geometry.meshes {
-        out.extend_from_slice(&(mesh.positions.len() as u32).to_le_bytes());
-        out.extend_from_slice(&(mesh.triangles.len() as u32).to_le_bytes());
-        out.extend_from_slice(&mesh.material.to_le_bytes());
         let flag = |present: bool, flag: u8| if present { flag } else { 0 };
         let flags = flag(mesh.normals.is_some(), FLAG_NORMALS)
             | flag(mesh.colors.is_some(), FLAG_COLORS)
             | flag(mesh.tangents.is_some(), FLAG_TANGENTS);
-        out.extend_from_slice(&[flags, mesh.uvs.len() as u8, 0, 0]);
+        let head = MeshHead {
+            vertices: mesh.positions.len() as u32,
+            triangles: mesh.triangles.len() as u32,
+            material: mesh.material,
+            flags,
+            uv_sets: mesh.uvs.len() as u8,
+            zeros: Zeros,
+        };
+        record::put(head, out);
         put_floats(&mesh.positions, out);
         if let Some(normals) = &mesh.normals {
             put_normals(normals.iter().copied(), out);
@@ -53,33 +72,25 @@ pub fn encode(geometry: &Geometry, out: &mut Vec<u8>) {
         }
         put_triangles(&mesh.triangles, out);
     }
-    out.extend_from_slice(&(geometry.instances.len() as u32).to_le_bytes());
+    record::put(geometry.instances.len() as u32, out);
     for instance in &geometry.instances {
-        out.extend_from_slice(&instance.mesh.to_le_bytes());
-        instance
-            .world_from_mesh
-            .iter()
-            .for_each(|m| out.extend_from_slice(&m.to_le_bytes()));
+        record::put(instance, out);
     }
 }
 
 pub fn decode(cursor: &mut Cursor<'_>) -> Result<Geometry> {
-    let mesh_count = cursor.u32()? as usize;
+    let mesh_count = record::fixed::<u32>(cursor)? as usize;
     let mut meshes = cursor.vec(mesh_count, MESH_BYTES)?;
     for _ in 0..mesh_count {
-        let vertices = cursor.u32()? as usize;
-        let triangle_count = cursor.u32()? as usize;
-        let material = cursor.u32()?;
-        let flags = cursor.u8()?;
+        let head: MeshHead = record::fixed(cursor)?;
+        let (vertices, triangle_count) = (head.vertices as usize, head.triangles as usize);
+        let (flags, uv_sets) = (head.flags, usize::from(head.uv_sets));
         if flags > FLAG_NORMALS | FLAG_COLORS | FLAG_TANGENTS {
             return Err(cursor.invalid("mesh flags of 0 to 7", flags));
         }
-        let uv_sets = usize::from(cursor.u8()?);
         if uv_sets > MAX_UV_SETS {
             return Err(cursor.invalid(format_args!("at most {MAX_UV_SETS} sets of coordinates"), uv_sets));
         }
-        cursor.zero_u8()?;
-        cursor.zero_u8()?;
         let positions = floats(cursor, vertices)?;
         let normals = if flags & FLAG_NORMALS != 0 {
             Some(decode_normals(cursor, vertices)?)
@@ -108,21 +119,13 @@ pub fn decode(cursor: &mut Cursor<'_>) -> Result<Geometry> {
             colors,
             tangents,
             triangles,
-            material,
+            material: head.material,
         });
     }
-    let instance_count = cursor.u32()? as usize;
+    let instance_count = record::fixed::<u32>(cursor)? as usize;
     let mut instances = cursor.vec(instance_count, INSTANCE_BYTES)?;
     for _ in 0..instance_count {
-        let mesh = cursor.u32()?;
-        let mut world_from_mesh = [0.0; 12];
-        for m in &mut world_from_mesh {
-            *m = cursor.f32()?;
-        }
-        instances.push(Instance {
-            mesh,
-            world_from_mesh,
-        });
+        instances.push(record::fixed(cursor)?);
     }
     Ok(Geometry { meshes, instances })
 }
@@ -159,8 +162,8 @@ fn floats<const N: usize>(cursor: &mut Cursor<'_>, count: usize) -> Result<Vec<[
     values.resize(count, [0.0; N]);
     match mode {
         FLOATS_PLAIN => {
-            for component in values.iter_mut().flatten() {
-                *component = cursor.f32()?;
+            for value in &mut values {
+                *value = record::fixed(cursor)?;
             }
         }
         FLOATS_DELTA_PLANES => {

@@ -3,6 +3,7 @@
 use crate::asset::{LightSamples, LightTree};
 use crate::codec::bytes::{Cursor, put_varint, unzigzag, zigzag};
 use crate::codec::cut::MAX_HEIGHT;
+use crate::codec::record::{self, Zeros};
 use crate::error::Result;
 use crate::section::points::{
     decode_normals, decode_positions, encode_normals, encode_positions, quantised_normals,
@@ -24,7 +25,7 @@ pub fn encode(tree: &LightTree, out: &mut Vec<u8>) {
     let height = tree.lights.len().max(1).ilog2() as u8;
     match &tree.lights {
         LightSamples::Environment { order } => {
-            out.extend_from_slice(&[ENVIRONMENT, height, 0, 0]);
+            record::put((ENVIRONMENT, height, Zeros::<2>), out);
             let mut previous = 0u32;
             for &index in order {
                 put_varint(out, zigzag(index.wrapping_sub(previous)));
@@ -36,8 +37,7 @@ pub fn encode(tree: &LightTree, out: &mut Vec<u8>) {
             positions,
             normals,
         } => {
-            out.extend_from_slice(&[SURFACE, height, 0, 0]);
-            out.extend_from_slice(&area.to_le_bytes());
+            record::put((SURFACE, height, Zeros::<2>, area), out);
             encode_positions(area.sqrt(), positions, out);
             encode_normals(normals, out);
         }
@@ -45,25 +45,22 @@ pub fn encode(tree: &LightTree, out: &mut Vec<u8>) {
 }
 
 pub fn decode(cursor: &mut Cursor<'_>) -> Result<LightTree> {
-    let mode = cursor.u8()?;
-    let height = cursor.u8()?;
+    let (kind, height, _): (u8, u8, Zeros<2>) = record::fixed(cursor)?;
     if !(MIN_HEIGHT..=MAX_HEIGHT).contains(&height) {
         let expected = format_args!("a tree of height {MIN_HEIGHT} to {MAX_HEIGHT}");
         return Err(cursor.invalid(expected, height));
     }
-    cursor.zero_u8()?;
-    cursor.zero_u8()?;
     let count = 1usize << height;
-    let lights = match mode {
+    let lights = match kind {
         ENVIRONMENT => LightSamples::Environment {
             order: decode_order(cursor, count)?,
         },
         SURFACE => LightSamples::Surface {
-            area: cursor.f32()?,
+            area: record::fixed(cursor)?,
             positions: decode_positions(cursor, count)?,
             normals: decode_normals(cursor, count)?,
         },
-        _ => return Err(cursor.invalid("lights of kind 0 or 1", mode)),
+        _ => return Err(cursor.invalid("lights of kind 0 or 1", kind)),
     };
     Ok(LightTree { lights })
 }

@@ -3,6 +3,7 @@
 
 use crate::asset::Links;
 use crate::codec::bytes::Cursor;
+use crate::codec::record;
 use crate::codec::vector::{self, Code, Mantissa};
 use crate::error::Result;
 use crate::section::rows;
@@ -11,9 +12,7 @@ use crate::section::rows;
 pub fn encode(links: &Links, short: bool, out: &mut Vec<u8>) {
     let count = links.columns.len();
     out.reserve(12 + links.row_offsets.len() + 8 * count);
-    for number in [links.receivers, links.senders, count as u32] {
-        out.extend_from_slice(&number.to_le_bytes());
-    }
+    record::put((links.receivers, links.senders, count as u32), out);
     rows::encode(&links.row_offsets, &links.columns, out);
     // Planes: exponents, signs, high bits of the mantissas if they have any, and their low bytes for x, y and z. Signs and
     // high bits of the three components are modelled together: they know of each other.
@@ -44,9 +43,8 @@ pub fn encode(links: &Links, short: bool, out: &mut Vec<u8>) {
 
 /// Inverse of [`encode`].
 pub fn decode(cursor: &mut Cursor<'_>, short: bool) -> Result<Links> {
-    let receivers = cursor.u32()?;
-    let senders = cursor.u32()?;
-    let count = cursor.u32()? as usize;
+    let (receivers, senders, count): (u32, u32, u32) = record::fixed(cursor)?;
+    let count = count as usize;
     let (row_offsets, columns) = rows::decode(cursor, receivers as usize, count, senders)?;
     let mut vectors = cursor.vec(count, 5)?;
     let mut plane = |stored: bool| cursor.take(if stored { count } else { 0 });

@@ -33,23 +33,27 @@ pub fn version(kind: Kind, asset: &Asset) -> u16 {
 /// # Errors
 /// `LimitExceeded` when small records take more than the format allows.
 pub fn encode(kind: Kind, asset: &Asset) -> Result<Option<Vec<u8>>> {
-    let mut out = Vec::new();
+    fn some<T>(part: &Option<T>, encode: impl FnOnce(&T)) -> bool {
+        part.as_ref().map(encode).is_some()
+    }
+    let mut all = Vec::new();
+    let out = &mut all;
     let needed = match kind {
         Kind::Provenance => {
-            records::encode(kind, &asset.provenance, &mut out)?;
+            records::encode(kind, &asset.provenance, out)?;
             true
         }
         Kind::Geometry => {
             let geometry = &asset.geometry;
-            geometry::encode(geometry, &mut out);
+            geometry::encode(geometry, out);
             !(geometry.meshes.is_empty() && geometry.instances.is_empty())
         }
         Kind::Materials => {
-            records::encode(kind, &asset.materials, &mut out)?;
+            records::encode(kind, &asset.materials, out)?;
             !asset.materials.is_empty()
         }
         Kind::Textures => {
-            textures::encode(&asset.textures, &mut out);
+            textures::encode(&asset.textures, out);
             !asset.textures.is_empty()
         }
         Kind::Stage => {
@@ -57,53 +61,29 @@ pub fn encode(kind: Kind, asset: &Asset) -> Result<Option<Vec<u8>>> {
             !asset.stage.json.is_empty()
         }
         Kind::Points => {
-            points::encode(&asset.points, asset.coding.grey, &mut out);
+            points::encode(&asset.points, asset.coding.grey, out);
             !asset.points.is_empty()
         }
-        Kind::LinksTransfer => asset
-            .transfer
-            .as_ref()
-            .map(|links| links::encode(links, asset.coding.short_links, &mut out))
-            .is_some(),
-        Kind::LinksBounce => asset
-            .bounce
-            .as_ref()
-            .map(|bounce| weights::encode_bounce(bounce, &mut out))
-            .is_some(),
-        Kind::LinksSolution => asset
-            .solution
-            .as_ref()
-            .map(|solution| weights::encode_solution(solution, &mut out))
-            .is_some(),
+        Kind::LinksTransfer => some(&asset.transfer, |links| {
+            links::encode(links, asset.coding.short_links, out)
+        }),
+        Kind::LinksBounce => some(&asset.bounce, |bounce| weights::encode_bounce(bounce, out)),
+        Kind::LinksSolution => some(&asset.solution, |solution| {
+            weights::encode_solution(solution, out)
+        }),
         Kind::Estimates => match &asset.estimates {
             Some(estimates) => {
-                records::encode(kind, estimates, &mut out)?;
+                records::encode(kind, estimates, out)?;
                 true
             }
             None => false,
         },
-        Kind::Senders => asset
-            .senders
-            .as_ref()
-            .map(|senders| senders::encode(senders, &mut out))
-            .is_some(),
-        Kind::LightTree => asset
-            .light_tree
-            .as_ref()
-            .map(|tree| light_tree::encode(tree, &mut out))
-            .is_some(),
-        Kind::Cuts => asset
-            .cuts
-            .as_ref()
-            .map(|cuts| cuts::encode(cuts, &mut out))
-            .is_some(),
-        Kind::Separations => asset
-            .separations
-            .as_ref()
-            .map(|separations| separations::encode(separations, &mut out))
-            .is_some(),
+        Kind::Senders => some(&asset.senders, |senders| senders::encode(senders, out)),
+        Kind::LightTree => some(&asset.light_tree, |tree| light_tree::encode(tree, out)),
+        Kind::Cuts => some(&asset.cuts, |cuts| cuts::encode(cuts, out)),
+        Kind::Separations => some(&asset.separations, |s| separations::encode(s, out)),
     };
-    Ok(needed.then_some(out))
+    Ok(needed.then_some(all))
 }
 
 /// Decodes the raw bytes of a section, in a known version of its layout, into the asset. `memory` is what decoded arrays may still take.

@@ -3,7 +3,7 @@
 use crate::asset::Level;
 use crate::codec::bytes::{Cursor, Planes, put_planes, unzigzag, width_of, zigzag};
 use crate::codec::grid::Grid;
-use crate::codec::{albedo, octahedral};
+use crate::codec::{albedo, octahedral, record};
 use crate::error::Result;
 
 /// Bits of each component of a point's octahedral normal.
@@ -21,11 +21,10 @@ const MIN_PLACE_BYTES: usize = 6;
 
 /// `grey`: one channel of albedo stands for all three (layout version 2).
 pub fn encode(levels: &[Level], grey: bool, out: &mut Vec<u8>) {
-    out.extend_from_slice(&(levels.len() as u32).to_le_bytes());
+    record::put(levels.len() as u32, out);
     for level in levels {
-        out.extend_from_slice(&level.disk_radius.to_le_bytes());
-        out.extend_from_slice(&level.support_radius.to_le_bytes());
-        out.extend_from_slice(&(level.positions.len() as u32).to_le_bytes());
+        let points = level.positions.len() as u32;
+        record::put((level.disk_radius, level.support_radius, points), out);
         encode_positions(level.disk_radius, &level.positions, out);
         encode_normals(&level.normals, out);
         encode_albedo(&level.albedo, channels(grey), out);
@@ -34,12 +33,11 @@ pub fn encode(levels: &[Level], grey: bool, out: &mut Vec<u8>) {
 
 /// Inverse of [`encode`].
 pub fn decode(cursor: &mut Cursor<'_>, grey: bool) -> Result<Vec<Level>> {
-    let count = cursor.u32()? as usize;
+    let count = record::fixed::<u32>(cursor)? as usize;
     let mut levels = cursor.vec(count, MIN_LEVEL_BYTES)?;
     for _ in 0..count {
-        let disk_radius = cursor.f32()?;
-        let support_radius = cursor.f32()?;
-        let points = cursor.u32()? as usize;
+        let (disk_radius, support_radius, points): (f32, f32, u32) = record::fixed(cursor)?;
+        let points = points as usize;
         let positions = decode_positions(cursor, points)?;
         let normals = decode_normals(cursor, points)?;
         let albedo = decode_albedo(cursor, channels(grey), points)?;
@@ -93,10 +91,7 @@ pub(super) fn encode_positions(radius: f32, positions: &[[f32; 3]], out: &mut Ve
         (MODE_GRID, axes)
     };
     out.push(mode);
-    grid.origin
-        .iter()
-        .for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
-    out.extend_from_slice(&grid.step.to_le_bytes());
+    record::put(grid, out);
     for axis in &axes {
         let width = width_of(axis.iter().copied().max().unwrap_or(0));
         out.push(width as u8);
@@ -123,10 +118,7 @@ pub(super) fn decode_positions(cursor: &mut Cursor<'_>, points: usize) -> Result
     if mode > MODE_GRID_DELTA {
         return Err(cursor.invalid("a position mode of 0 to 2", mode));
     }
-    let grid = Grid {
-        origin: [cursor.f32()?, cursor.f32()?, cursor.f32()?],
-        step: cursor.f32()?,
-    };
+    let grid: Grid = record::fixed(cursor)?;
     // Of no points nothing would show it later.
     if !(grid.origin.iter().all(|c| c.is_finite()) && grid.step.is_finite()) {
         return Err(cursor.invalid("a finite grid", format_args!("{grid:?}")));

@@ -1,33 +1,19 @@
-//! Sections of small records (SPEC 6.1, 6.3, 6.10, 7.9): fields in order, lists and strings behind their lengths.
+//! Sections of small records (SPEC 6.1, 6.3, 6.10): provenance, materials, estimates.
 
-use crate::asset::{AlphaMode, Estimates, LeftOut, Material, Provenance, TextureRef};
+use bincode::{Decode, Encode};
+
 use crate::codec::bytes::Cursor;
+use crate::codec::record;
 use crate::error::{Location, Result, limit};
 use crate::layout::{Kind, MAX_RECORD_BYTES};
-use crate::section::textures::text;
-
-/// One record, or a part of one.
-pub trait Record: Sized {
-    /// Fewest bytes that one takes: counts are checked against it before anything is allocated.
-    const LEAST_BYTES: usize;
-
-    /// Appends the record's bytes.
-    fn put(&self, out: &mut Vec<u8>);
-
-    /// Reads one.
-    ///
-    /// # Errors
-    /// The bytes are no such record, or memory does not suffice.
-    fn take(cursor: &mut Cursor<'_>) -> Result<Self>;
-}
 
 /// Appends the records' bytes.
 ///
 /// # Errors
 /// `LimitExceeded` when they take more than [`MAX_RECORD_BYTES`].
-pub fn encode<T: Record>(kind: Kind, records: &T, out: &mut Vec<u8>) -> Result<()> {
+pub fn encode(kind: Kind, records: &impl Encode, out: &mut Vec<u8>) -> Result<()> {
     let start = out.len();
-    records.put(out);
+    record::put(records, out);
     let bytes = out.len() - start;
     if bytes > MAX_RECORD_BYTES {
         let expected = format_args!("at most {MAX_RECORD_BYTES} bytes");
@@ -40,228 +26,17 @@ pub fn encode<T: Record>(kind: Kind, records: &T, out: &mut Vec<u8>) -> Result<(
 ///
 /// # Errors
 /// `Invalid` when the bytes are no such records; `LimitExceeded` when memory does not suffice.
-pub fn decode<T: Record>(cursor: &mut Cursor<'_>) -> Result<T> {
-    if cursor.remaining() > MAX_RECORD_BYTES {
-        let found = cursor.remaining();
-        return Err(cursor.invalid(format_args!("at most {MAX_RECORD_BYTES} bytes of records"), found));
-    }
-    T::take(cursor)
-}
-
-/// A number in little-endian bytes.
-macro_rules! number {
-    ($type:ty, $bytes:literal, $read:expr) => {
-        impl Record for $type {
-            const LEAST_BYTES: usize = $bytes;
-
-            fn put(&self, out: &mut Vec<u8>) {
-                out.extend_from_slice(&self.to_le_bytes());
-            }
-
-            fn take(cursor: &mut Cursor<'_>) -> Result<Self> {
-                $read(cursor)
-            }
-        }
-    };
-}
-
-number!(u8, 1, Cursor::u8);
-number!(u32, 4, Cursor::u32);
-number!(u64, 8, Cursor::u64);
-number!(f32, 4, Cursor::f32);
-number!(f64, 8, |cursor: &mut Cursor<'_>| cursor.u64().map(f64::from_bits));
-
-impl Record for bool {
-    const LEAST_BYTES: usize = 1;
-
-    fn put(&self, out: &mut Vec<u8>) {
-        out.push((*self).into());
-    }
-
-    fn take(cursor: &mut Cursor<'_>) -> Result<Self> {
-        match cursor.u8()? {
-            0 => Ok(false),
-            1 => Ok(true),
-            found => Err(cursor.invalid("a bool of 0 or 1", found)),
-        }
-    }
-}
-
-/// A length beyond the address space is also beyond the section.
-fn length(cursor: &mut Cursor<'_>) -> Result<usize> {
-    Ok(usize::try_from(cursor.u64()?).unwrap_or(usize::MAX))
-}
-
-impl Record for String {
-    const LEAST_BYTES: usize = 8;
-
-    fn put(&self, out: &mut Vec<u8>) {
-        (self.len() as u64).put(out);
-        out.extend_from_slice(self.as_bytes());
-    }
-
-    fn take(cursor: &mut Cursor<'_>) -> Result<Self> {
-        let length = length(cursor)?;
-        text(cursor, length)
-    }
-}
-
-impl<T: Record> Record for Vec<T> {
-    const LEAST_BYTES: usize = 8;
-
-    fn put(&self, out: &mut Vec<u8>) {
-        (self.len() as u64).put(out);
-        self.iter().for_each(|item| item.put(out));
-    }
-
-    fn take(cursor: &mut Cursor<'_>) -> Result<Self> {
-        let count = length(cursor)?;
-        let mut items = cursor.vec(count, T::LEAST_BYTES)?;
-        for _ in 0..count {
-            items.push(T::take(cursor)?);
-        }
-        Ok(items)
-    }
-}
-
-impl<T: Record> Record for Option<T> {
-    const LEAST_BYTES: usize = 1;
-
-    fn put(&self, out: &mut Vec<u8>) {
-        self.is_some().put(out);
-        self.iter().for_each(|item| item.put(out));
-    }
-
-    fn take(cursor: &mut Cursor<'_>) -> Result<Self> {
-        Ok(if bool::take(cursor)? {
-            Some(T::take(cursor)?)
-        } else {
-            None
-        })
-    }
-}
-
-impl<A: Record, B: Record> Record for (A, B) {
-    const LEAST_BYTES: usize = A::LEAST_BYTES + B::LEAST_BYTES;
-
-    fn put(&self, out: &mut Vec<u8>) {
-        self.0.put(out);
-        self.1.put(out);
-    }
-
-    fn take(cursor: &mut Cursor<'_>) -> Result<Self> {
-        Ok((A::take(cursor)?, B::take(cursor)?))
-    }
-}
-
-impl<const N: usize> Record for [f32; N] {
-    const LEAST_BYTES: usize = 4 * N;
-
-    fn put(&self, out: &mut Vec<u8>) {
-        self.iter().for_each(|number| number.put(out));
-    }
-
-    fn take(cursor: &mut Cursor<'_>) -> Result<Self> {
-        let mut numbers = [0.0; N];
-        for number in &mut numbers {
-            *number = cursor.f32()?;
-        }
-        Ok(numbers)
-    }
-}
-
-/// A structure of records: its fields in the order in which they are listed, which is the file's.
-macro_rules! record {
-    ($type:ident { $($field:ident: $kind:ty),* $(,)? }) => {
-        impl Record for $type {
-            const LEAST_BYTES: usize = 0 $(+ <$kind>::LEAST_BYTES)*;
-
-            fn put(&self, out: &mut Vec<u8>) {
-                $(self.$field.put(out);)*
-            }
-
-            fn take(cursor: &mut Cursor<'_>) -> Result<Self> {
-                Ok($type { $($field: Record::take(cursor)?),* })
-            }
-        }
-    };
-}
-
-record!(Provenance {
-    tool_version: String,
-    settings: Vec<(String, String)>,
-    source_hash: u64,
-    seed: u64,
-    lambert: bool,
-    left_out: Vec<LeftOut>,
-    counts: Vec<(String, u64)>,
-    notes: Vec<String>,
-});
-
-record!(LeftOut {
-    what: String,
-    why: String,
-    saved_bytes: u64,
-});
-
-record!(Material {
-    name: String,
-    base_color: [f32; 4],
-    metallic: f32,
-    roughness: f32,
-    emissive: [f32; 3],
-    alpha_mode: AlphaMode,
-    double_sided: bool,
-    unlit: bool,
-    normal_scale: f32,
-    base_color_texture: Option<TextureRef>,
-    metallic_roughness_texture: Option<TextureRef>,
-    normal_texture: Option<TextureRef>,
-    emissive_texture: Option<TextureRef>,
-});
-
-record!(TextureRef {
-    texture: u32,
-    uv_set: u8,
-    transform: [f32; 6],
-});
-
-record!(Estimates {
-    values: Vec<(String, f64)>,
-});
-
-/// Variants of [`AlphaMode`] in the file.
-const OPAQUE: u32 = 0;
-const MASK: u32 = 1;
-const BLEND: u32 = 2;
-
-impl Record for AlphaMode {
-    const LEAST_BYTES: usize = 4;
-
-    fn put(&self, out: &mut Vec<u8>) {
-        match self {
-            AlphaMode::Opaque => OPAQUE.put(out),
-            AlphaMode::Mask(cutoff) => (MASK, *cutoff).put(out),
-            AlphaMode::Blend => BLEND.put(out),
-        }
-    }
-
-    fn take(cursor: &mut Cursor<'_>) -> Result<Self> {
-        match cursor.u32()? {
-            OPAQUE => Ok(AlphaMode::Opaque),
-            MASK => Ok(AlphaMode::Mask(cursor.f32()?)),
-            BLEND => Ok(AlphaMode::Blend),
-            found => Err(cursor.invalid("an alpha mode of 0 to 2", found)),
-        }
-    }
+pub fn decode<T: Decode<()>>(cursor: &mut Cursor<'_>) -> Result<T> {
+    record::lists(cursor)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::asset::{AlphaMode, LeftOut, Material, Provenance, TextureRef};
     use proptest::prelude::*;
 
-    fn read<T: Record>(bytes: &[u8]) -> Result<T> {
+    fn read<T: Decode<()>>(bytes: &[u8]) -> Result<T> {
         let mut memory = 1 << 24;
         let mut cursor = Cursor::new("test", bytes, &mut memory);
         let record = decode(&mut cursor)?;
@@ -313,6 +88,36 @@ mod tests {
             encode(Kind::Materials, &materials, &mut bytes).unwrap();
             prop_assert_eq!(read::<Vec<Material>>(&bytes).unwrap(), materials);
         }
+    }
+
+    #[test]
+    fn a_materials_bytes_are_those_of_the_specification() {
+        let material = Material {
+            name: "Ä".into(),
+            unlit: true,
+            emissive_texture: Some(TextureRef {
+                texture: 7,
+                uv_set: 1,
+                transform: TextureRef::IDENTITY,
+            }),
+            ..Material::default()
+        };
+        let mut bytes = Vec::new();
+        record::put(&material, &mut bytes);
+        let (one, zero) = ([0, 0, 0x80, 0x3f], [0; 4]);
+        let mut expected = vec![2, 0, 0, 0, 0, 0, 0, 0, 0xc3, 0x84];
+        // Base colour, metallic, roughness; emission; opaque.
+        expected.extend([[one; 6].concat(), [zero; 3].concat(), vec![0; 4]].concat());
+        // Double-sided, unlit; scale of normals; three textures that are not there.
+        expected.extend([&[0, 1][..], &one, &[0, 0, 0]].concat());
+        expected.extend(
+            [
+                &[1, 7, 0, 0, 0, 1][..],
+                &[one, zero, zero, zero, one, zero].concat(),
+            ]
+            .concat(),
+        );
+        assert_eq!(bytes, expected);
     }
 
     #[test]

@@ -2,15 +2,13 @@
 
 use crate::asset::Senders;
 use crate::codec::bytes::Cursor;
-use crate::codec::recency;
+use crate::codec::{recency, record};
 use crate::error::Result;
 
 pub fn encode(senders: &Senders, out: &mut Vec<u8>) {
-    out.extend_from_slice(&(senders.leaf_of_point.len() as u32).to_le_bytes());
-    out.extend_from_slice(&(senders.counts.len() as u32).to_le_bytes());
-    for count in &senders.counts {
-        out.extend_from_slice(&count.to_le_bytes());
-    }
+    let (points, levels) = (senders.leaf_of_point.len(), senders.counts.len());
+    record::put((points as u32, levels as u32), out);
+    senders.counts.iter().for_each(|count| record::put(count, out));
     recency::encode(&senders.leaf_of_point, out);
     out.extend_from_slice(&senders.importance);
     senders
@@ -20,11 +18,11 @@ pub fn encode(senders: &Senders, out: &mut Vec<u8>) {
 }
 
 pub fn decode(cursor: &mut Cursor<'_>) -> Result<Senders> {
-    let points = cursor.u32()? as usize;
-    let levels = cursor.u32()? as usize;
+    let (points, levels): (u32, u32) = record::fixed(cursor)?;
+    let (points, levels) = (points as usize, levels as usize);
     let mut counts = cursor.vec(levels, 4)?;
     for _ in 0..levels {
-        counts.push(cursor.u32()?);
+        counts.push(record::fixed::<u32>(cursor)?);
     }
     let Some(&leaves) = counts.last() else {
         return Err(cursor.invalid("at least 1 sender level", 0));

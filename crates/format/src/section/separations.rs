@@ -2,6 +2,7 @@
 
 use crate::asset::Separations;
 use crate::codec::bytes::{Cursor, Planes, put_planes, width_of};
+use crate::codec::record;
 use crate::error::Result;
 
 /// Fewest raw bytes of a pair.
@@ -9,8 +10,8 @@ const MIN_PAIR_BYTES: usize = 2;
 
 pub fn encode(separations: &Separations, out: &mut Vec<u8>) {
     let column = |i: usize| separations.pairs.iter().map(|pair| pair[i]).collect::<Vec<u32>>();
-    out.extend_from_slice(&(separations.pairs.len() as u32).to_le_bytes());
-    out.extend_from_slice(&(separations.near.len() as u32).to_le_bytes());
+    let (pairs, near) = (separations.pairs.len(), separations.near.len());
+    record::put((pairs as u32, near as u32), out);
     for numbers in [steps(&column(0)), column(1), steps(&separations.near)] {
         let width = width_of(numbers.iter().copied().max().unwrap_or(0));
         out.push(width as u8);
@@ -19,7 +20,8 @@ pub fn encode(separations: &Separations, out: &mut Vec<u8>) {
 }
 
 pub fn decode(cursor: &mut Cursor<'_>) -> Result<Separations> {
-    let (pairs, near) = (cursor.u32()? as usize, cursor.u32()? as usize);
+    let (pairs, near): (u32, u32) = record::fixed(cursor)?;
+    let (pairs, near) = (pairs as usize, near as usize);
     let mut separations = Separations {
         pairs: cursor.vec(pairs, MIN_PAIR_BYTES)?,
         near: Vec::new(),

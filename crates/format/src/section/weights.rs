@@ -2,7 +2,7 @@
 
 use crate::asset::{BounceLinks, Solution, WeightRows};
 use crate::codec::bytes::{Cursor, Planes, put_planes};
-use crate::codec::fraction;
+use crate::codec::{fraction, record};
 use crate::error::Result;
 use crate::section::rows;
 
@@ -17,27 +17,25 @@ fn row_weights(matrix: &WeightRows) -> impl Iterator<Item = &[f32]> {
 }
 
 pub fn encode_bounce(bounce: &BounceLinks, out: &mut Vec<u8>) {
-    out.extend_from_slice(&bounce.level.to_le_bytes());
+    record::put(bounce.level, out);
     encode(&bounce.matrix, out);
 }
 
 pub fn decode_bounce(cursor: &mut Cursor<'_>) -> Result<BounceLinks> {
     Ok(BounceLinks {
-        level: cursor.u32()?,
+        level: record::fixed(cursor)?,
         matrix: decode(cursor)?,
     })
 }
 
 pub fn encode_solution(solution: &Solution, out: &mut Vec<u8>) {
-    out.extend_from_slice(&solution.level.to_le_bytes());
-    out.extend_from_slice(&(solution.channels.len() as u32).to_le_bytes());
+    record::put((solution.level, solution.channels.len() as u32), out);
     solution.channels.iter().for_each(|matrix| encode(matrix, out));
 }
 
 pub fn decode_solution(cursor: &mut Cursor<'_>) -> Result<Solution> {
-    let level = cursor.u32()?;
-    let count = cursor.u32()? as usize;
-    let mut channels = cursor.vec(count, MIN_MATRIX_BYTES)?;
+    let (level, count): (u32, u32) = record::fixed(cursor)?;
+    let mut channels = cursor.vec(count as usize, MIN_MATRIX_BYTES)?;
     for _ in 0..count {
         channels.push(decode(cursor)?);
     }
@@ -45,8 +43,7 @@ pub fn decode_solution(cursor: &mut Cursor<'_>) -> Result<Solution> {
 }
 
 fn encode(matrix: &WeightRows, out: &mut Vec<u8>) {
-    out.extend_from_slice(&matrix.rows.to_le_bytes());
-    out.extend_from_slice(&(matrix.columns.len() as u32).to_le_bytes());
+    record::put((matrix.rows, matrix.columns.len() as u32), out);
     rows::encode(&matrix.row_offsets, &matrix.columns, out);
     put_planes(
         out,
@@ -58,8 +55,8 @@ fn encode(matrix: &WeightRows, out: &mut Vec<u8>) {
 }
 
 fn decode(cursor: &mut Cursor<'_>) -> Result<WeightRows> {
-    let rows = cursor.u32()?;
-    let count = cursor.u32()? as usize;
+    let (rows, count): (u32, u32) = record::fixed(cursor)?;
+    let count = count as usize;
     let (row_offsets, columns) = rows::decode(cursor, rows as usize, count, rows)?;
     let mut row_sums = cursor.vec(rows as usize, 4)?;
     row_sums.extend(

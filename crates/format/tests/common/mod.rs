@@ -5,6 +5,7 @@ pub mod assets;
 pub mod dump;
 
 use relight_format::*;
+use std::path::Path;
 use xxhash_rust::xxh3::xxh3_64;
 
 fn weight_rows(scale: f32) -> WeightRows {
@@ -211,6 +212,24 @@ impl Forged {
             stored,
         }
     }
+
+    /// The raw bytes of a section of the crate's own writer.
+    pub fn raw(&self) -> Vec<u8> {
+        match self.codec {
+            0 => self.stored.clone(),
+            _ => zstd::bulk::decompress(&self.stored, self.raw_bytes as usize).unwrap(),
+        }
+    }
+
+    /// The section with other raw bytes, stored as they are.
+    pub fn with_raw(&self, raw: Vec<u8>) -> Self {
+        Forged {
+            codec: 0,
+            raw_bytes: raw.len() as u64,
+            stored: raw,
+            ..*self
+        }
+    }
 }
 
 /// A container around any sections, written from SPEC.md sections 3 and 4, all checksums right.
@@ -269,4 +288,17 @@ pub fn sections_of(file: &[u8]) -> Vec<Forged> {
             }
         })
         .collect()
+}
+
+/// The files of all versions, with their paths, in the order of these.
+pub fn fixtures() -> Vec<(String, Vec<u8>)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+    let mut all: Vec<(String, Vec<u8>)> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.is_file())
+        .map(|path| (path.display().to_string(), std::fs::read(path).unwrap()))
+        .collect();
+    all.sort();
+    all
 }
