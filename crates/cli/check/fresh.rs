@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use relight_bake::candidates::Candidate;
 use relight_bake::light_samples::Lights;
 use relight_format as format;
-use relight_play::load::{Loaded, setting};
+use relight_play::load::Loaded;
 use relight_play::transfer::Transfer;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_transport::basis::NearestPoint;
@@ -91,7 +91,9 @@ fn fields(transfer: &Transfer, seed: u64) -> Vec<Vec<Vec3>> {
 /// T against fresh rays.
 pub fn links(loaded: &Loaded, transfer: &Transfer, seed: u64) -> Vec<Measure> {
     let number = |name: &str, otherwise: f64| {
-        setting(&loaded.provenance, name)
+        loaded
+            .provenance
+            .setting(name)
             .and_then(|v| v.parse().ok())
             .unwrap_or(otherwise)
     };

@@ -10,10 +10,11 @@
 
 use crate::cuts::{Lights, reflectances};
 use crate::frame::Player;
-use crate::load::{Loaded, setting};
+use crate::load::Loaded;
 use crate::reflections::MOVING_RAYS;
 use crate::shot::Shot;
 use rayon::prelude::*;
+use relight_format::layout::setting;
 use relight_scene::material_edits::{MaterialEdits, MaterialEditsError, read_material_edits};
 use relight_scene::shading::ShadingPoint;
 use relight_scene::traced::TracedSceneError;
@@ -65,8 +66,8 @@ impl Editor {
             return Err(EditError::Lambert { file: asset.into() });
         }
         let edits = read_material_edits(file, &loaded.scene)?;
-        let is = |name, value| setting(&loaded.provenance, name) == Some(value);
-        if is("solution", "baked")
+        let is = |name, value| loaded.provenance.setting(name) == Some(value);
+        if is(setting::SOLUTION, setting::BAKED)
             && let Some(error) = edits.refuse_reflectance(
                 "this asset was baked with --solution, which fixes how much every surface reflects; bake without \
                  --solution to edit that",
@@ -74,7 +75,7 @@ impl Editor {
         {
             return Err(error.into());
         }
-        if is("emission", "left out")
+        if is(setting::EMISSION, setting::LEFT_OUT)
             && let Some(error) = edits.refuse_emission(
                 "the emission of materials was left out of this asset, because it was baked with --lights for a \
                  sequence without an `emissive` light; bake with --keep emission, or with one that has it",

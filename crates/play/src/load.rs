@@ -6,7 +6,7 @@ use crate::frame::Player;
 use crate::snap::snapped;
 use crate::transfer::Transfer;
 use glam::Vec3;
-use relight_format::layout::Kind;
+use relight_format::layout::{Kind, setting};
 use relight_format::{self as format, Asset, FormatError, Limits, Provenance};
 use relight_scene::camera::CameraTrack;
 use relight_scene::light::LightKind;
@@ -237,22 +237,6 @@ pub fn asset_hash(path: &Path) -> Result<u64, FormatError> {
     Ok(format::content_hash(&header))
 }
 
-/// Value of a setting in provenance.
-pub fn setting<'a>(provenance: &'a Provenance, name: &str) -> Option<&'a str> {
-    provenance
-        .settings
-        .iter()
-        .find(|pair| pair.0 == name)
-        .map(|pair| pair.1.as_str())
-}
-
-fn number(provenance: &Provenance, name: &str) -> Result<usize, String> {
-    let found = setting(provenance, name).ok_or_else(|| format!("provenance has no setting {name}"))?;
-    found
-        .parse()
-        .map_err(|_| format!("setting {name} in provenance is {found:?}, not a number"))
-}
-
 struct Operators {
     points: Vec<format::Level>,
     separations: Option<format::Separations>,
@@ -272,9 +256,12 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
         bounce,
         solution,
     } = operators;
-    let bounces = match setting(provenance, "bounces") {
-        None | Some("converged") => None,
-        Some(_) => Some(number(provenance, "bounces")? as u32),
+    let bounces = match provenance.setting(setting::BOUNCES) {
+        None | Some(setting::CONVERGED) => None,
+        Some(n) => Some(
+            n.parse()
+                .map_err(|_| format!("setting bounces in provenance is {n:?}, not a number"))?,
+        ),
     };
     let finest = &points[points.len() - 1];
     let albedo = vectors(&finest.albedo);
@@ -419,7 +406,7 @@ fn vectors(values: &[[f32; 3]]) -> Vec<Vec3> {
 /// [`LeftOutError::Camera`].
 pub fn check_camera(provenance: &Provenance, camera: &CameraTrack) -> Result<(), LeftOutError> {
     let hash = format::content_hash(camera_to_json(camera).as_bytes());
-    match setting(provenance, "cameras_only") {
+    match provenance.setting(setting::CAMERAS_ONLY) {
         Some(known) if !known.split(' ').any(|known| known == format!("{hash:016x}")) => {
             Err(LeftOutError::Camera(camera.name.clone()))
         }
@@ -432,10 +419,10 @@ pub fn check_camera(provenance: &Provenance, camera: &CameraTrack) -> Result<(),
 /// # Errors
 /// [`LeftOutError`], naming the option that keeps it.
 pub fn check_kept(loaded: &Loaded, sequence: Option<&Sequence>) -> Result<(), LeftOutError> {
-    let left_out = |name| setting(&loaded.provenance, name) == Some("left out");
+    let left_out = |name| loaded.provenance.setting(name) == Some(setting::LEFT_OUT);
     let Some(sequence) = sequence else {
         return match () {
-            () if left_out("own_lights") => Err(LeftOutError::OwnLights),
+            () if left_out(setting::OWN_LIGHTS) => Err(LeftOutError::OwnLights),
             () if loaded.scene.sequence.lights.is_empty() => Err(LeftOutError::NoLights),
             () => Ok(()),
         };
@@ -445,7 +432,7 @@ pub fn check_kept(loaded: &Loaded, sequence: Option<&Sequence>) -> Result<(), Le
         .iter()
         .find(|light| matches!(light.kind, LightKind::Emissive { .. }));
     match emissive {
-        Some(light) if left_out("emission") => Err(LeftOutError::Emission(light.name.clone())),
+        Some(light) if left_out(setting::EMISSION) => Err(LeftOutError::Emission(light.name.clone())),
         _ => Ok(()),
     }
 }
