@@ -100,3 +100,44 @@ fn the_player_builds_without_an_importer() {
     let gltf = dependencies(scene).find(|d| d["name"] == "gltf").unwrap();
     assert_eq!(gltf["optional"], true);
 }
+
+/// Who may turn values into bytes or read them: the file is `format`'s alone. `transport` knows no form of anything.
+const BYTES: [(&str, &[&str]); 4] = [
+    ("bincode", &["relight-format"]),
+    ("zstd", &["relight-format"]),
+    (
+        "serde",
+        &[
+            "relight",
+            "relight-bake",
+            "relight-data-generate",
+            "relight-play",
+            "relight-render",
+            "relight-scene",
+        ],
+    ),
+    (
+        "serde_json",
+        &[
+            "relight",
+            "relight-data-generate",
+            "relight-render",
+            "relight-scene",
+        ],
+    ),
+];
+
+#[test]
+fn only_format_knows_bytes() {
+    let metadata = metadata();
+    for package in metadata["packages"].as_array().unwrap() {
+        let name = package["name"].as_str().unwrap();
+        for (library, allowed) in BYTES {
+            let uses = dependencies(package).any(|d| d["name"] == library);
+            assert!(
+                !uses || allowed.contains(&name),
+                "{name} must not depend on {library}"
+            );
+        }
+    }
+}

@@ -3,6 +3,7 @@
 //! The way of the light: [`candidates`] → [`points`] → [`gather`] → [`select`] within [`refine`] →
 //! [`bounces`], [`solution`] → [`convert`] less what is [`left_out`]. [`bake()`] runs them all.
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr, clippy::dbg_macro)]
 
 pub mod bake;
 pub mod bounces;

@@ -3,6 +3,9 @@
 //!
 //! `cargo run --release -p relight-format --example measure -- ASSET.relight`
 
+// Reason: it measures.
+#![allow(clippy::disallowed_methods)]
+
 use std::time::Instant;
 
 use relight_format::codec::bytes::{put_planes, put_varint, zigzag};

@@ -51,6 +51,7 @@
 //! # }
 //! ```
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr, clippy::dbg_macro)]
 
 mod asset;
 pub mod codec;

@@ -1,6 +1,9 @@
 //! The fuzz targets of the asset file, on any toolchain and for a fixed number of inputs. Longer:
 //! `RELIGHT_FUZZ_SECONDS=60 cargo test --release -p relight-format --test fuzz -- --nocapture`.
 
+// Reason: it measures.
+#![allow(clippy::disallowed_methods)]
+
 #[path = "../../../fuzz/targets/assets.rs"]
 mod assets;
 mod common;

@@ -1,6 +1,9 @@
 //! What a reader takes: memory within its limits whatever a file says, time in proportion, and of a file only the bytes
 //! that it needs. An allocator counts, thread by thread.
 
+// Reason: it measures.
+#![allow(clippy::disallowed_methods)]
+
 mod common;
 
 use common::assets::wide_asset;

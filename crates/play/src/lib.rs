@@ -4,6 +4,7 @@
 //! all others, [`reconstruct`]ion at the fragments of a [`shot`] and [`reflections`] in its glossy ones; [`frame`] runs them
 //! in order. [`edited`] changes materials. Images that need no asset are `relight_render`'s.
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr, clippy::dbg_macro)]
 
 pub mod convert;
 pub mod cuts;

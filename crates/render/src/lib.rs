@@ -4,6 +4,7 @@
 //! lights; [`lightcuts`] cluster those for each place, [`pixelcuts`] send their light to clusters of pixels.
 //! [`lighting`] finds direct light at many places at once, which `relight_play` starts from. All share [`layers`].
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr, clippy::dbg_macro)]
 
 pub mod brute;
 pub mod direct;

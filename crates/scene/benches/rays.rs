@@ -4,6 +4,9 @@
 //! besides the procedural one. Further arguments keep the measurements whose names contain one of them. Rounds of all contestants are interleaved, and medians of rounds reported, so that a noisy
 //! machine disturbs all alike.
 
+// Reason: it measures.
+#![allow(clippy::disallowed_methods)]
+
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

@@ -3,6 +3,9 @@
 //! the reference folder. They are enlarged to 640 × 360 and written as beauty, direct and indirect (nine channels)
 //! into FOLDER, in turn by relight and by the `exr` crate. Medians go to stdout; docs/notebook/images.md quotes them.
 
+// Reason: it measures.
+#![allow(clippy::disallowed_methods)]
+
 use relight_scene::image::{
     BEAUTY, ExrHeader, FloatImage, Layers, Limits, encode_exr, read_exr, write_atomically,
 };

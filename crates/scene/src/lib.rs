@@ -5,6 +5,7 @@
 //! their light meets [`surface`]s, found by [`rays`] over the triangles of a [`scene`], where a [`material`]
 //! reflects it; a [`camera`] sees it and an image keeps it.
 #![deny(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr, clippy::dbg_macro)]
 
 pub mod animated;
 pub mod bsdf;

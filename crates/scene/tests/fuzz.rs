@@ -1,6 +1,8 @@
 //! The fuzz targets of scenes, images, sequences and material edits, on any toolchain and for a fixed number of inputs.
 //! Longer: `RELIGHT_FUZZ_SECONDS=60 cargo test --release -p relight-scene --features gltf --test fuzz -- --nocapture`.
 #![cfg(feature = "gltf")]
+// Reason: it measures.
+#![allow(clippy::disallowed_methods)]
 
 #[path = "../../../fuzz/targets/mutate.rs"]
 mod mutate;

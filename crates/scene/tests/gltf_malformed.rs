@@ -1,6 +1,8 @@
 //! Malformed glTF files: each gives an error that names the place, none a panic. Among them are those on
 //! which the gltf crate 1.4 panics or silently drops geometry.
 #![cfg(feature = "gltf")]
+// Reason: it measures.
+#![allow(clippy::disallowed_methods)]
 
 mod gltf_support;
 

@@ -1,5 +1,8 @@
 //! The development scenes load as their README describes them. Independent truth: the counts and cameras in
 //! the README of the folder, which come from trimesh, pygltflib and the glTF validator.
+
+// Reason: it measures.
+#![allow(clippy::disallowed_methods)]
 #![cfg(feature = "gltf")]
 
 use relight_scene::gltf::{ImportOptions, import};

@@ -5,6 +5,9 @@
 //! Cuts of neighbouring sites are what a light tree of 32 768 even directions sees past the same few balls from places
 //! that differ a little, selected with σ = 2. Rounds of all numbers of cuts take turns; medians are reported.
 
+// Reason: it measures.
+#![allow(clippy::disallowed_methods)]
+
 use glam::Vec3;
 use relight_transport::cuts::{Cut, MergeScratch, Selector, SiteCuts, merge, merge_any};
 use relight_transport::light_tree::{Features, order, sphere_direction};

@@ -4,6 +4,7 @@
 //! This crate knows no scene, no file and no clock. Operators and matrices read destination from source:
 //! `fine_from_coarse` takes values at coarse points to fine ones.
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr, clippy::dbg_macro)]
 
 pub mod basis;
 pub mod bounce;
