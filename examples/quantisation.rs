@@ -10,14 +10,14 @@
 //! the floor below which bits buy nothing.
 
 use glam::{DVec3, Vec3};
-use relight_bake::light_samples::{Lights, in_tree};
+use relight_bake::cuts::light_samples::{Lights, in_tree};
+use relight_bake::cuts::visibility::site_cuts;
+use relight_bake::links::operators::{Transport, levels_of, transport};
+use relight_bake::links::solution::solution;
 use relight_bake::params::{BakeParams, CutParams, Preset};
-use relight_bake::points::{PointLevels, coarse_radius_for, distribute};
-use relight_bake::solution::solution;
-use relight_bake::transport::{Transport, levels_of, transport};
+use relight_bake::points::poisson::{PointLevels, coarse_radius_for, distribute};
+use relight_bake::points::viewpoints;
 use relight_bake::units::Units;
-use relight_bake::viewpoint;
-use relight_bake::visibility::site_cuts;
 use relight_format::codec::{cut, octahedral};
 use relight_play::cuts::VisibilityCuts;
 use relight_play::frame::{Distant, LightingSettings, Player};
@@ -91,7 +91,7 @@ impl Study {
             levels: 4,
             ..BakeParams::preset(Preset::Draft)
         };
-        let eyes = viewpoint::of_cameras(&scene, None);
+        let eyes = viewpoints::of_cameras(&scene, None);
         let low = eyes.first().ok_or("the scene has no camera")?;
         let mut s = Stream::new(7, 0, 0);
         let mut jitter = || 0.2 * (s.uniform() - 0.5);

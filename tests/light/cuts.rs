@@ -3,10 +3,10 @@
 
 use crate::stage::data;
 use glam::{DVec3, Vec2, Vec3};
-use relight_bake::candidates::Candidate;
-use relight_bake::light_samples::{Lights, in_tree};
+use relight_bake::cuts::light_samples::{Lights, in_tree};
+use relight_bake::cuts::visibility::site_cuts;
 use relight_bake::params::CutParams;
-use relight_bake::visibility::site_cuts;
+use relight_bake::points::candidates::Candidate;
 use relight_format as format;
 use relight_play::cuts::VisibilityCuts;
 use relight_play::cuts::illumination::Illumination;

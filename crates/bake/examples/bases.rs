@@ -5,10 +5,10 @@
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use relight_bake::candidates::{self, Candidate};
-use relight_bake::points::distribute;
+use relight_bake::links::operators::levels_of;
+use relight_bake::points::candidates::{self, Candidate};
+use relight_bake::points::poisson::distribute;
 use relight_bake::radiosity::from_point_light;
-use relight_bake::transport::levels_of;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;

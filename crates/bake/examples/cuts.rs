@@ -7,12 +7,12 @@
 //! by geometry, by pilots and by both, for three σ.
 
 use rayon::prelude::*;
-use relight_bake::candidates::Candidate;
-use relight_bake::light_samples::{Lights, in_tree};
+use relight_bake::cuts::light_samples::{Lights, in_tree};
+use relight_bake::cuts::visibility::{Cuts, site_cuts};
 use relight_bake::params::CutParams;
-use relight_bake::points::{coarse_radius_for, distribute};
-use relight_bake::viewpoint;
-use relight_bake::visibility::{Cuts, site_cuts};
+use relight_bake::points::candidates::Candidate;
+use relight_bake::points::poisson::{coarse_radius_for, distribute};
+use relight_bake::points::viewpoints;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
@@ -92,9 +92,9 @@ fn sites(
     traced: &TracedScene,
     scene: &relight_scene::scene::Scene,
 ) -> Result<Vec<Candidate>, Box<dyn Error>> {
-    let mut eyes = viewpoint::of_cameras(scene, None);
+    let mut eyes = viewpoints::of_cameras(scene, None);
     if eyes.is_empty() {
-        eyes.extend(viewpoint::in_open_space(traced, 0).0);
+        eyes.extend(viewpoints::in_open_space(traced, 0).0);
     }
     let (radius, _) = coarse_radius_for(traced, &eyes, LEVELS, 0)?;
     let points = distribute(traced, &eyes, LEVELS, radius, 0, |_| Ok(()))?;

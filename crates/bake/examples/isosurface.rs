@@ -6,10 +6,10 @@
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use relight_bake::candidates::Candidate;
-use relight_bake::points::distribute;
+use relight_bake::links::operators::levels_of;
+use relight_bake::points::candidates::Candidate;
+use relight_bake::points::poisson::distribute;
 use relight_bake::radiosity::{RadiosityParams, from_point_light, solve};
-use relight_bake::transport::levels_of;
 use relight_scene::camera::Camera;
 use relight_scene::image::{FloatImage, contact_sheet, tone_mapped, write_png};
 use relight_scene::light::LightKind;

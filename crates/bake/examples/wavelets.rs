@@ -9,9 +9,9 @@
 
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_bake::candidates::Candidate;
-use relight_bake::points::{coarse_radius_for, distribute};
-use relight_bake::viewpoint;
+use relight_bake::points::candidates::Candidate;
+use relight_bake::points::poisson::{coarse_radius_for, distribute};
+use relight_bake::points::viewpoints;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
@@ -34,9 +34,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     for path in std::env::args().skip(1) {
         let scene = Arc::new(import(Path::new(&path), &ImportOptions::default())?);
         let traced = TracedScene::new(scene.clone(), Shading::Lambert)?;
-        let mut eyes = viewpoint::of_cameras(&scene, None);
+        let mut eyes = viewpoints::of_cameras(&scene, None);
         if eyes.is_empty() {
-            eyes.extend(viewpoint::in_open_space(&traced, 0).0);
+            eyes.extend(viewpoints::in_open_space(&traced, 0).0);
         }
         let (radius, _) = coarse_radius_for(&traced, &eyes, 6, 0)?;
         let points = distribute(&traced, &eyes, 4, radius, 0, |_| Ok(()))?;

@@ -3,11 +3,11 @@
 //! Bytes are estimates after compression; rays are those that were not cast, counted or, where nothing was traced that
 //! could be counted, left at none.
 
-use crate::coverage::Coverage;
 use crate::left_out::{note, plural};
+use crate::links::operators::Transport;
+use crate::links::refinement::Spared;
 use crate::params::{BakeParams, Part};
-use crate::refine::Spared;
-use crate::transport::Transport;
+use crate::points::coverage::Coverage;
 use relight_format::LeftOut;
 
 /// Bytes that a point takes on disk, about (docs/notebook/format.md).

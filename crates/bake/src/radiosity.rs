@@ -6,7 +6,7 @@
 //! coefficients of all its parents have become small, it gathers nothing and takes their word. The bounces add
 //! up until what is left of the series is small.
 //!
-//! Unlike the transfer operator (`crate::transport`) nothing is precomputed for other lights: the cost of a
+//! Unlike the transfer operator (`crate::links::operators`) nothing is precomputed for other lights: the cost of a
 //! bounce follows where its light varies, and rays are cast only for points that need them, once.
 //!
 //! Rays are cosine-distributed, so that each carries the same share of the irradiance and a gather is the mean
@@ -14,10 +14,10 @@
 //! surface takes the radiosity of the nearest finest point. Emission is no concern of this module: what
 //! sources send directly is an input, at the points.
 
-use crate::candidates::Candidate;
 use crate::error::BakeError;
-use crate::points::PointLevels;
-use crate::transport::levels_of;
+use crate::links::operators::levels_of;
+use crate::points::candidates::Candidate;
+use crate::points::poisson::PointLevels;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
@@ -282,9 +282,9 @@ fn gathered(hits: &[u32], radiosity: &[Vec3]) -> Vec3 {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::links::operators::transport;
     use crate::params::BakeParams;
-    use crate::points::distribute;
-    use crate::transport::transport;
+    use crate::points::poisson::distribute;
     use glam::DVec3;
     use relight_scene::gltf::{ImportOptions, import};
     use relight_scene::implicit::{ImplicitSurface, Sdf};

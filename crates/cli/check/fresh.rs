@@ -3,8 +3,8 @@
 use super::case::Measure;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
-use relight_bake::candidates::Candidate;
-use relight_bake::light_samples::Lights;
+use relight_bake::cuts::light_samples::Lights;
+use relight_bake::points::candidates::Candidate;
 use relight_format as format;
 use relight_play::load::Loaded;
 use relight_play::transfer::Transfer;

@@ -8,7 +8,7 @@ use crate::session::{FIXED_SPP, PIXEL_LIGHT_SAMPLES, POINT_LIGHT_SAMPLES};
 use crate::signals;
 use glam::{Vec2, Vec3};
 use relight_bake::params::BakeParams;
-use relight_bake::viewpoint::in_open_space;
+use relight_bake::points::viewpoints::in_open_space;
 use relight_format::{self as format, Asset, Limits};
 use relight_play::cuts::Lights;
 use relight_play::frame::{Distant, LightingSettings};

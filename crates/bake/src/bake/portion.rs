@@ -2,10 +2,10 @@
 
 use super::prepare::{Places, Watch, kept_points, load, looking, place_points, quantised, stored_vector};
 use super::{Progress, Request, wanted_cuts};
-use crate::cut_sections::{World, cut_part};
+use crate::cuts::sections::{World, cut_part};
 use crate::error::BakeError;
-use crate::refine::{RowWatch, Wanted, most_rays, rows};
-use crate::transport::with_refinement;
+use crate::links::operators::with_refinement;
+use crate::links::refinement::{RowWatch, Wanted, most_rays, rows};
 use crate::units::reach::{Followed, Reach};
 use crate::units::{Ledger, Units};
 use relight_scene::surface::Surfaces;

@@ -1,16 +1,16 @@
 //! What every bake begins with: the scene, where it is looked from, and its points.
 
 use super::{Progress, Request};
-use crate::candidates::Candidate;
-use crate::coverage::everywhere;
 use crate::error::BakeError;
+use crate::links::refinement::RowWatch;
 use crate::params::{BakeParams, Part};
-use crate::points::{self, PointLevels};
-use crate::refine::RowWatch;
-use crate::seen;
+use crate::points::candidates::Candidate;
+use crate::points::coverage::everywhere;
+use crate::points::poisson::{self, PointLevels};
+use crate::points::seen;
+use crate::points::viewpoints;
 use crate::settings;
 use crate::units::Units;
-use crate::viewpoint;
 use glam::Vec3;
 use relight_format as format;
 use relight_scene::camera::{Camera, CameraTrack};
@@ -114,12 +114,12 @@ pub(super) struct Places {
 fn viewpoints(surfaces: &dyn Surfaces, request: &Request) -> Result<(Vec<Vec3>, u64, bool), BakeError> {
     let mut viewpoints = request.params.viewpoints.clone();
     if viewpoints.is_empty() {
-        viewpoints = viewpoint::of_cameras(&request.scene, request.lights);
+        viewpoints = viewpoints::of_cameras(&request.scene, request.lights);
     }
     let automatic = viewpoints.is_empty();
     let mut rays = 0;
     if automatic {
-        let (place, cast) = viewpoint::in_open_space(surfaces, request.params.seed);
+        let (place, cast) = viewpoints::in_open_space(surfaces, request.params.seed);
         rays += cast;
         viewpoints.extend(place);
     }
@@ -139,7 +139,7 @@ fn radius(
     let (radius, rays) = match request.params.coarse_radius {
         Some(radius) => (radius, 0),
         None => {
-            points::coarse_radius_in_units(surfaces, viewpoints, RADIUS_LEVELS, request.params.seed, units)?
+            poisson::coarse_radius_in_units(surfaces, viewpoints, RADIUS_LEVELS, request.params.seed, units)?
         }
     };
     if radius.is_finite() && radius > 0.0 {
@@ -164,14 +164,14 @@ pub(super) fn place_points(
     let (radius, cast) = radius(surfaces, request, &viewpoints, units)?;
     rays += cast;
     // Radii of our own make give about as many points as were wanted.
-    let finest = points::expected(RADIUS_LEVELS, params.levels) as u64;
+    let finest = poisson::expected(RADIUS_LEVELS, params.levels) as u64;
     let wanted = params
         .coarse_radius
         .is_none()
         .then_some(finest * CANDIDATES_PER_POINT);
     progress.stage("points", wanted);
     let mut told = 0;
-    let points = points::distribute_in_units(
+    let points = poisson::distribute_in_units(
         surfaces,
         &viewpoints,
         params.levels,
@@ -241,7 +241,7 @@ pub(super) fn looking<'a>(request: &'a Request) -> Result<(Vec<&'a CameraTrack>,
     if !request.params.cameras_only {
         return Ok((Vec::new(), Vec::new()));
     }
-    let tracks = viewpoint::tracks(scene, lights);
+    let tracks = viewpoints::tracks(scene, lights);
     if tracks.is_empty() {
         return Err(BakeError::Parameter {
             name: "--cameras-only",
@@ -249,6 +249,6 @@ pub(super) fn looking<'a>(request: &'a Request) -> Result<(Vec<&'a CameraTrack>,
             expected: "a camera in the scene or in the sequence of --lights",
         });
     }
-    let cameras = seen::poses(&tracks, viewpoint::frames(scene, lights));
+    let cameras = seen::poses(&tracks, viewpoints::frames(scene, lights));
     Ok((tracks, cameras))
 }

@@ -1,7 +1,7 @@
 //! Operators as sections of the file.
 
-use crate::parted::Parted;
-use crate::solution::Solution;
+use crate::links::solution::Solution;
+use crate::points::separation::Parted;
 use glam::Vec3;
 use relight_format as format;
 use relight_transport::links::Links;

@@ -1,13 +1,13 @@
 //! Results of stages as columns of numbers, and back.
 
 use super::Unit;
-use crate::importance::Met;
-use crate::light_samples::Ordered;
-use crate::points::Growth;
-use crate::refine::{Receiver, Receivers};
-use crate::solution::SparseRows;
-use crate::transport::Signatures;
-use crate::visibility::{Part, Parts, TASK};
+use crate::cuts::light_samples::Ordered;
+use crate::cuts::visibility::{Part, Parts, TASK};
+use crate::links::operators::Signatures;
+use crate::links::refinement::{Receiver, Receivers};
+use crate::links::solution::SparseRows;
+use crate::points::poisson::Growth;
+use crate::senders::importance::Met;
 use glam::Vec3;
 use relight_format::unit::Column;
 use relight_scene::surface::SurfaceHit;

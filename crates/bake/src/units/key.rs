@@ -1,6 +1,6 @@
 //! Hashes of what units depend on.
 
-use crate::candidates::Candidate;
+use crate::points::candidates::Candidate;
 use glam::{Vec2, Vec3};
 use relight_scene::material::{AlphaMode, Material, Texture};
 use relight_scene::scene::{Mesh, Scene};

@@ -4,7 +4,7 @@
 //! any camera asks for one, its rows need not be gathered: what it reflects is then known from coarser rows, which clusters
 //! average anyway, and so is what only mirrors show.
 
-use crate::candidates::Candidate;
+use crate::points::candidates::Candidate;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::camera::{Camera, CameraTrack};

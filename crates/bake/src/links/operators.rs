@@ -1,17 +1,17 @@
 //! Points and operators of a scene: the bake without the file.
 
-use crate::bounces::BounceSums;
-use crate::candidates::Candidate;
 use crate::error::BakeError;
-use crate::gather::SenderField;
-use crate::importance::importance;
-use crate::lamps::Lamps;
+use crate::links::bounces::BounceSums;
+use crate::links::fitting::TrialLights;
+use crate::links::gather::SenderField;
+use crate::links::refinement::{Refinement, RowWatch, Spared, Wanted, most_rays, refine, rows};
+use crate::links::test_lights::Lamps;
 use crate::params::{BakeParams, Part};
-use crate::parted::{self, Parted};
-use crate::points::PointLevels;
-use crate::refine::{Refinement, RowWatch, Spared, Wanted, most_rays, refine, rows};
-use crate::seen::{open_ways, seen_by};
-use crate::trials::TrialLights;
+use crate::points::candidates::Candidate;
+use crate::points::poisson::PointLevels;
+use crate::points::seen::{open_ways, seen_by};
+use crate::points::separation::{self, Parted};
+use crate::senders::importance::importance;
 use crate::units::Units;
 use glam::{Vec2, Vec3};
 use relight_scene::camera::Camera;
@@ -220,7 +220,7 @@ pub fn with_refinement<T>(
 ) -> Result<Refining<T>, BakeError> {
     let levels = levels_of(points);
     let ranges = LevelRanges::new(levels.iter().map(Level::len));
-    let (parted, parents) = parted::find(surfaces, &levels);
+    let (parted, parents) = separation::find(surfaces, &levels);
     let nearest_point = NearestPoint::new(&levels[levels.len() - 1]);
     let near = NEAR * levels[0].disk_radius;
     let (importance, mut rays) = importance(surfaces, &nearest_point, near, viewpoints, params.seed, units)?;

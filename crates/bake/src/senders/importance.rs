@@ -8,8 +8,8 @@
 //! Receivers near a cluster have links to its children and don't ask for its mean. So the places that look at
 //! corners and crevices from close by don't count.
 
-use crate::candidates::walk;
 use crate::error::BakeError;
+use crate::points::candidates::walk;
 use crate::units::Units;
 use glam::Vec3;
 use rayon::prelude::*;

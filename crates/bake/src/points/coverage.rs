@@ -3,8 +3,8 @@
 //! Surfaces that no importance reached get no points (design section 6); what that leaves out is measured here
 //! by surface samples, evenly by area.
 
-use crate::candidates::Candidate;
-use crate::points::{self, PointLevels};
+use crate::points::candidates::Candidate;
+use crate::points::poisson::{self, PointLevels};
 use glam::Vec3;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
@@ -79,7 +79,7 @@ pub fn everywhere(scene: &TracedScene, mut points: PointLevels, seed: u64) -> Po
         return points;
     };
     let finest = points.levels.len().saturating_sub(1);
-    let directions = points::crevice_directions(seed);
+    let directions = poisson::crevice_directions(seed);
     let (mut disks, mut more): (Vec<Disks>, Vec<Vec<Candidate>>) = (points.levels.iter())
         .map(|level| {
             let (positions, normals) = places(&level.points);
@@ -105,7 +105,7 @@ pub fn everywhere(scene: &TracedScene, mut points: PointLevels, seed: u64) -> Po
             let radius = disks.radius();
             let old = disks.candidates.len();
             disks.throw(&positions, &normals, 0, |i| {
-                l == finest || points::is_open(scene, &batch[i], radius, &directions)
+                l == finest || poisson::is_open(scene, &batch[i], radius, &directions)
             });
             let taken = disks.candidates[old..].iter();
             more[l].extend(taken.map(|&c| Candidate::at(scene, &batch[c as usize])));

@@ -1,10 +1,10 @@
-//! Lights by which links are chosen: what a row makes of them says which of its links matter ([`crate::pursuit`]).
+//! Lights by which links are chosen: what a row makes of them says which of its links matter ([`crate::links::matching_pursuit`]).
 //!
-//! Lamps at pilots, suns, and light from all sides. Unlike trial lights ([`crate::trials`]) each is a light of its own: what few
+//! Lamps at pilots, suns, and light from all sides. Unlike trial lights ([`crate::links::fitting`]) each is a light of its own: what few
 //! lamps tell apart, groups of them don't.
 
-use crate::candidates::Candidate;
-use crate::seen::open_ways;
+use crate::points::candidates::Candidate;
+use crate::points::seen::open_ways;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;

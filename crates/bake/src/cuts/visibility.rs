@@ -8,10 +8,10 @@
 //! zeros there would darken the neighbours that a pixel interpolates with and follow the horizon with small nodes.
 //! And not every light gets a ray: see [`Sampler`].
 
-use crate::candidates::Candidate;
+use crate::cuts::light_samples::LightLeaves;
 use crate::error::BakeError;
-use crate::light_samples::LightLeaves;
 use crate::params::CutParams;
+use crate::points::candidates::Candidate;
 use crate::units::Units;
 use rayon::prelude::*;
 use relight_scene::rays::Ray;

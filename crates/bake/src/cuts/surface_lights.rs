@@ -3,7 +3,7 @@
 //! Source: Cheslack-Postava et al. 2008, section 4.1 (indirect light from even samples of the surfaces); the geometry
 //! factor A cos θ/(d² + A/π) is folded into their cuts.
 
-use crate::candidates::Candidate;
+use crate::points::candidates::Candidate;
 use glam::{Vec2, Vec3};
 use relight_format as format;
 use relight_scene::rays::{self, Ray, SurfacePoint};

@@ -1,16 +1,16 @@
 //! From finest points to the light tree and the cuts of an asset.
 
 use crate::bake::Progress;
-use crate::candidates::Candidate;
+use crate::cuts::light_samples::{LightLeaves, Lights, Ordered, order};
+use crate::cuts::surface_lights::surface_lights;
+use crate::cuts::visibility::{cut_ranges, cut_unit, site_cuts_in_units};
 use crate::error::BakeError;
-use crate::light_samples::{LightLeaves, Lights, Ordered, order};
+use crate::links::operators::levels_of;
 use crate::params::{CutMode, CutParams};
-use crate::points::PointLevels;
-use crate::surface_lights::surface_lights;
-use crate::transport::levels_of;
+use crate::points::candidates::Candidate;
+use crate::points::poisson::PointLevels;
 use crate::units::Units;
 use crate::units::key::Key;
-use crate::visibility::{cut_ranges, cut_unit, site_cuts_in_units};
 use relight_format as format;
 use relight_scene::surface::Surfaces;
 use relight_scene::traced::TracedScene;

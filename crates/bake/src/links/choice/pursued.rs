@@ -1,9 +1,9 @@
 //! Links of a row by pursuit.
 
 use super::{Row, SelectScratch, correct, open_families, predict_children};
-use crate::lamps::{AT_PILOTS, LAMPS, Lamps};
-use crate::pursuit::{Choice, Family, Lacking, NO_FAMILY, Weights, pursue};
-use crate::trials::Answers;
+use crate::links::fitting::Answers;
+use crate::links::matching_pursuit::{Choice, Family, Lacking, NO_FAMILY, Weights, pursue};
+use crate::links::test_lights::{AT_PILOTS, LAMPS, Lamps};
 use glam::{Vec3, Vec3A};
 
 /// What links are chosen by.
@@ -13,7 +13,7 @@ pub struct InLamplight<'a> {
     pub lamps: &'a Lamps,
     /// What the rows of the receiver's parents answer.
     pub predicted: &'a Answers<LAMPS>,
-    /// Squared error that a link takes away at least (see [`crate::pursuit`]).
+    /// Squared error that a link takes away at least (see [`crate::links::matching_pursuit`]).
     pub gain: f32,
 }
 
@@ -128,8 +128,8 @@ fn find_choices(row: &Row, least: f32, room: &mut SelectScratch) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gather::RowScratch;
-    use crate::trials::{TRIALS, TrialLights};
+    use crate::links::fitting::{TRIALS, TrialLights};
+    use crate::links::gather::RowScratch;
     use relight_transport::senders::{PILOTS, SenderTree};
 
     /// Where a ray's own point is lit twice as much as its cluster's mean by all lamps of a group, the answer to each is.

@@ -1,9 +1,9 @@
 //! Rows that parents' rows give.
 
 use super::{Receiver, Refinement};
-use crate::gather::RowScratch;
-use crate::lamps::LAMPS;
-use crate::trials::Answers;
+use crate::links::fitting::Answers;
+use crate::links::gather::RowScratch;
+use crate::links::test_lights::LAMPS;
 use glam::{Mat3, Vec3, Vec3A};
 use relight_transport::pyramid::carry;
 

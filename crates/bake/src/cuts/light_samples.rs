@@ -2,8 +2,8 @@
 //!
 //! Source: Cheslack-Postava et al. 2008, sections 3.4 and 4.1.
 
-use crate::candidates::Candidate;
-use crate::surface_lights::SurfaceLights;
+use crate::cuts::surface_lights::SurfaceLights;
+use crate::points::candidates::Candidate;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::rays::Ray;

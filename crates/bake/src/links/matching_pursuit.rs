@@ -5,11 +5,11 @@
 //! most of the squared error with all values solved anew, until none takes away enough (orthogonal least squares: Chen, Billings
 //! and Luo 1989, "Orthogonal least squares methods and their application to non-linear system identification").
 //!
-//! The error is what the row answers otherwise than its gather: to the lights of [`crate::lamps`], to the row's own mix of them
+//! The error is what the row answers otherwise than its gather: to the lights of [`crate::links::test_lights`], to the row's own mix of them
 //! ([`Weights`]), and to each cluster alone, as far as that differs from its share of its parent's.
 
-use crate::lamps::{EVEN, InLamps, LAMPS, Lamps};
-use crate::trials::Answers;
+use crate::links::fitting::Answers;
+use crate::links::test_lights::{EVEN, InLamps, LAMPS, Lamps};
 use glam::{Vec3, Vec3A};
 
 /// A link that may be taken.

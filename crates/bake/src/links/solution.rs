@@ -4,7 +4,7 @@
 //! receivers, truncated at ε). With S a frame costs one product with a small matrix instead of an iteration,
 //! and the reflectances ρ are fixed.
 //!
-//! Deviation: scalars on clusters instead of vectors on receivers, as in [`bounces`](crate::bounces), so that no
+//! Deviation: scalars on clusters instead of vectors on receivers, as in [`bounces`](crate::links::bounces), so that no
 //! number of bounces can make energy. All bounces by GMRES, as there: at a reflectance of 0.999 the series of one row
 //! needs some 14,000 products.
 

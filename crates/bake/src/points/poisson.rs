@@ -2,8 +2,8 @@
 //!
 //! Source: Lehtinen et al. 2008, section 2.3.
 
-use crate::candidates::{self, Candidate};
 use crate::error::BakeError;
+use crate::points::candidates::{self, Candidate};
 use crate::units::Units;
 use glam::Vec3;
 use rayon::prelude::*;

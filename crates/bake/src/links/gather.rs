@@ -6,8 +6,8 @@
 //! Deviation: senders are clusters of finest points (`relight_transport::senders`), so a ray counts for the
 //! clusters of the finest point nearest to where it ended; one look-up finds those of all sender levels.
 
-use crate::candidates::Candidate;
-use crate::trials::{Answers, ShortInTrials};
+use crate::links::fitting::{Answers, ShortInTrials};
+use crate::points::candidates::Candidate;
 use glam::{Vec3, Vec3A};
 use relight_scene::parting::is_parted;
 use relight_scene::rays::Ray;
@@ -24,7 +24,7 @@ const TOGETHER: usize = 64;
 pub struct SenderField<'a> {
     /// The finest receiver level.
     pub points: NearestPoint<'a>,
-    /// Which of them surfaces part from their neighbours ([`Parted::near`](crate::parted::Parted::near)).
+    /// Which of them surfaces part from their neighbours ([`Parted::near`](crate::points::separation::Parted::near)).
     pub near_parted: &'a [bool],
     /// Its points' clusters.
     pub tree: &'a SenderTree,
@@ -197,9 +197,9 @@ pub fn scalar_row(
 
 #[cfg(test)]
 mod tests {
+    use crate::links::operators::transport;
     use crate::params::BakeParams;
     use crate::radiosity::tests::hollow;
-    use crate::transport::transport;
     use glam::{Quat, Vec3};
     use relight_transport::sparse::row;
 

@@ -8,7 +8,7 @@
 //! one. In a family, the children of one cluster, what the kept children don't account for is spread over the
 //! others in proportion to their shares: the kept ones are left out of their parent's mean. So every row keeps
 //! its response to constant radiosity, and in a family of n children n − 1 links say everything. What light of lamps, which
-//! favours the open, loses all the same is then made up on the kept links of the coarsest level ([`crate::trials`]).
+//! favours the open, loses all the same is then made up on the kept links of the coarsest level ([`crate::links::fitting`]).
 //!
 //! Deviation: links are tested without the sender's reflectance. Weighted by it, what a row sees of a black
 //! lamp or door would be dropped and given to the bright wall beside it, and reflectances stay editable
@@ -16,9 +16,9 @@
 
 mod pursued;
 
-use crate::gather::RowScratch;
-use crate::pursuit::PursuitScratch;
-use crate::trials::{Answers, TrialLights, fit};
+use crate::links::fitting::{Answers, TrialLights, fit};
+use crate::links::gather::RowScratch;
+use crate::links::matching_pursuit::PursuitScratch;
 use glam::{Vec3, Vec3A};
 use relight_transport::senders::SenderTree;
 
@@ -315,7 +315,7 @@ fn select_in_family(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trials::TRIALS;
+    use crate::links::fitting::TRIALS;
     use relight_transport::random::Stream;
 
     /// Three levels of 4, 12 and 40 clusters over 200 points of uneven importance.

@@ -12,13 +12,13 @@
 mod predicted;
 mod wanted;
 
-use crate::bounces::BounceSums;
-use crate::candidates::Candidate;
 use crate::error::BakeError;
-use crate::gather::{Gathered, RowScratch, SenderField, gather, scalar_row};
-use crate::lamps::Lamps;
-use crate::select::{InLamplight, Row, SelectScratch, select, select_by_pursuit};
-use crate::trials::{Answers, TrialLights};
+use crate::links::bounces::BounceSums;
+use crate::links::choice::{InLamplight, Row, SelectScratch, select, select_by_pursuit};
+use crate::links::fitting::{Answers, TrialLights};
+use crate::links::gather::{Gathered, RowScratch, SenderField, gather, scalar_row};
+use crate::links::test_lights::Lamps;
+use crate::points::candidates::Candidate;
 use crate::units::Units;
 use crate::units::key::Key;
 use glam::{Vec3, Vec3A};
@@ -46,7 +46,7 @@ pub struct Refinement<'a> {
     pub ranges: &'a LevelRanges,
     /// Parents of every point (rows and columns: all points).
     pub fine_from_coarse: &'a Rows,
-    /// What is missing among them because surfaces part it ([`Parted::pairs`](crate::parted::Parted::pairs)).
+    /// What is missing among them because surfaces part it ([`Parted::pairs`](crate::points::separation::Parted::pairs)).
     pub parted_pairs: &'a [[u32; 2]],
     /// What rays see.
     pub field: SenderField<'a>,
@@ -568,7 +568,7 @@ impl<'a> Sweep<'a> {
 }
 
 /// Reflectance that stands for every sender's in the threshold: ε is meant on reflectance times link (section
-/// 3.2), and links are tested without (see [`select`](crate::select)).
+/// 3.2), and links are tested without (see [`select`](crate::links::choice)).
 const TYPICAL_REFLECTANCE: f32 = 0.5;
 
 /// Ratio of the thresholds of a level and the next coarser one. A coarser receiver's function covers four times

@@ -8,7 +8,7 @@
 //! Light from all sides is the first of the lights; the others are lamps at the pilots, in groups, each in a part of the
 //! open.
 
-use crate::lamps::{in_lights, lamplight};
+use crate::links::test_lights::{in_lights, lamplight};
 use glam::{DVec3, Mat3, Vec3, Vec3A};
 use relight_transport::senders::{PILOTS, SenderTree, Signed};
 

@@ -1,0 +1,8 @@
+//! Where light is known: candidates, Poisson-disk sets of them, what walls separate, what viewers see.
+
+pub mod candidates;
+pub mod coverage;
+pub mod poisson;
+pub mod seen;
+pub mod separation;
+pub mod viewpoints;

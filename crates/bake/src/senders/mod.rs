@@ -1,0 +1,3 @@
+//! Which points send light together, and how much each counts.
+
+pub mod importance;
