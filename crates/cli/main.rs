@@ -13,6 +13,7 @@ mod demo;
 mod export;
 mod failure;
 mod frames;
+mod help;
 mod images;
 mod inspect;
 mod lightcuts;
@@ -25,7 +26,7 @@ mod signals;
 mod target;
 mod words;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::{Console, ProgressStyleName};
 use failure::{Failure, Outcome};
 use std::process::ExitCode;
@@ -48,6 +49,7 @@ Exit codes: 0 done; 1 failed (bad input, input or output); 2 wrong usage; 3 a ch
 
 /// Options that every command knows.
 #[derive(Args)]
+#[command(next_help_heading = "Every command")]
 struct Global {
     /// No progress and no notes on stderr; errors and --json stay.
     #[arg(short, long, global = true, conflicts_with = "verbose")]
@@ -80,7 +82,8 @@ enum Command {
 
 fn main() -> ExitCode {
     // clap leaves with code 2 for wrong usage, 0 for help and version.
-    let cli = Cli::parse();
+    let matches = help::complete(Cli::command()).get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let console = Console::new(cli.global.quiet, cli.global.verbose, cli.global.progress);
     let result = run(&cli, &console);
     console.close();

@@ -2,7 +2,9 @@
 
 use crate::stage::{complaint, cornell, folder, relight};
 
-const COMMANDS: [&str; 5] = ["bake", "play", "inspect", "compare", "demo"];
+const COMMANDS: [&str; 8] = [
+    "bake", "play", "inspect", "check", "export", "compare", "report", "demo",
+];
 
 #[test]
 fn help_goes_to_stdout_and_names_every_command() {
