@@ -1,15 +1,17 @@
 //! The container: header, sections, table of contents (SPEC 3 to 5). Everything is checked against the file's real
 //! length before anything is allocated, every byte is under a checksum, and sections lie end to end.
 
+use std::fmt::Arguments;
+
 use bincode::{Decode, Encode};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::codec::bytes::Cursor;
-use crate::codec::record;
-use crate::error::{Location, Result, invalid, limit, unsupported};
+use crate::codec::{frame, record};
+use crate::error::{Location, Result, limit, require, unsupported};
 use crate::layout::{
     BYTE_ORDER_MARK, CONTAINER_VERSION, Codec, ENTRY_BYTES, FLAG_REQUIRED, HEADER_BYTES, Kind, MAGIC,
-    MAX_RATIO, MAX_SECTIONS, SPEC_VERSION, ZSTD_LEVEL, entry, header,
+    MAX_RATIO, MAX_SECTIONS, SPEC_VERSION, entry, header,
 };
 
 /// What a reader may take. Files are refused with `LimitExceeded` before it is taken.
@@ -131,8 +133,12 @@ pub(crate) fn assemble(sections: &[(Kind, u16, Vec<u8>)]) -> Result<Vec<u8>> {
     let mut body = Vec::new();
     let mut table = Vec::new();
     for (kind, version, raw) in sections {
-        let (codec, compressed) = compress(*kind, raw)?;
-        let stored = compressed.as_deref().unwrap_or(raw);
+        let packed = match kind.preferred_codec() {
+            Codec::Stored => None,
+            Codec::Zstd => frame::compress(kind.name(), raw)?,
+        };
+        let codec = packed.as_ref().map_or(Codec::Stored, |_| Codec::Zstd);
+        let stored = packed.as_deref().unwrap_or(raw);
         let entry = Entry {
             kind: *kind as u32,
             version: *version,
@@ -169,103 +175,84 @@ pub(crate) fn assemble(sections: &[(Kind, u16, Vec<u8>)]) -> Result<Vec<u8>> {
     Ok(file)
 }
 
-/// The codec to use and the compressed bytes, unless the section is better stored as it is.
-fn compress(kind: Kind, raw: &[u8]) -> Result<(Codec, Option<Vec<u8>>)> {
-    if kind.preferred_codec() == Codec::Stored {
-        return Ok((Codec::Stored, None));
-    }
-    let compressed = zstd::bulk::compress(raw, ZSTD_LEVEL)
-        .map_err(|error| invalid(kind.name(), Location::Raw(0), "bytes that zstd compresses", error))?;
-    let worthwhile = compressed.len() < raw.len() && raw.len() as u64 <= compressed.len() as u64 * MAX_RATIO;
-    Ok(if worthwhile {
-        (Codec::Zstd, Some(compressed))
-    } else {
-        (Codec::Stored, None)
-    })
-}
-
 /// Checks the first bytes of a file of `file_bytes` bytes. `bytes` are its first [`HEADER_BYTES`], or all if there
 /// are fewer.
 pub(crate) fn parse_header(bytes: &[u8], file_bytes: u64, limits: &Limits) -> Result<Header> {
-    let fail = |at: usize, expected: &dyn std::fmt::Display, found: &dyn std::fmt::Display| {
-        invalid("header", Location::File(at as u64), expected, found)
-    };
+    let at = |field: usize| Location::File(field as u64);
     let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
-    if magic != MAGIC {
-        let found = format!("{magic:02x?}");
-        return Err(fail(
-            header::MAGIC,
-            &format!("the magic {MAGIC:02x?} of a relight asset"),
-            &found,
-        ));
-    }
-    if (bytes.len() as u64) < HEADER_BYTES {
-        return Err(fail(
-            bytes.len(),
-            &format!("a header of {HEADER_BYTES} bytes"),
-            &"the end of the file",
-        ));
-    }
+    let expected = format_args!("the magic {MAGIC:02x?} of a relight asset");
+    let found = format_args!("{magic:02x?}");
+    require(magic == MAGIC, "header", at(header::MAGIC), expected, found)?;
+    let (whole, end) = (bytes.len() as u64 >= HEADER_BYTES, at(bytes.len()));
+    let expected = format_args!("a header of {HEADER_BYTES} bytes");
+    require(whole, "header", end, expected, "the end of the file")?;
     if file_bytes > limits.file_bytes {
         let expected = format_args!("a file of at most {} bytes", limits.file_bytes);
-        return Err(limit("file", Location::File(0), expected, file_bytes));
+        return Err(limit("file", at(0), expected, file_bytes));
     }
     let mut memory = 0;
-    let header: Header = record::fixed(&mut Cursor::new("header", bytes, &mut memory))?;
-    if header.byte_order_mark != BYTE_ORDER_MARK {
-        let expected = format!("the byte order mark {BYTE_ORDER_MARK:#010x}");
-        let found = format!("{:#010x}", header.byte_order_mark);
-        return Err(fail(header::BYTE_ORDER_MARK, &expected, &found));
-    }
+    let fields: Header = record::fixed(&mut Cursor::new("header", bytes, &mut memory))?;
+    let check = |holds: bool, field: usize, expected: Arguments<'_>, found: Arguments<'_>| {
+        require(holds, "header", at(field), expected, found)
+    };
+    let mark = fields.byte_order_mark;
+    check(
+        mark == BYTE_ORDER_MARK,
+        header::BYTE_ORDER_MARK,
+        format_args!("the byte order mark {BYTE_ORDER_MARK:#010x}"),
+        format_args!("{mark:#010x}"),
+    )?;
     let actual = xxh3_64(&bytes[..header::HEADER_CHECKSUM]);
-    if header.header_checksum != actual {
-        let expected = format!("the header's checksum {actual:#018x}");
-        let found = format!("{:#018x}", header.header_checksum);
-        return Err(fail(header::HEADER_CHECKSUM, &expected, &found));
-    }
-    let version = header.version;
+    check(
+        fields.header_checksum == actual,
+        header::HEADER_CHECKSUM,
+        format_args!("the header's checksum {actual:#018x}"),
+        format_args!("{:#018x}", fields.header_checksum),
+    )?;
+    let version = fields.version;
     if version == 0 || version > SPEC_VERSION {
-        return Err(unsupported(
-            "header",
-            Location::File(header::VERSION as u64),
-            format_args!("a format version of 1 to {SPEC_VERSION}"),
-            format_args!("{version}, which needs a reader of format version {version}"),
-        ));
+        let expected = format_args!("a format version of 1 to {SPEC_VERSION}");
+        let found = format_args!("{version}, which needs a reader of format version {version}");
+        return Err(unsupported("header", at(header::VERSION), expected, found));
     }
-    if header.reserved != 0 {
-        return Err(fail(header::RESERVED, &"a reserved field of 0", &header.reserved));
-    }
-    if header.file_bytes != file_bytes {
-        let expected = format!("the file's length {file_bytes}");
-        return Err(fail(header::FILE_BYTES, &expected, &header.file_bytes));
-    }
-    let count = header.section_count;
-    if count > MAX_SECTIONS {
-        let expected = format!("at most {MAX_SECTIONS} sections");
-        return Err(fail(header::SECTION_COUNT, &expected, &count));
-    }
-    let table_end = header.table_offset.checked_add(header.table_bytes());
-    if header.table_offset < HEADER_BYTES || table_end != Some(file_bytes) {
-        let expected = format!("a table of {count} entries that ends at the end of the file");
-        let found = format!("offset {}", header.table_offset);
-        return Err(fail(header::TABLE_OFFSET, &expected, &found));
-    }
-    Ok(header)
+    check(
+        fields.reserved == 0,
+        header::RESERVED,
+        format_args!("a reserved field of 0"),
+        format_args!("{}", fields.reserved),
+    )?;
+    check(
+        fields.file_bytes == file_bytes,
+        header::FILE_BYTES,
+        format_args!("the file's length {file_bytes}"),
+        format_args!("{}", fields.file_bytes),
+    )?;
+    let count = fields.section_count;
+    check(
+        count <= MAX_SECTIONS,
+        header::SECTION_COUNT,
+        format_args!("at most {MAX_SECTIONS} sections"),
+        format_args!("{count}"),
+    )?;
+    let table_end = fields.table_offset.checked_add(fields.table_bytes());
+    check(
+        fields.table_offset >= HEADER_BYTES && table_end == Some(file_bytes),
+        header::TABLE_OFFSET,
+        format_args!("a table of {count} entries that ends at the end of the file"),
+        format_args!("offset {}", fields.table_offset),
+    )?;
+    Ok(fields)
 }
 
 /// Checks the table of contents: checksum, contiguous sections from header to table, no kind twice, lengths that
 /// limits and stored bytes justify, provenance first.
 pub(crate) fn parse_table(table: &[u8], header: &Header, limits: &Limits) -> Result<Vec<SectionInfo>> {
+    let table_offset = header.table_offset;
+    let start = Location::File(table_offset);
     let actual = xxh3_64(table);
-    if actual != header.table_checksum {
-        let expected = format_args!("the checksum {:#018x} that the header has", header.table_checksum);
-        return Err(invalid(
-            "table",
-            Location::File(header.table_offset),
-            expected,
-            format_args!("{actual:#018x}"),
-        ));
-    }
+    let expected = format_args!("the checksum {:#018x} that the header has", header.table_checksum);
+    let (holds, found) = (actual == header.table_checksum, format_args!("{actual:#018x}"));
+    require(holds, "table", start, expected, found)?;
     let mut sections: Vec<SectionInfo> = Vec::with_capacity(table.len() / ENTRY_BYTES as usize);
     let mut end = HEADER_BYTES;
     for (index, bytes) in table.chunks_exact(ENTRY_BYTES as usize).enumerate() {
@@ -273,56 +260,29 @@ pub(crate) fn parse_table(table: &[u8], header: &Header, limits: &Limits) -> Res
         let fields: Entry = record::fixed(&mut Cursor::new("table", bytes, &mut memory))?;
         let flags = fields.flags;
         let section = SectionInfo::from(fields);
-        let entry_offset = header.table_offset + index as u64 * ENTRY_BYTES;
-        let place = |field: usize| Location::File(entry_offset + field as u64);
-        if flags > FLAG_REQUIRED {
-            return Err(invalid(
-                &section.name,
-                place(entry::FLAGS),
-                "flags of 0 or 1",
-                flags,
-            ));
-        }
-        if sections
-            .iter()
-            .any(|other| other.kind_number == section.kind_number)
-        {
-            return Err(invalid(
-                &section.name,
-                place(entry::KIND),
-                "each kind once",
-                "a second one",
-            ));
-        }
+        let name = &section.name;
+        let entry_offset = table_offset + index as u64 * ENTRY_BYTES;
+        let at = |field: usize| Location::File(entry_offset + field as u64);
+        let known = flags <= FLAG_REQUIRED;
+        require(known, name, at(entry::FLAGS), "flags of 0 or 1", flags)?;
+        let first = sections.iter().all(|s| s.kind_number != section.kind_number);
+        require(first, name, at(entry::KIND), "each kind once", "a second one")?;
         let stored_end = section.offset.checked_add(section.stored_bytes);
-        if section.offset != end || stored_end.is_none_or(|stored_end| stored_end > header.table_offset) {
-            return Err(invalid(
-                &section.name,
-                place(entry::OFFSET),
-                format_args!("bytes from {end} on that end by {}", header.table_offset),
-                format_args!("{} bytes from {} on", section.stored_bytes, section.offset),
-            ));
-        }
+        let fits = section.offset == end && stored_end.is_some_and(|stored_end| stored_end <= table_offset);
+        let expected = format_args!("bytes from {end} on that end by {table_offset}");
+        let found = format_args!("{} bytes from {} on", section.stored_bytes, section.offset);
+        require(fits, name, at(entry::OFFSET), expected, found)?;
         end += section.stored_bytes;
-        check_lengths(&section, place(entry::RAW_BYTES), limits)?;
+        check_lengths(&section, at(entry::RAW_BYTES), limits)?;
         sections.push(section);
     }
-    if end != header.table_offset {
-        let expected = format_args!("sections that end at {}", header.table_offset);
-        return Err(invalid("table", Location::File(end), expected, end));
-    }
-    match sections.first() {
-        Some(first) if first.kind == Some(Kind::Provenance) => Ok(sections),
-        other => {
-            let found = other.map_or("no section", |section| section.name.as_str());
-            Err(invalid(
-                "table",
-                Location::File(header.table_offset),
-                "provenance as the first section",
-                found,
-            ))
-        }
-    }
+    let expected = format_args!("sections that end at {table_offset}");
+    require(end == table_offset, "table", Location::File(end), expected, end)?;
+    let first = sections.first();
+    let holds = first.is_some_and(|section| section.kind == Some(Kind::Provenance));
+    let found = first.map_or("no section", |section| section.name.as_str());
+    require(holds, "table", start, "provenance as the first section", found)?;
+    Ok(sections)
 }
 
 impl From<Entry> for SectionInfo {
@@ -346,73 +306,31 @@ impl From<Entry> for SectionInfo {
     }
 }
 
-fn check_lengths(section: &SectionInfo, place: Location, limits: &Limits) -> Result<()> {
-    let SectionInfo {
-        name,
-        stored_bytes,
-        raw_bytes,
-        ..
-    } = section;
-    if section.codec == Some(Codec::Stored) && raw_bytes != stored_bytes {
-        return Err(invalid(
-            name,
-            place,
-            format_args!("{stored_bytes} raw bytes, as stored"),
-            raw_bytes,
-        ));
+fn check_lengths(section: &SectionInfo, location: Location, limits: &Limits) -> Result<()> {
+    let (name, stored, raw) = (&section.name, section.stored_bytes, section.raw_bytes);
+    let holds = section.codec != Some(Codec::Stored) || raw == stored;
+    let expected = format_args!("{stored} raw bytes, as stored");
+    require(holds, name, location, expected, raw)?;
+    if raw > stored.saturating_mul(MAX_RATIO) {
+        let expected = format_args!("at most {MAX_RATIO} raw bytes for each of {stored} stored");
+        return Err(limit(name, location, expected, raw));
     }
-    if *raw_bytes > stored_bytes.saturating_mul(MAX_RATIO) {
-        let expected = format_args!("at most {MAX_RATIO} raw bytes for each of {stored_bytes} stored");
-        return Err(limit(name, place, expected, raw_bytes));
-    }
-    if *raw_bytes > limits.section_bytes {
-        return Err(limit(
-            name,
-            place,
-            format_args!("at most {} bytes", limits.section_bytes),
-            raw_bytes,
-        ));
+    if raw > limits.section_bytes {
+        let expected = format_args!("at most {} bytes", limits.section_bytes);
+        return Err(limit(name, location, expected, raw));
     }
     Ok(())
 }
 
 /// Compares the XXH3-64 of a section's stored bytes with its checksum.
 pub(crate) fn verify(section: &SectionInfo, actual: u64) -> Result<()> {
-    if actual == section.checksum {
-        return Ok(());
-    }
     let expected = format_args!("stored bytes with the checksum {:#018x}", section.checksum);
-    Err(invalid(
+    let (holds, found) = (actual == section.checksum, format_args!("{actual:#018x}"));
+    require(
+        holds,
         &section.name,
         Location::File(section.offset),
         expected,
-        format_args!("{actual:#018x}"),
-    ))
-}
-
-/// First bytes of a zstd frame that is not to be skipped (RFC 8878, 3.1.1).
-const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
-
-/// The raw bytes of verified zstd bytes, whose declared length was checked by [`parse_table`].
-pub(crate) fn decompress(section: &SectionInfo, stored: &[u8]) -> Result<Vec<u8>> {
-    let fail = |found: &dyn std::fmt::Display| {
-        let expected = format_args!("a zstd frame of {} raw bytes", section.raw_bytes);
-        invalid(&section.name, Location::File(section.offset), expected, found)
-    };
-    // zstd itself would read several frames, and skip those that it may.
-    let frame = zstd::zstd_safe::find_frame_compressed_size(stored)
-        .map_err(|code| fail(&zstd::zstd_safe::get_error_name(code)))?;
-    if frame != stored.len() || !stored.starts_with(&ZSTD_MAGIC) {
-        return Err(fail(&format_args!(
-            "{frame} of {} stored bytes in one",
-            stored.len()
-        )));
-    }
-    let capacity = usize::try_from(section.raw_bytes).map_err(|error| fail(&error))?;
-    let raw = zstd::bulk::decompress(stored, capacity).map_err(|error| fail(&error))?;
-    if raw.len() == capacity {
-        Ok(raw)
-    } else {
-        Err(fail(&raw.len()))
-    }
+        found,
+    )
 }

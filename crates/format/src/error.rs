@@ -156,6 +156,20 @@ pub(crate) fn invalid(
     FormatError::Invalid(fault(section, location, expected, found))
 }
 
+/// [`invalid`] unless a rule holds.
+pub(crate) fn require(
+    holds: bool,
+    section: &str,
+    location: Location,
+    expected: impl fmt::Display,
+    found: impl fmt::Display,
+) -> Result<()> {
+    match holds {
+        true => Ok(()),
+        false => Err(invalid(section, location, expected, found)),
+    }
+}
+
 /// An [`FormatError::Unsupported`] with its evidence.
 pub(crate) fn unsupported(
     section: &str,

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::asset::{Asset, Provenance};
+use crate::codec::frame;
 use crate::container::{self, Header, Limits, SectionInfo};
 use crate::error::{Location, Result, io, limit};
 use crate::layout::{Codec, ENTRY_BYTES, HEADER_BYTES, Kind, MAX_RECORD_BYTES};
@@ -141,7 +142,7 @@ fn decode(
     match codec {
         Codec::Stored => section::decode(kind, info.version, &stored, memory, asset)?,
         Codec::Zstd => {
-            let raw = container::decompress(info, &stored)?;
+            let raw = frame::decompress(&info.name, info.offset, info.raw_bytes, &stored)?;
             drop(stored);
             section::decode(kind, info.version, &raw, memory, asset)?;
         }

@@ -143,6 +143,7 @@ fn the_constants_are_the_codes() {
         ("most sections", u64::from(layout::MAX_SECTIONS)),
         ("most raw bytes per stored byte", layout::MAX_RATIO),
         ("most bytes of records", layout::MAX_RECORD_BYTES as u64),
+        ("most sets of texture coordinates", layout::MAX_UV_SETS as u64),
     ];
     let stated: Vec<_> = table("<!-- table: constants -->")
         .iter()

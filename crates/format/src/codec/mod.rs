@@ -18,6 +18,7 @@ pub mod albedo;
 pub mod bytes;
 pub mod cut;
 pub mod fraction;
+pub(crate) mod frame;
 pub mod grid;
 pub mod octahedral;
 pub mod recency;

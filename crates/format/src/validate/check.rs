@@ -2,7 +2,7 @@
 
 use std::fmt::{Debug, Display};
 
-use crate::error::{Location, Result, invalid};
+use crate::error::{Location, Result, require};
 use crate::layout::Kind;
 
 /// How far a normal's squared length may be from 1: normals normalised in half precision pass, forgotten
@@ -16,11 +16,8 @@ pub fn check(
     expected: impl Display,
     found: impl Display,
 ) -> Result<()> {
-    if holds {
-        return Ok(());
-    }
     let element = Location::Element(element as u64);
-    Err(invalid(section.name(), element, expected, found))
+    require(holds, section.name(), element, expected, found)
 }
 
 /// Each of some values; the first that breaks the rule is in the error.
