@@ -19,7 +19,7 @@ use crate::units::reach::{Followed, Reach};
 use crate::units::{Ledger, Units};
 use glam::Vec3;
 use prepare::{Places, Watch, kept_points, load, looking, place_points, quantised, stored_vector};
-use relight_format::{self as format, layout::setting};
+use relight_format as format;
 use relight_scene::light::LightTrack;
 use relight_scene::scene::Scene;
 use relight_scene::sequence::Sequence;
@@ -232,17 +232,17 @@ pub fn bake_in_units(
     let mut settings = settings::settings(params);
     settings.extend(setting_strings([
         (
-            setting::OWN_LIGHTS,
-            if keeps_lights { "kept" } else { setting::LEFT_OUT }.into(),
+            "own_lights",
+            if keeps_lights { "kept" } else { "left out" }.into(),
         ),
         (
-            setting::EMISSION,
-            if keeps_emission { "kept" } else { setting::LEFT_OUT }.into(),
+            "emission",
+            if keeps_emission { "kept" } else { "left out" }.into(),
         ),
     ]));
     if params.cameras_only {
         settings.extend(setting_strings([(
-            setting::CAMERAS_ONLY,
+            "cameras_only",
             convert::camera_hashes(&tracks),
         )]));
     }

@@ -15,7 +15,8 @@ use crate::reflections::MOVING_RAYS;
 use crate::shot::Shot;
 use rayon::prelude::*;
 use relight_format::layout::setting;
-use relight_scene::material_edits::{MaterialEdits, MaterialEditsError, read_material_edits};
+use relight_scene::json::error::JsonError;
+use relight_scene::material_edits::{MaterialEdits, read_material_edits};
 use relight_scene::shading::ShadingPoint;
 use relight_scene::traced::TracedSceneError;
 use std::path::{Path, PathBuf};
@@ -25,7 +26,7 @@ use std::path::{Path, PathBuf};
 pub enum EditError {
     /// The edits are wrong in themselves, or for this asset.
     #[error(transparent)]
-    Edits(#[from] MaterialEditsError),
+    Edits(#[from] JsonError),
     /// The asset treats every material alike.
     #[error(
         "{}: baked with --lambert, which shades every material as Lambert with its base colour: materials cannot be \

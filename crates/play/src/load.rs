@@ -9,9 +9,10 @@ use glam::Vec3;
 use relight_format::layout::{Kind, setting};
 use relight_format::{self as format, Asset, FormatError, Limits, Provenance};
 use relight_scene::camera::CameraTrack;
+use relight_scene::json::error::JsonError;
 use relight_scene::light::LightKind;
 use relight_scene::scene::Scene;
-use relight_scene::sequence::{Sequence, SequenceError, camera_to_json, stage_from_json};
+use relight_scene::sequence::{Sequence, camera_to_json, stage_from_json};
 use relight_scene::traced::{Shading, TracedScene, TracedSceneError};
 use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::cuts::SiteCuts;
@@ -40,7 +41,7 @@ pub enum LoadError {
         /// The asset.
         file: PathBuf,
         /// What is wrong.
-        source: SequenceError,
+        source: JsonError,
     },
     /// The scene in it contradicts itself or has a damaged texture.
     #[error("{}: {source}; bake it again", file.display())]
@@ -162,15 +163,7 @@ pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) ->
         ..
     } = asset;
     let (cameras, sequence) = match stage.json.as_str() {
-        "" => Ok((
-            Vec::new(),
-            Sequence {
-                frames: 1,
-                fps: 24.0,
-                camera: None,
-                lights: Vec::new(),
-            },
-        )),
+        "" => Ok((Vec::new(), Sequence::default())),
         json => stage_from_json(json),
     }
     .map_err(|source| LoadError::Stage { file: file(), source })?;

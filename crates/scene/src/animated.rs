@@ -1,13 +1,17 @@
 //! Values that may change from frame to frame: a constant or keyframes (design section 4).
 
 use glam::{Vec2, Vec3, Vec4};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// How a value moves between two keys.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Interpolation {
     /// The earlier key's value holds until the next key.
     Step,
     /// Straight line between keys.
+    #[default]
     Linear,
     /// Catmull-Rom spline through the keys, with one-sided tangents at both ends.
     Cubic,

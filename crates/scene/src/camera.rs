@@ -1,23 +1,40 @@
-//! Cameras: pinhole, perspective (design section 3: `--size` keeps the vertical field of view).
+//! Cameras: pinhole, perspective. An image of another shape keeps the vertical field of view.
 
 use crate::animated::Animated;
+use crate::json::keyed::Keyed;
+use crate::json::quantity::{Aspect, Direction, FieldOfView, Fixed, Position};
 use glam::{Vec2, Vec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// A perspective camera of the scene or of a sequence, over time.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "Camera")]
 pub struct CameraTrack {
-    /// Name of its node; empty for a sequence's own camera.
+    /// Name of its node; empty for a sequence's own camera. Not in the JSON.
+    #[serde(skip)]
     pub name: String,
     /// Eye, world space, metres.
+    #[serde(with = "Keyed::<Position>")]
     pub position: Animated<Vec3>,
-    /// A point that appears in the middle of the image, world space.
+    /// A point that appears in the middle of the image, world space, metres.
+    #[serde(with = "Keyed::<Position>")]
     pub look_at: Animated<Vec3>,
-    /// Up direction, need not be perpendicular to the view or of unit length.
+    /// Up direction; need not be perpendicular to the view or of unit length.
+    #[serde(with = "Keyed::<Direction>", default = "y_up")]
     pub up: Animated<Vec3>,
-    /// Vertical field of view in degrees, in (0, 180).
+    /// Vertical field of view in degrees, above 0 and below 180.
+    #[serde(with = "Keyed::<FieldOfView>")]
     pub vfov_deg: Animated<f32>,
     /// Width over height that the author meant, if any: sets the default image size only.
+    #[serde(default, with = "Fixed::<Aspect>", skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Fixed<Aspect>")]
     pub aspect: Option<f32>,
+}
+
+fn y_up() -> Animated<Vec3> {
+    Animated::Constant(Vec3::Y)
 }
 
 /// A camera at one frame, ready to make rays.

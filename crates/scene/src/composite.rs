@@ -5,7 +5,7 @@ use crate::surface::{SurfaceHit, Surfaces};
 use glam::Vec3;
 
 /// One of the surfaces of a [`Composite`].
-pub struct Part {
+pub struct CompositeSurface {
     /// Its name, for messages.
     pub name: String,
     /// The surface.
@@ -14,37 +14,37 @@ pub struct Part {
     pub primitives: u32,
 }
 
-/// Surfaces side by side. Primitives are numbered part by part. A ray asks every part whose bounds it does not
+/// Surfaces side by side. Primitives are numbered surface by surface. A ray asks every surface whose bounds it does not
 /// need to rule out first: meant for dozens of parts, not for thousands.
 #[derive(Default)]
 pub struct Composite {
-    parts: Vec<Part>,
-    /// Per part the number of its first primitive.
+    surfaces: Vec<CompositeSurface>,
+    /// Per surface the number of its first primitive.
     first_primitive: Vec<u32>,
 }
 
 impl Composite {
     /// Puts surfaces side by side, or returns `None` if they have more than 2³² primitives.
-    pub fn new(parts: Vec<Part>) -> Option<Composite> {
+    pub fn new(surfaces: Vec<CompositeSurface>) -> Option<Composite> {
         let mut next = 0u32;
-        let mut first_primitive = Vec::with_capacity(parts.len());
-        for part in &parts {
+        let mut first_primitive = Vec::with_capacity(surfaces.len());
+        for surface in &surfaces {
             first_primitive.push(next);
-            next = next.checked_add(part.primitives)?;
+            next = next.checked_add(surface.primitives)?;
         }
         Some(Composite {
-            parts,
+            surfaces,
             first_primitive,
         })
     }
 
-    /// The parts, in order.
-    pub fn parts(&self) -> &[Part] {
-        &self.parts
+    /// The surfaces, in order.
+    pub fn surfaces(&self) -> &[CompositeSurface] {
+        &self.surfaces
     }
 
-    /// Which part a hit is on: index into [`Composite::parts`]; `None` for hits of other surfaces.
-    pub fn part_of(&self, hit: &SurfaceHit) -> Option<usize> {
+    /// Which surface a hit is on: index into [`Composite::surfaces`]; `None` for hits of other surfaces.
+    pub fn surface_of(&self, hit: &SurfaceHit) -> Option<usize> {
         let after = self
             .first_primitive
             .partition_point(|&first| first <= hit.primitive);
@@ -54,18 +54,18 @@ impl Composite {
 
 impl Surfaces for Composite {
     fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        self.parts
+        self.surfaces
             .iter()
-            .filter_map(|part| part.surfaces.bounds())
+            .filter_map(|surface| surface.surfaces.bounds())
             .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
     }
 
     fn closest_hit(&self, ray: &Ray) -> Option<SurfaceHit> {
         let mut ray = *ray;
         let mut closest = None;
-        for (part, first) in self.parts.iter().zip(&self.first_primitive) {
-            if let Some(mut hit) = part.surfaces.closest_hit(&ray) {
-                // A part may round t up past the limit; the nearer hit stays.
+        for (surface, first) in self.surfaces.iter().zip(&self.first_primitive) {
+            if let Some(mut hit) = surface.surfaces.closest_hit(&ray) {
+                // A surface may round t up past the limit; the nearer hit stays.
                 if hit.t <= ray.t_max {
                     hit.primitive += first;
                     ray.t_max = hit.t;
@@ -77,18 +77,18 @@ impl Surfaces for Composite {
     }
 
     fn occluded(&self, ray: &Ray) -> bool {
-        self.parts.iter().any(|part| part.surfaces.occluded(ray))
+        self.surfaces.iter().any(|surface| surface.surfaces.occluded(ray))
     }
 
     fn albedo(&self, hit: &SurfaceHit) -> Vec3 {
-        let Some(at) = self.part_of(hit) else {
+        let Some(at) = self.surface_of(hit) else {
             return Vec3::ZERO;
         };
         let hit = SurfaceHit {
             primitive: hit.primitive - self.first_primitive[at],
             ..*hit
         };
-        self.parts[at].surfaces.albedo(&hit)
+        self.surfaces[at].surfaces.albedo(&hit)
     }
 }
 
@@ -98,14 +98,14 @@ mod tests {
     use crate::implicit::{ImplicitSurface, Sdf};
     use glam::DVec3;
 
-    fn ball(x: f32, albedo: f32) -> Part {
+    fn ball(x: f32, albedo: f32) -> CompositeSurface {
         let sdf = Sdf::Sphere {
             center: DVec3::X * f64::from(x),
             radius: 1.0,
         };
         let (low, high) = (Vec3::new(x - 1.0, -1.0, -1.0), Vec3::new(x + 1.0, 1.0, 1.0));
         let surfaces = Box::new(ImplicitSurface::new(sdf, (low, high), Vec3::splat(albedo)));
-        Part {
+        CompositeSurface {
             name: String::new(),
             surfaces,
             primitives: 1,
@@ -114,12 +114,12 @@ mod tests {
 
     /// Truth by hand: two balls of radius 1 at x = 0 and x = 3, in either order.
     #[test]
-    fn the_nearest_part_is_hit_and_keeps_its_albedo() {
-        for parts in [
+    fn the_nearest_surface_is_hit_and_keeps_its_albedo() {
+        for surfaces in [
             vec![ball(0.0, 0.2), ball(3.0, 0.6)],
             vec![ball(3.0, 0.6), ball(0.0, 0.2)],
         ] {
-            let both = Composite::new(parts).unwrap();
+            let both = Composite::new(surfaces).unwrap();
             assert_eq!(both.bounds().unwrap().0.x.round(), -1.0);
             assert_eq!(both.bounds().unwrap().1.x.round(), 4.0);
             for (from, toward, t, albedo) in [(-5.0, Vec3::X, 4.0, 0.2), (8.0, Vec3::NEG_X, 4.0, 0.6)] {

@@ -8,11 +8,15 @@
 //! length, relative to the bounds, which ends marching along a surface; what a ray may miss is
 //! a chord shorter than that. Everything is relative to the bounds: scaling by a power of two changes no decision.
 
+use crate::json::quantity::{Above0, non_negative, point, positive, positive_triple};
 use crate::rays::Ray;
 use crate::scene::Mesh;
 use crate::surface::{ClippedRay, SurfaceHit, Surfaces};
 use crate::surface_nets::Field;
 use glam::{DVec3, Vec3};
+use schemars::JsonSchema;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer};
 
 /// Steps are this share of the value.
 const STEP_SHARE: f64 = 0.9;
@@ -23,55 +27,119 @@ const LEAST_STEP: f64 = 1.0 / (1 << 17) as f64;
 const GRADIENT_STEP: f64 = 1.0 / (1 << 20) as f64;
 
 /// A shape by its signed distance: negative inside. Lengths in metres, world space, Y up.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Sdf {
     /// Exact.
     Sphere {
         /// Its middle.
+        #[serde(deserialize_with = "point")]
+        #[schemars(with = "[f64; 3]")]
         center: DVec3,
         /// Above zero.
+        #[serde(deserialize_with = "positive")]
+        #[schemars(with = "Above0")]
         radius: f64,
     },
     /// An estimate of the distance with slope 1 on the surface (Quilez).
     Ellipsoid {
         /// Its middle.
+        #[serde(deserialize_with = "point")]
+        #[schemars(with = "[f64; 3]")]
         center: DVec3,
         /// Semi-axes along x, y and z, above zero.
+        #[serde(deserialize_with = "positive_triple")]
+        #[schemars(with = "[Above0; 3]")]
         radii: DVec3,
     },
     /// A ring around the y axis; exact.
     Torus {
         /// Its middle.
+        #[serde(deserialize_with = "point")]
+        #[schemars(with = "[f64; 3]")]
         center: DVec3,
-        /// From the middle to the middle of the tube.
+        /// From the middle to the middle of the tube, above zero.
+        #[serde(deserialize_with = "positive")]
+        #[schemars(with = "Above0")]
         major: f64,
         /// Radius of the tube, above zero.
+        #[serde(deserialize_with = "positive")]
+        #[schemars(with = "Above0")]
         minor: f64,
     },
     /// An upright cylinder with rounded edges; exact outside.
     RoundedCylinder {
         /// Its middle.
+        #[serde(deserialize_with = "point")]
+        #[schemars(with = "[f64; 3]")]
         center: DVec3,
-        /// Outer radius.
+        /// Outer radius, above zero.
+        #[serde(deserialize_with = "positive")]
+        #[schemars(with = "Above0")]
         radius: f64,
-        /// Half of its whole height.
+        /// Half of its whole height, above zero.
+        #[serde(deserialize_with = "positive")]
+        #[schemars(with = "Above0")]
         half_height: f64,
-        /// Radius of the edges, at most the radius and the half height.
+        /// Radius of the edges, from zero to the radius and the half height.
+        #[serde(deserialize_with = "non_negative")]
+        #[schemars(range(min = 0.0))]
         rounding: f64,
     },
     /// Where any is; empty: nowhere.
-    Union(Vec<Sdf>),
+    Union(
+        #[serde(deserialize_with = "Children::read")]
+        #[schemars(with = "Children")]
+        Vec<Sdf>,
+    ),
     /// Where all are; empty: nowhere.
-    Intersection(Vec<Sdf>),
+    Intersection(
+        #[serde(deserialize_with = "Children::read")]
+        #[schemars(with = "Children")]
+        Vec<Sdf>,
+    ),
     /// The first without the others; empty: nowhere.
-    Difference(Vec<Sdf>),
+    Difference(
+        #[serde(deserialize_with = "Children::read")]
+        #[schemars(with = "Children")]
+        Vec<Sdf>,
+    ),
     /// As a union, with creases rounded over a width (polynomial smooth minimum, folded from first to last).
     SmoothUnion {
         /// Width of the blend in metres, above zero.
+        #[serde(rename = "k", deserialize_with = "positive")]
+        #[schemars(with = "Above0")]
         width: f64,
-        /// The shapes.
+        /// The shapes, at least one.
+        #[serde(deserialize_with = "at_least_one")]
+        #[schemars(length(min = 1))]
         of: Vec<Sdf>,
     },
+}
+
+/// Shapes as JSON has them within others.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "Shapes")]
+struct Children {
+    /// The shapes, at least one.
+    #[serde(deserialize_with = "at_least_one")]
+    #[schemars(length(min = 1))]
+    of: Vec<Sdf>,
+}
+
+impl Children {
+    fn read<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Sdf>, D::Error> {
+        Children::deserialize(deserializer).map(|children| children.of)
+    }
+}
+
+fn at_least_one<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Sdf>, D::Error> {
+    let shapes = Vec::deserialize(deserializer)?;
+    if shapes.is_empty() {
+        return Err(D::Error::custom("empty: give at least one shape"));
+    }
+    Ok(shapes)
 }
 
 /// Cells of a mesh along the longest side of the bounds: triangles of a hundredth of the shape.

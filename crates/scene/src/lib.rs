@@ -18,6 +18,7 @@ pub mod gltf;
 pub mod image;
 pub mod implicit;
 pub mod isosurface;
+pub mod json;
 pub mod light;
 pub mod light_set;
 pub mod material;

@@ -1,10 +1,20 @@
-//! Lights as they are at one frame (design sections 2 and 4 for units).
+//! Lights over time, as a lighting sequence or a scene describes them.
 
 use crate::animated::Animated;
+use crate::json::keyed::Keyed;
+use crate::json::quantity::{
+    Angle, Color, Components, Direction, Edge, Factor, HalfAngle, Length, Position, Quantity, Turbidity,
+    given,
+};
 use glam::Vec3;
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::ser::Error as _;
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::{Value, json};
+use std::borrow::Cow;
 use std::sync::Arc;
 
-/// A light over time, as a sequence or a scene describes it. Units: design section 2.
+/// A light over time, as a sequence or a scene describes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightTrack {
     /// Its name: layers are called `light.<name>`. Unique within a sequence.
@@ -23,87 +33,163 @@ impl LightTrack {
     }
 }
 
-/// The kinds of lights of a sequence, with values over time.
-#[derive(Clone, Debug, PartialEq)]
+/// The kinds of lights of a sequence, with values over time. Intensities are radiometric.
+//
+// serde's `tag` would read them from the field `type`, but forgets paths on the way: `sequence` reads `type` first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(remote = "Self", rename_all = "snake_case", deny_unknown_fields)]
+#[schemars(rename = "Light", tag = "type")]
 pub enum LightKind {
-    /// Radiant intensity in W/sr, the same in all directions.
+    /// A point that shines the same in all directions.
     Point {
         /// World space, metres.
+        #[serde(with = "Keyed::<Position>")]
         position: Animated<Vec3>,
-        /// RGB, W/sr.
+        /// Radiant intensity, RGB in W/sr.
+        #[serde(with = "Keyed::<Color>")]
         intensity: Animated<Vec3>,
     },
     /// As a point light, with the angular fall-off of KHR_lights_punctual.
     Spot {
         /// World space, metres.
+        #[serde(with = "Keyed::<Position>")]
         position: Animated<Vec3>,
         /// The way the light points; need not be of unit length.
+        #[serde(with = "Keyed::<Direction>")]
         direction: Animated<Vec3>,
-        /// Half angle of the full-intensity cone, degrees.
+        /// Half angle of the full-intensity cone, degrees, at most `outer_angle_deg`.
+        #[serde(with = "Keyed::<HalfAngle>", default = "constant::<HalfAngle, 0>")]
         inner_angle_deg: Animated<f32>,
         /// Half angle beyond which there is no light, degrees, at most 90.
+        #[serde(with = "Keyed::<HalfAngle>")]
         outer_angle_deg: Animated<f32>,
-        /// RGB on the axis, W/sr.
+        /// Radiant intensity on the axis, RGB in W/sr.
+        #[serde(with = "Keyed::<Color>")]
         intensity: Animated<Vec3>,
     },
     /// Parallel light from infinitely far away.
     Directional {
-        /// The way the light travels.
+        /// The way the light travels; need not be of unit length.
+        #[serde(with = "Keyed::<Direction>")]
         direction: Animated<Vec3>,
-        /// RGB on a perpendicular surface, W/m².
+        /// Irradiance of a perpendicular surface, RGB in W/m².
+        #[serde(with = "Keyed::<Color>")]
         irradiance: Animated<Vec3>,
     },
-    /// A rectangle that emits towards `edge_u × edge_v`.
+    /// A rectangle that emits towards `edge_u × edge_v`, not backwards. It casts no shadow.
     Rect {
-        /// Its middle.
+        /// Its middle, world space, metres.
+        #[serde(with = "Keyed::<Position>")]
         center: Animated<Vec3>,
-        /// One full side.
+        /// One full side, metres.
+        #[serde(with = "Keyed::<Edge>")]
         edge_u: Animated<Vec3>,
-        /// The other full side.
+        /// The other full side, metres; not parallel to `edge_u`.
+        #[serde(with = "Keyed::<Edge>")]
         edge_v: Animated<Vec3>,
-        /// RGB, W/(m² sr).
+        /// RGB in W/(m² sr).
+        #[serde(with = "Keyed::<Color>")]
         radiance: Animated<Vec3>,
     },
-    /// A sphere that emits outwards.
+    /// A sphere that emits outwards. It casts no shadow.
     Sphere {
-        /// Its middle.
+        /// Its middle, world space, metres.
+        #[serde(with = "Keyed::<Position>")]
         center: Animated<Vec3>,
         /// Metres.
+        #[serde(with = "Keyed::<Length>")]
         radius: Animated<f32>,
-        /// RGB, W/(m² sr).
+        /// RGB in W/(m² sr).
+        #[serde(with = "Keyed::<Color>")]
         radiance: Animated<Vec3>,
     },
     /// Light from all around, infinitely far away.
     Environment {
-        /// The map, shared by all frames.
+        /// The map, shared by all frames; not in the JSON, which names its file.
+        #[serde(skip)]
         map: Arc<EnvironmentMap>,
-        /// The file as the sequence names it (kept for error messages and logs).
+        /// An equirectangular map of radiance (`.hdr` or `.exr`), relative to the sequence's folder.
         file: String,
-        /// RGB factor.
+        /// Multiplies the map.
+        #[serde(with = "Keyed::<Factor>", default = "constant::<Factor, 1>")]
         scale: Animated<Vec3>,
-        /// Turns the map counter-clockwise about +Y seen from above.
+        /// Turns the map counter-clockwise about +Y seen from above, degrees.
+        #[serde(with = "Keyed::<Angle>", default = "constant::<Angle, 0>")]
         rotation_deg: Animated<f32>,
     },
-    /// Sun and clear sky.
+    /// Sun and clear sky (Preetham's model).
     SunSky {
         /// 2 (very clear) to 10 (hazy).
+        #[serde(with = "Keyed::<Turbidity>", default = "constant::<Turbidity, 3>")]
         turbidity: Animated<f32>,
         /// Towards the sun; need not be of unit length.
+        #[serde(with = "Keyed::<Direction>")]
         sun_direction: Animated<Vec3>,
-        /// RGB factor.
+        /// Multiplies sun and sky.
+        #[serde(with = "Keyed::<Factor>", default = "constant::<Factor, 1>")]
         scale: Animated<Vec3>,
     },
     /// Lets emissive materials of the scene shine.
     Emissive {
-        /// Materials of this name; all emissive ones where `None`.
+        /// Materials of this name; all emissive ones where it is left out.
+        #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+        #[schemars(with = "String")]
         material: Option<String>,
-        /// RGB factor on the material's emission.
+        /// Multiplies the materials' emission.
+        #[serde(with = "Keyed::<Factor>", default = "constant::<Factor, 1>")]
         scale: Animated<Vec3>,
     },
 }
 
-/// An equirectangular image of radiance from all directions, oriented as design section 2 says.
-#[derive(Clone, Debug, PartialEq)]
+/// The value of a field that is left out: the same number for all components, at every frame.
+fn constant<Q: Quantity, const N: i8>() -> Animated<Q::Value> {
+    Animated::Constant(Components::from_components([f32::from(N); 3]))
+}
+
+/// `{"point": {…}}`, as serde writes the kind, becomes `{"name": …, "type": "point", …}`.
+impl Serialize for LightTrack {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let kind =
+            LightKind::serialize(&self.kind, serde_json::value::Serializer).map_err(S::Error::custom)?;
+        let tagged = kind.as_object().into_iter().flatten().next();
+        let (kind, fields) = tagged.ok_or_else(|| S::Error::custom("a light without a type"))?;
+        let head = [("name", json!(self.name)), ("type", json!(kind))];
+        let head = head.iter().map(|(key, value)| (*key, value));
+        let fields = fields.as_object().into_iter().flatten();
+        serializer.collect_map(head.chain(fields.map(|(key, value)| (key.as_str(), value))))
+    }
+}
+
+/// The kinds' objects, each with a name.
+impl JsonSchema for LightTrack {
+    fn schema_name() -> Cow<'static, str> {
+        "Light".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let mut schema = LightKind::json_schema(generator);
+        let name = json!({
+            "description": "Its name, unlike those of the other lights: its layer is called `light.<name>`.",
+            "type": "string",
+            "minLength": 1
+        });
+        for kind in schema
+            .get_mut("oneOf")
+            .and_then(Value::as_array_mut)
+            .into_iter()
+            .flatten()
+        {
+            kind["properties"]["name"] = name.clone();
+            if let Some(required) = kind["required"].as_array_mut() {
+                required.insert(0, "name".into());
+            }
+        }
+        schema
+    }
+}
+
+/// An equirectangular image of radiance from all directions ([`crate::environment`] says which pixel is where).
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct EnvironmentMap {
     /// Pixels across.
     pub width: usize,

@@ -35,7 +35,7 @@ pub struct Instance {
 }
 
 /// A whole scene: geometry at rest, materials, and the cameras and lights that came with it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Scene {
     /// Every mesh once, however often it is placed.
     pub meshes: Vec<Mesh>,

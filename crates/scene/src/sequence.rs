@@ -1,15 +1,27 @@
-//! Lighting sequences: what shines at which frame, seen by which camera (design section 4), and their JSON.
+//! Lighting sequences: what shines at which frame, seen by which camera; and their JSON, of which `docs/sequences.md`
+//! has every field.
 
-pub(crate) mod fields;
-mod json_in;
-mod json_out;
+#[cfg(test)]
+mod tests;
 
-pub use fields::SequenceError;
-pub use json_in::{parse_sequence, read_sequence, stage_from_json};
-pub use json_out::{camera_to_json, sequence_to_json, stage_to_json};
-
+use crate::animated::Animated;
 use crate::camera::CameraTrack;
-use crate::light::LightTrack;
+use crate::environment::read_environment;
+use crate::json::decode::{Document, Object, read_text};
+use crate::json::error::JsonError;
+use crate::json::path::JsonPath;
+use crate::json::quantity::{Above0, Version1, given, positive};
+use crate::light::{EnvironmentMap, LightKind, LightTrack};
+use glam::DVec3;
+use schemars::JsonSchema;
+use serde::de::IgnoredAny;
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::Value;
+use serde_json::value::RawValue;
+use std::collections::{HashMap, HashSet};
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A lighting sequence: `frames` frames of lights and, if it names one, a camera.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,14 +36,343 @@ pub struct Sequence {
     pub lights: Vec<LightTrack>,
 }
 
+/// One dark frame.
+impl Default for Sequence {
+    fn default() -> Self {
+        Sequence {
+            frames: 1,
+            fps: film_rate(),
+            camera: None,
+            lights: Vec::new(),
+        }
+    }
+}
+
 /// The camera of a sequence.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
 pub enum SequenceCamera {
     /// A camera node of the scene, by name.
-    Node(String),
+    Node(
+        #[serde(serialize_with = "Node::write")]
+        #[schemars(with = "Node")]
+        String,
+    ),
     /// A camera of the sequence's own.
     Own(CameraTrack),
 }
 
-#[cfg(test)]
-mod tests;
+/// A camera node of the scene.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "CameraNode")]
+struct Node {
+    /// Its name.
+    node: String,
+}
+
+impl Node {
+    fn write<S: Serializer>(node: &str, serializer: S) -> Result<S::Ok, S::Error> {
+        Node { node: node.into() }.serialize(serializer)
+    }
+}
+
+/// A sequence as a file has it, with cameras and lights as text or in memory.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(
+    deny_unknown_fields,
+    bound(deserialize = "C: Deserialize<'de>, L: Deserialize<'de>")
+)]
+pub(crate) struct SequenceFile<C, L> {
+    /// The version of this form.
+    relight_sequence: Version1,
+    /// Number of frames.
+    #[serde(default = "one_frame")]
+    frames: NonZeroU32,
+    /// Frames per second.
+    #[serde(default = "film_rate", deserialize_with = "positive")]
+    #[schemars(with = "Above0")]
+    fps: f64,
+    /// Which camera looks; if left out, the first one of the scene.
+    #[serde(
+        default,
+        deserialize_with = "given",
+        skip_serializing_if = "Option::<C>::is_none"
+    )]
+    #[schemars(with = "C")]
+    camera: Option<C>,
+    /// All lights; those of the scene itself do not shine beside them. No two have the same name.
+    lights: Vec<L>,
+}
+
+fn one_frame() -> NonZeroU32 {
+    NonZeroU32::MIN
+}
+
+fn film_rate() -> f64 {
+    24.0
+}
+
+/// A scene's own cameras and lights, as an asset has them.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StageFile<C, S> {
+    cameras: Vec<C>,
+    sequence: S,
+}
+
+#[derive(Serialize)]
+struct NamedCamera<'a> {
+    name: &'a str,
+    #[serde(flatten)]
+    camera: &'a CameraTrack,
+}
+
+/// Reads a lighting sequence and the environment maps that it names.
+///
+/// # Errors
+/// See [`JsonError`].
+pub fn read_sequence(path: &Path) -> Result<Sequence, JsonError> {
+    let text = read_text(path, "lighting sequence")?;
+    let base = path.parent().unwrap_or(Path::new(""));
+    parse_sequence(&text, base, &path.display().to_string())
+}
+
+/// Reads a lighting sequence from its text. Files that it names are relative to `base_dir`; `name` stands for
+/// the sequence in messages.
+///
+/// # Errors
+/// See [`JsonError`].
+pub fn parse_sequence(text: &str, base_dir: &Path, name: &str) -> Result<Sequence, JsonError> {
+    Reader {
+        document: Document { name, text },
+        base_dir: Some(base_dir),
+        maps: HashMap::new(),
+    }
+    .sequence(text, &JsonPath::default())
+}
+
+/// Reads what [`stage_to_json`] wrote: the scene's cameras and its own lights. Environment maps are
+/// not part of a scene and are refused.
+///
+/// # Errors
+/// See [`JsonError`].
+pub fn stage_from_json(text: &str) -> Result<(Vec<CameraTrack>, Sequence), JsonError> {
+    let document = Document {
+        name: "the scene's cameras and lights",
+        text,
+    };
+    let mut reader = Reader {
+        document,
+        base_dir: None,
+        maps: HashMap::new(),
+    };
+    let root = JsonPath::default();
+    let file: StageFile<&RawValue, &RawValue> = document.decode(text, &root)?;
+    let cameras = (file.cameras.iter().enumerate())
+        .map(|(i, camera)| reader.named_camera(camera.get(), &root.key("cameras").index(i)))
+        .collect::<Result<_, _>>()?;
+    Ok((
+        cameras,
+        reader.sequence(file.sequence.get(), &root.key("sequence"))?,
+    ))
+}
+
+/// A sequence as JSON text, one that [`parse_sequence`] reads back to an equal sequence. Environment
+/// maps are named by their file, not included.
+pub fn sequence_to_json(sequence: &Sequence) -> String {
+    pretty(&SequenceFile::of(sequence))
+}
+
+/// A scene's cameras and its own lights as JSON text, for an asset; [`stage_from_json`] reads it.
+pub fn stage_to_json(cameras: &[CameraTrack], sequence: &Sequence) -> String {
+    let cameras: Vec<_> = cameras
+        .iter()
+        .map(|camera| NamedCamera {
+            name: &camera.name,
+            camera,
+        })
+        .collect();
+    pretty(&StageFile {
+        cameras,
+        sequence: SequenceFile::of(sequence),
+    })
+}
+
+/// One camera as [`stage_to_json`] writes it, without its name: equal texts are equal cameras.
+pub fn camera_to_json(camera: &CameraTrack) -> String {
+    pretty(camera)
+}
+
+/// Indented, with the fields of each object in the order of their names.
+fn pretty(value: &impl Serialize) -> String {
+    let value = serde_json::to_value(value).unwrap_or(Value::Null);
+    format!("{value:#}\n")
+}
+
+impl<'a> SequenceFile<&'a SequenceCamera, &'a LightTrack> {
+    fn of(sequence: &'a Sequence) -> Self {
+        SequenceFile {
+            relight_sequence: Version1,
+            frames: NonZeroU32::new(sequence.frames).unwrap_or(NonZeroU32::MIN),
+            fps: sequence.fps,
+            camera: sequence.camera.as_ref(),
+            lights: sequence.lights.iter().collect(),
+        }
+    }
+}
+
+/// Reads the objects of one text.
+struct Reader<'a> {
+    document: Document<'a>,
+    /// What files are relative to; `None`: no files here.
+    base_dir: Option<&'a Path>,
+    /// Environment maps by file: one that several lights name is read once.
+    maps: HashMap<PathBuf, Arc<EnvironmentMap>>,
+}
+
+/// What says which fields a light has. Other fields are ignored.
+#[derive(Deserialize)]
+#[serde(expecting = "an object")]
+struct LightHead {
+    name: String,
+    r#type: String,
+}
+
+/// Ignores all fields but one.
+#[derive(Deserialize)]
+struct CameraHead {
+    node: Option<IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+struct Name {
+    name: String,
+}
+
+impl<'a> Reader<'a> {
+    fn sequence(&mut self, text: &'a str, path: &JsonPath) -> Result<Sequence, JsonError> {
+        let file: SequenceFile<&RawValue, &RawValue> = self.document.decode(text, path)?;
+        let camera = file
+            .camera
+            .map(|camera| self.camera(camera.get(), &path.key("camera")));
+        let mut names = HashSet::new();
+        let mut lights = Vec::with_capacity(file.lights.len());
+        for (i, light) in file.lights.iter().enumerate() {
+            let path = path.key("lights").index(i);
+            let light = self.light(light.get(), &path)?;
+            if !names.insert(light.name.clone()) {
+                let message = format!(
+                    "{:?} is already the name of another light; names must differ",
+                    light.name
+                );
+                return Err(self.document.error(&path.key("name"), message));
+            }
+            lights.push(light);
+        }
+        Ok(Sequence {
+            frames: file.frames.get(),
+            fps: file.fps,
+            camera: camera.transpose()?,
+            lights,
+        })
+    }
+
+    fn camera(&self, text: &'a str, path: &JsonPath) -> Result<SequenceCamera, JsonError> {
+        let head: CameraHead = self.document.decode(text, path)?;
+        Ok(match head.node {
+            Some(_) => SequenceCamera::Node(self.document.decode::<Node>(text, path)?.node),
+            None => SequenceCamera::Own(self.document.decode(text, path)?),
+        })
+    }
+
+    fn named_camera(&self, text: &'a str, path: &JsonPath) -> Result<CameraTrack, JsonError> {
+        let Name { name } = self.document.decode(text, path)?;
+        let object = Object::new(text).without(&["name"]);
+        let camera = (self.document).decode_with(object, path, |object| CameraTrack::deserialize(object))?;
+        Ok(CameraTrack { name, ..camera })
+    }
+
+    fn light(&mut self, text: &'a str, path: &JsonPath) -> Result<LightTrack, JsonError> {
+        let LightHead { name, r#type } = self.document.decode(text, path)?;
+        let object = Object::new(text)
+            .without(&["name", "type"])
+            .variant("type", &r#type);
+        let kind = (self.document).decode_with(object, path, |object| LightKind::deserialize(object))?;
+        let mut light = LightTrack { name, kind };
+        if light.name.is_empty() {
+            let message = "a light's name must not be empty";
+            return Err(self.document.error(&path.key("name"), message));
+        }
+        match &mut light.kind {
+            LightKind::Spot {
+                inner_angle_deg,
+                outer_angle_deg,
+                ..
+            } => self.check_angles(inner_angle_deg, outer_angle_deg, path)?,
+            LightKind::Rect { edge_u, edge_v, .. } => self.check_edges(edge_u, edge_v, path)?,
+            LightKind::Environment { map, file, .. } => *map = self.map(file, &path.key("file"))?,
+            _ => {}
+        }
+        Ok(light)
+    }
+
+    fn map(&mut self, file: &str, path: &JsonPath) -> Result<Arc<EnvironmentMap>, JsonError> {
+        let Some(base) = self.base_dir else {
+            let message = "an asset holds no environment maps; use a sequence file";
+            return Err(self.document.error(path, message));
+        };
+        let file = base.join(file);
+        if let Some(map) = self.maps.get(&file) {
+            return Ok(map.clone());
+        }
+        let map = read_environment(&file).map_err(|error| self.document.error(path, error.to_string()))?;
+        Ok(self.maps.entry(file).or_insert(Arc::new(map)).clone())
+    }
+
+    fn check_angles(
+        &self,
+        inner: &Animated<f32>,
+        outer: &Animated<f32>,
+        path: &JsonPath,
+    ) -> Result<(), JsonError> {
+        for frame in key_frames(inner, outer) {
+            let (i, o) = (inner.at(frame), outer.at(frame));
+            if i > o {
+                let message = format!(
+                    "must not exceed outer_angle_deg, but at frame {frame} it is {i} and that is {o}"
+                );
+                return Err(self.document.error(&path.key("inner_angle_deg"), message));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_edges(
+        &self,
+        edge_u: &Animated<glam::Vec3>,
+        edge_v: &Animated<glam::Vec3>,
+        path: &JsonPath,
+    ) -> Result<(), JsonError> {
+        for frame in key_frames(edge_u, edge_v) {
+            let [u, v]: [DVec3; 2] = [edge_u, edge_v].map(|edge| edge.at(frame).as_dvec3());
+            // Edges within 1e-6 radians of parallel span no area that f32 could tell from rounding.
+            if u.cross(v).length() <= 1e-6 * u.length() * v.length() {
+                let message = format!("must not be parallel to edge_u, but at frame {frame} it is");
+                return Err(self.document.error(&path.key("edge_v"), message));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The frames at which either value has a key; frame 0 where both are constant.
+fn key_frames<T>(a: &Animated<T>, b: &Animated<T>) -> Vec<f64> {
+    let mut frames = vec![0.0];
+    for value in [a, b] {
+        if let Animated::Keys { keys, .. } = value {
+            frames.extend(keys.iter().map(|key| key.0));
+        }
+    }
+    frames
+}

@@ -1,26 +1,27 @@
 //! Reader of `*.scene.json`: small scenes of boxes, implicit surfaces and isosurfaces (`data/README.md` specifies
 //! the description). All surfaces are Lambertian.
 
+mod description;
 #[cfg(test)]
 mod tests;
 
-use crate::animated::Animated;
 use crate::camera::CameraTrack;
-use crate::composite::{Composite, Part};
+use crate::composite::{Composite, CompositeSurface};
 use crate::implicit::{ImplicitSurface, Sdf};
 use crate::isosurface::{Isosurface, VolumeError};
+use crate::json::decode::Document;
+use crate::json::error::JsonError;
+use crate::json::path::JsonPath;
+use crate::json::quantity::{Fixed, Position};
 use crate::material::Material;
 use crate::scene::{Instance, Mesh, Scene};
-use crate::sequence::Sequence;
 use crate::traced::{Shading, TracedScene, TracedSceneError};
-use glam::{Affine3A, DVec3, UVec3, Vec3};
-use serde::Deserialize;
+pub(crate) use description::Description;
+use glam::{Affine3A, UVec3, Vec3};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The version of the description that is read.
-const VERSION: u32 = 1;
 /// Largest description, bytes. It is written by hand or by a small script.
 const MAX_DESCRIPTION_BYTES: u64 = 16 << 20;
 /// Largest volume file, bytes; [`Isosurface::new`] allows no more samples.
@@ -53,24 +54,15 @@ pub enum SurfaceSceneError {
         /// Most bytes that are read.
         limit: u64,
     },
-    /// The description is no JSON or not of this form.
-    #[error("{file}: {source}; data/README.md specifies the form")]
-    Form {
+    /// More surfaces than 32-bit numbers can tell apart.
+    #[error("{file}: more than 2^32 primitives; leave some out")]
+    TooMany {
         /// Which file.
         file: PathBuf,
-        /// What was found, with line and column.
-        source: serde_json::Error,
     },
-    /// A value makes no sense.
-    #[error("{file}: {place}: {found}")]
-    Value {
-        /// Which file.
-        file: PathBuf,
-        /// Path of the value within it.
-        place: String,
-        /// What is wrong and what to do.
-        found: String,
-    },
+    /// The description is no JSON, not of this form, or has a value that makes no sense.
+    #[error("{0}; data/README.md specifies the form")]
+    Description(#[from] JsonError),
     /// A volume cannot be traced.
     #[error("{file}: {source}")]
     Volume {
@@ -86,95 +78,6 @@ pub enum SurfaceSceneError {
         file: PathBuf,
         /// What is wrong.
         source: TracedSceneError,
-    },
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Description {
-    relight_scene: u32,
-    camera: CameraForm,
-    #[serde(default)]
-    boxes: Vec<BoxForm>,
-    #[serde(default)]
-    implicits: Vec<ImplicitForm>,
-    #[serde(default)]
-    volumes: Vec<VolumeForm>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CameraForm {
-    position: [f32; 3],
-    look_at: [f32; 3],
-    up: [f32; 3],
-    vfov_deg: f32,
-    aspect: f32,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BoxForm {
-    name: String,
-    min: [f32; 3],
-    max: [f32; 3],
-    albedo: [f32; 3],
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ImplicitForm {
-    name: String,
-    albedo: [f32; 3],
-    bounds: [[f32; 3]; 2],
-    sdf: SdfForm,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct VolumeForm {
-    name: String,
-    albedo: [f32; 3],
-    file: String,
-    size: [u32; 3],
-    bounds: [[f32; 3]; 2],
-    level: f64,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "snake_case")]
-enum SdfForm {
-    Sphere {
-        center: [f64; 3],
-        radius: f64,
-    },
-    Ellipsoid {
-        center: [f64; 3],
-        radii: [f64; 3],
-    },
-    Torus {
-        center: [f64; 3],
-        major: f64,
-        minor: f64,
-    },
-    RoundedCylinder {
-        center: [f64; 3],
-        radius: f64,
-        half_height: f64,
-        rounding: f64,
-    },
-    Union {
-        of: Vec<SdfForm>,
-    },
-    Intersection {
-        of: Vec<SdfForm>,
-    },
-    Difference {
-        of: Vec<SdfForm>,
-    },
-    SmoothUnion {
-        k: f64,
-        of: Vec<SdfForm>,
     },
 }
 
@@ -202,14 +105,14 @@ pub fn read_surface_scene(path: &Path) -> Result<SurfaceScene, SurfaceSceneError
                 source,
             }
         })?;
-        parts.push(Part {
+        parts.push(CompositeSurface {
             name: "boxes".into(),
             primitives: traced.triangle_count() as u32,
             surfaces: Box::new(traced),
         });
     }
     let mut single = |name: String, surfaces| {
-        parts.push(Part {
+        parts.push(CompositeSurface {
             name,
             surfaces,
             primitives: 1,
@@ -221,11 +124,8 @@ pub fn read_surface_scene(path: &Path) -> Result<SurfaceScene, SurfaceSceneError
     for (name, surface) in described.volumes {
         single(name, Box::new(surface));
     }
-    let check = Checker { file: path };
-    let surfaces = Composite::new(parts)
-        .ok_or_else(|| check.error("boxes", "more than 2^32 primitives; leave some out"))?;
     Ok(SurfaceScene {
-        surfaces,
+        surfaces: Composite::new(parts).ok_or_else(|| SurfaceSceneError::TooMany { file: path.into() })?,
         camera: described.camera,
     })
 }
@@ -270,42 +170,47 @@ fn push(scene: &mut Scene, name: &str, albedo: Vec3, mesh: impl FnOnce(u32) -> M
 
 fn read(path: &Path) -> Result<Described, SurfaceSceneError> {
     let mut bytes = read_bounded(path, MAX_DESCRIPTION_BYTES)?;
-    let description: Description =
-        serde_json::from_slice(&bytes).map_err(|source| SurfaceSceneError::Form {
-            file: path.into(),
-            source,
-        })?;
-    let check = Checker { file: path };
-    if description.relight_scene != VERSION {
-        let found = format!(
-            "version {}, this program reads {VERSION}",
-            description.relight_scene
-        );
-        return Err(check.error("relight_scene", &found));
+    let text = String::from_utf8_lossy(&bytes).into_owned();
+    let check = Checker {
+        file: path,
+        document: Document {
+            name: &path.display().to_string(),
+            text: &text,
+        },
+    };
+    let root = JsonPath::default();
+    let description: Description = check.document.decode(&text, &root)?;
+    let mut boxes = Scene::default();
+    for (at, form) in description.boxes.iter().enumerate() {
+        let path = root.key("boxes").index(at).key("max");
+        let (low, high) = check.bounds(&path, &form.min, &form.max)?;
+        push(&mut boxes, &form.name, form.albedo.0, |material| {
+            box_mesh(low, high, material)
+        });
     }
-    let camera = camera(&check, &description.camera)?;
-    let boxes = boxes(&check, &description.boxes)?;
     let (mut implicits, mut volumes) = (Vec::new(), Vec::new());
     for (at, form) in description.implicits.into_iter().enumerate() {
-        let place = format!("implicits[{at}] ('{}')", form.name);
-        let bounds = check.bounds(&place, form.bounds)?;
-        let albedo = check.albedo(&place, form.albedo)?;
-        let sdf = sdf(&check, &format!("{place}.sdf"), &form.sdf)?;
-        implicits.push((form.name, ImplicitSurface::new(sdf, bounds, albedo)));
+        let path = root.key("implicits").index(at);
+        let bounds = check.bounds(&path.key("bounds"), &form.bounds[0], &form.bounds[1])?;
+        check.roundings(&path.key("sdf"), &form.sdf)?;
+        implicits.push((form.name, ImplicitSurface::new(form.sdf, bounds, form.albedo.0)));
     }
     for (at, form) in description.volumes.into_iter().enumerate() {
-        let place = format!("volumes[{at}] ('{}')", form.name);
-        let bounds = check.bounds(&place, form.bounds)?;
-        let albedo = check.albedo(&place, form.albedo)?;
-        let file = check.sibling(&place, &form.file)?;
+        let path = root.key("volumes").index(at);
+        let bounds = check.bounds(&path.key("bounds"), &form.bounds[0], &form.bounds[1])?;
+        let file = check.sibling(&path.key("file"), &form.file)?;
         let samples = read_bounded(&file, MAX_VOLUME_BYTES)?;
         bytes.extend_from_slice(&samples);
-        let surface = Isosurface::new(UVec3::from(form.size), samples, form.level, bounds, albedo)
+        let size = UVec3::from(form.size);
+        let surface = Isosurface::new(size, samples, form.level, bounds, form.albedo.0)
             .map_err(|source| SurfaceSceneError::Volume { file, source })?;
         volumes.push((form.name, surface));
     }
     Ok(Described {
-        camera,
+        camera: CameraTrack {
+            name: "Camera".into(),
+            ..description.camera
+        },
         boxes,
         implicits,
         volumes,
@@ -330,185 +235,67 @@ fn read_bounded(file: &Path, limit: u64) -> Result<Vec<u8>, SurfaceSceneError> {
     Ok(bytes)
 }
 
-/// Checks values and names their place in errors.
+/// Checks what types do not say.
 struct Checker<'a> {
     file: &'a Path,
+    document: Document<'a>,
 }
 
 impl Checker<'_> {
-    fn error(&self, place: &str, found: &str) -> SurfaceSceneError {
-        SurfaceSceneError::Value {
-            file: self.file.into(),
-            place: place.into(),
-            found: found.into(),
+    fn bounds(
+        &self,
+        path: &JsonPath,
+        Fixed(low): &Fixed<Position>,
+        Fixed(high): &Fixed<Position>,
+    ) -> Result<(Vec3, Vec3), JsonError> {
+        if low.cmplt(*high).all() {
+            return Ok((*low, *high));
         }
-    }
-
-    fn bounds(&self, place: &str, [low, high]: [[f32; 3]; 2]) -> Result<(Vec3, Vec3), SurfaceSceneError> {
-        let (low, high) = (Vec3::from(low), Vec3::from(high));
-        // NaN fails the comparison.
-        if low.cmplt(high).all() && low.is_finite() && high.is_finite() {
-            return Ok((low, high));
-        }
-        let found =
+        let message =
             format!("from {low} to {high}: the second corner must be above the first along each axis");
-        Err(self.error(place, &found))
-    }
-
-    fn albedo(&self, place: &str, albedo: [f32; 3]) -> Result<Vec3, SurfaceSceneError> {
-        let albedo = Vec3::from(albedo);
-        if albedo.cmpge(Vec3::ZERO).all() && albedo.cmple(Vec3::ONE).all() {
-            return Ok(albedo);
-        }
-        Err(self.error(
-            &format!("{place}.albedo"),
-            &format!("{albedo}: give three numbers from 0 to 1"),
-        ))
-    }
-
-    fn finite(&self, place: &str, value: [f32; 3]) -> Result<Vec3, SurfaceSceneError> {
-        let value = Vec3::from(value);
-        if value.is_finite() {
-            return Ok(value);
-        }
-        Err(self.error(place, "not finite: give three numbers"))
-    }
-
-    fn positive(&self, place: &str, key: &str, value: f64) -> Result<f64, SurfaceSceneError> {
-        if value > 0.0 && value.is_finite() {
-            return Ok(value);
-        }
-        Err(self.error(
-            &format!("{place}.{key}"),
-            &format!("{value}: give a length above 0"),
-        ))
+        Err(self.document.error(path, message))
     }
 
     /// A file beside the description; nothing outside its folder can be named.
-    fn sibling(&self, place: &str, name: &str) -> Result<PathBuf, SurfaceSceneError> {
+    fn sibling(&self, path: &JsonPath, name: &str) -> Result<PathBuf, JsonError> {
         let relative = Path::new(name);
         let inside = relative
             .components()
             .all(|component| matches!(component, std::path::Component::Normal(_)));
         if name.is_empty() || !inside {
-            let found = format!("'{name}': name a file in the description's own folder or below it");
-            return Err(self.error(&format!("{place}.file"), &found));
+            let message = format!("'{name}': name a file in the description's own folder or below it");
+            return Err(self.document.error(path, message));
         }
         Ok(self.file.parent().unwrap_or(Path::new("")).join(relative))
     }
-}
 
-fn camera(check: &Checker<'_>, form: &CameraForm) -> Result<CameraTrack, SurfaceSceneError> {
-    if !(form.vfov_deg > 0.0 && form.vfov_deg < 180.0) {
-        let found = format!("{}: give an angle between 0 and 180 degrees", form.vfov_deg);
-        return Err(check.error("camera.vfov_deg", &found));
-    }
-    if !(form.aspect > 0.0 && form.aspect.is_finite()) {
-        return Err(check.error(
-            "camera.aspect",
-            &format!("{}: give width over height", form.aspect),
-        ));
-    }
-    Ok(CameraTrack {
-        name: "Camera".into(),
-        position: Animated::Constant(check.finite("camera.position", form.position)?),
-        look_at: Animated::Constant(check.finite("camera.look_at", form.look_at)?),
-        up: Animated::Constant(check.finite("camera.up", form.up)?),
-        vfov_deg: Animated::Constant(form.vfov_deg),
-        aspect: Some(form.aspect),
-    })
-}
-
-fn sdf(check: &Checker<'_>, place: &str, form: &SdfForm) -> Result<Sdf, SurfaceSceneError> {
-    let point = |center: &[f64; 3]| {
-        let center = DVec3::from(*center);
-        if center.is_finite() {
-            return Ok(center);
-        }
-        Err(check.error(&format!("{place}.center"), "not finite: give three numbers"))
-    };
-    let children = |of: &[SdfForm]| -> Result<Vec<Sdf>, SurfaceSceneError> {
-        if of.is_empty() {
-            return Err(check.error(&format!("{place}.of"), "empty: give at least one shape"));
-        }
-        of.iter()
-            .enumerate()
-            .map(|(at, child)| sdf(check, &format!("{place}.of[{at}]"), child))
-            .collect()
-    };
-    let positive = |key, value| check.positive(place, key, value);
-    Ok(match form {
-        SdfForm::Sphere { center, radius } => Sdf::Sphere {
-            center: point(center)?,
-            radius: positive("radius", *radius)?,
-        },
-        SdfForm::Ellipsoid { center, radii } => {
-            for &radius in radii {
-                positive("radii", radius)?;
-            }
-            Sdf::Ellipsoid {
-                center: point(center)?,
-                radii: DVec3::from(*radii),
-            }
-        }
-        SdfForm::Torus { center, major, minor } => Sdf::Torus {
-            center: point(center)?,
-            major: positive("major", *major)?,
-            minor: positive("minor", *minor)?,
-        },
-        SdfForm::RoundedCylinder {
-            center,
-            radius,
-            half_height,
-            rounding,
-        } => {
-            let least = positive("radius", *radius)?.min(positive("half_height", *half_height)?);
-            if !(0.0..=least).contains(rounding) {
-                let found = format!("{rounding}: give a length from 0 to {least}, radius and half height");
-                return Err(check.error(&format!("{place}.rounding"), &found));
-            }
+    /// Refuses cylinders whose edges are rounder than they are thick.
+    fn roundings(&self, path: &JsonPath, sdf: &Sdf) -> Result<(), JsonError> {
+        let (key, of) = match sdf {
             Sdf::RoundedCylinder {
-                center: point(center)?,
-                radius: *radius,
-                half_height: *half_height,
-                rounding: *rounding,
+                radius,
+                half_height,
+                rounding,
+                ..
+            } => {
+                let most = radius.min(*half_height);
+                if *rounding <= most {
+                    return Ok(());
+                }
+                let message =
+                    format!("expected a number from 0 to {most} (radius and half height), found {rounding}");
+                let path = path.key("rounded_cylinder").key("rounding");
+                return Err(self.document.error(&path, message));
             }
-        }
-        SdfForm::Union { of } => Sdf::Union(children(of)?),
-        SdfForm::Intersection { of } => Sdf::Intersection(children(of)?),
-        SdfForm::Difference { of } => Sdf::Difference(children(of)?),
-        SdfForm::SmoothUnion { k, of } => Sdf::SmoothUnion {
-            width: positive("k", *k)?,
-            of: children(of)?,
-        },
-    })
-}
-
-/// All boxes as one scene.
-fn boxes(check: &Checker<'_>, forms: &[BoxForm]) -> Result<Scene, SurfaceSceneError> {
-    let mut scene = Scene {
-        meshes: Vec::new(),
-        instances: Vec::new(),
-        materials: Vec::new(),
-        textures: Vec::new(),
-        cameras: Vec::new(),
-        sequence: Sequence {
-            frames: 1,
-            fps: 24.0,
-            camera: None,
-            lights: Vec::new(),
-        },
-        notes: Vec::new(),
-    };
-    for (at, form) in forms.iter().enumerate() {
-        let place = format!("boxes[{at}] ('{}')", form.name);
-        let (low, high) = check.bounds(&place, [form.min, form.max])?;
-        let albedo = check.albedo(&place, form.albedo)?;
-        push(&mut scene, &form.name, albedo, |material| {
-            box_mesh(low, high, material)
-        });
+            Sdf::Union(of) => ("union", of),
+            Sdf::Intersection(of) => ("intersection", of),
+            Sdf::Difference(of) => ("difference", of),
+            Sdf::SmoothUnion { of, .. } => ("smooth_union", of),
+            Sdf::Sphere { .. } | Sdf::Ellipsoid { .. } | Sdf::Torus { .. } => return Ok(()),
+        };
+        let path = path.key(key).key("of");
+        (of.iter().enumerate()).try_for_each(|(at, child)| self.roundings(&path.index(at), child))
     }
-    Ok(scene)
 }
 
 /// Twelve triangles that face outwards.

@@ -53,11 +53,11 @@ impl RowWatch for Watch<'_> {
 
 /// What a reader of the file will see of a link.
 pub(super) fn stored_vector(params: &BakeParams) -> impl Fn(Vec3) -> Vec3 + Copy + Sync {
-    let coding = format::Coding {
-        short_links: params.short_links(),
-        ..format::Coding::default()
+    let stored = match params.short_links() {
+        true => format::shortened_vector,
+        false => format::quantised_vector,
     };
-    move |v| Vec3::from(format::quantised_vector(v.to_array(), coding))
+    move |v| Vec3::from(stored(v.to_array()))
 }
 
 pub(super) fn load(request: &Request, progress: &dyn Progress) -> Result<TracedScene, BakeError> {

@@ -1,28 +1,28 @@
-//! Which models and parameters there are, and what each accepts.
+//! Which models and parameters there are, and which belong together.
 
-use crate::bsdf::MAX_EXPONENT;
 use crate::material::{Material, Model};
-use crate::sequence::fields::Range;
 use crate::shading::DIELECTRIC_F0;
 use glam::Vec3;
+use schemars::JsonSchema;
+use serde::Deserialize;
 
 /// A model without its parameters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ModelName {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(rename = "Model")]
+pub(crate) enum ModelName {
+    /// Metallic-roughness of glTF 2.0.
     MetallicRoughness,
+    /// Matt.
     Lambert,
+    /// Modified Phong with a normalised lobe.
     Phong,
+    /// Ward's, anisotropic, with bounded albedo.
     Ward,
 }
 
 impl ModelName {
-    pub(super) const ALL: [ModelName; 4] = [
-        ModelName::MetallicRoughness,
-        ModelName::Lambert,
-        ModelName::Phong,
-        ModelName::Ward,
-    ];
-
+    /// As files have it.
     pub(super) fn name(self) -> &'static str {
         match self {
             ModelName::MetallicRoughness => "metallic_roughness",
@@ -65,7 +65,8 @@ impl ModelName {
 
     /// Parameters of a material of this model.
     pub(super) fn parameters(self) -> impl Iterator<Item = Parameter> {
-        Parameter::ALL.into_iter().filter(move |p| p.belongs_to(self))
+        let all = Parameter::ALL.into_iter().map(|(parameter, _)| parameter);
+        all.filter(move |p| p.belongs_to(self))
     }
 }
 
@@ -90,79 +91,29 @@ pub(super) enum Parameter {
     Emission,
 }
 
-/// What a parameter accepts.
-#[derive(Clone, Copy)]
-pub(super) enum Accepts {
-    Number(Range),
-    /// A number or RGB, each in 0..=1.
-    Reflectance,
-    /// A number or RGB, each at least 0, no keys.
-    Radiance,
-    Texture,
-}
-
 impl Parameter {
-    const ALL: [Parameter; 16] = [
-        Parameter::BaseColor,
-        Parameter::BaseColorTexture,
-        Parameter::Metallic,
-        Parameter::Roughness,
-        Parameter::RoughnessU,
-        Parameter::RoughnessV,
-        Parameter::RotationDeg,
-        Parameter::MetallicRoughnessTexture,
-        Parameter::Specular,
-        Parameter::SpecularTexture,
-        Parameter::Exponent,
-        Parameter::NormalTexture,
-        Parameter::NormalScale,
-        Parameter::BumpTexture,
-        Parameter::BumpScale,
-        Parameter::Emission,
+    const ALL: [(Parameter, &str); 16] = [
+        (Parameter::BaseColor, "base_color"),
+        (Parameter::BaseColorTexture, "base_color_texture"),
+        (Parameter::Metallic, "metallic"),
+        (Parameter::Roughness, "roughness"),
+        (Parameter::RoughnessU, "roughness_u"),
+        (Parameter::RoughnessV, "roughness_v"),
+        (Parameter::RotationDeg, "rotation_deg"),
+        (Parameter::MetallicRoughnessTexture, "metallic_roughness_texture"),
+        (Parameter::Specular, "specular"),
+        (Parameter::SpecularTexture, "specular_texture"),
+        (Parameter::Exponent, "exponent"),
+        (Parameter::NormalTexture, "normal_texture"),
+        (Parameter::NormalScale, "normal_scale"),
+        (Parameter::BumpTexture, "bump_texture"),
+        (Parameter::BumpScale, "bump_scale"),
+        (Parameter::Emission, "emission"),
     ];
 
-    pub(super) fn named(name: &str) -> Option<Parameter> {
-        Parameter::ALL.into_iter().find(|p| p.name() == name)
-    }
-
+    /// As files have it.
     pub(super) fn name(self) -> &'static str {
-        match self {
-            Parameter::BaseColor => "base_color",
-            Parameter::BaseColorTexture => "base_color_texture",
-            Parameter::Metallic => "metallic",
-            Parameter::Roughness => "roughness",
-            Parameter::RoughnessU => "roughness_u",
-            Parameter::RoughnessV => "roughness_v",
-            Parameter::RotationDeg => "rotation_deg",
-            Parameter::MetallicRoughnessTexture => "metallic_roughness_texture",
-            Parameter::Specular => "specular",
-            Parameter::SpecularTexture => "specular_texture",
-            Parameter::Exponent => "exponent",
-            Parameter::NormalTexture => "normal_texture",
-            Parameter::NormalScale => "normal_scale",
-            Parameter::BumpTexture => "bump_texture",
-            Parameter::BumpScale => "bump_scale",
-            Parameter::Emission => "emission",
-        }
-    }
-
-    pub(super) fn accepts(self) -> Accepts {
-        match self {
-            Parameter::BaseColor | Parameter::Specular => Accepts::Reflectance,
-            Parameter::Emission => Accepts::Radiance,
-            Parameter::BaseColorTexture
-            | Parameter::MetallicRoughnessTexture
-            | Parameter::SpecularTexture
-            | Parameter::NormalTexture
-            | Parameter::BumpTexture => Accepts::Texture,
-            Parameter::Metallic | Parameter::Roughness | Parameter::RoughnessU | Parameter::RoughnessV => {
-                Accepts::Number(Range::Within(0.0, 1.0))
-            }
-            Parameter::Exponent => Accepts::Number(Range::Within(0.0, MAX_EXPONENT as f64)),
-            Parameter::RotationDeg | Parameter::NormalScale | Parameter::BumpScale => {
-                Accepts::Number(Range::Any)
-            }
-        }
+        Parameter::ALL[self as usize].1
     }
 
     pub(super) fn belongs_to(self, model: ModelName) -> bool {

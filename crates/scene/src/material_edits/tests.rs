@@ -2,11 +2,11 @@
 
 use super::*;
 use crate::material::{AlphaMode, Texture, Wrap};
+use crate::material::{Material, Model};
 use crate::scene::{Instance, Mesh, Scene};
-use crate::sequence::Sequence;
 use crate::surface::Surfaces;
 use crate::traced::{Shading, TracedScene};
-use glam::{Affine3A, Vec2, Vec4};
+use glam::{Affine3A, Vec2, Vec3, Vec4};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -64,14 +64,7 @@ fn scene() -> Scene {
         }],
         materials: vec![named("Wood"), named("Wood"), glass, sign, named("Bare")],
         textures: vec![texture(256, 1, &ramp)],
-        cameras: Vec::new(),
-        sequence: Sequence {
-            frames: 1,
-            fps: 24.0,
-            camera: None,
-            lights: Vec::new(),
-        },
-        notes: Vec::new(),
+        ..Scene::default()
     }
 }
 
@@ -149,20 +142,20 @@ fn complaints_say_where_what_and_what_there_is() {
         ),
         (
             r#"{"material": 0.5}"#,
-            "edits[0].material: no material of the asset is 0.5",
+            "edits[0].material: invalid type: floating point `0.5`, expected a name, or a number",
         ),
         (
             r#"{"material": null}"#,
-            "edits[0].material: expected the name of a material, or its number, found null",
+            "edits[0].material: invalid type: null, expected a name, or a number",
         ),
-        (r#"{"model": "phong"}"#, "edits[0].material: missing"),
+        (r#"{"model": "phong"}"#, "edits[0]: missing field `material`"),
         (
             r#"{"material": "Wood"}, {"material": "Wood", "model": "velvet"}"#,
-            "edits[1].model: unknown model \"velvet\"; known: metallic_roughness, lambert, phong, ward",
+            "edits[1].model: unknown variant `velvet`, expected one of `metallic_roughness`, `lambert`, `phong`, `ward`",
         ),
         (
             r#"{"material": "Wood", "colour": 1}"#,
-            "edits[0].colour: no parameter of the model metallic_roughness; it has base_color, base_color_texture, metallic, roughness",
+            "edits[0].colour: unknown field `colour`, expected one of `material`, `model`, `base_color`, `base_color_texture`, `metallic`, `roughness`",
         ),
         (
             r#"{"material": "Wood", "exponent": 3}"#,
@@ -186,7 +179,7 @@ fn complaints_say_where_what_and_what_there_is() {
         ),
         (
             r#"{"material": "Wood", "base_color": "red"}"#,
-            "edits[0].base_color: expected a number or 3 numbers (RGB)",
+            "edits[0].base_color: invalid type: string \"red\", expected a number or 3 numbers (RGB)",
         ),
         (
             r#"{"material": "Wood", "roughness": {"keys": [[0, 0.1], [5, 7]]}}"#,
@@ -218,7 +211,7 @@ fn complaints_say_where_what_and_what_there_is() {
         ),
         (
             r#"{"material": "Wood", "base_color_texture": [1]}"#,
-            "edits[0].base_color_texture: expected the number of a texture, its name, or null",
+            "edits[0].base_color_texture: invalid type: sequence, expected a name, or a number",
         ),
         (
             r#"{"material": "Bare", "base_color_texture": "ramp"}"#,
@@ -244,7 +237,7 @@ fn complaints_say_where_what_and_what_there_is() {
             r#"{"material": "Wood", "emission": -1}"#,
             "edits[0].emission: expected a number of at least 0",
         ),
-        ("3", "edits[0]: expected an object, found 3"),
+        ("3", "edits[0]: invalid type: integer `3`, expected an object"),
     ];
     for (edits, wanted) in cases {
         let message = read(edits).unwrap_err();
@@ -254,10 +247,13 @@ fn complaints_say_where_what_and_what_there_is() {
         );
     }
     let whole = |text: &str| parse_material_edits(text, &scene(), "e").unwrap_err().to_string();
-    assert!(whole("[]").contains("the whole file: expected an object"));
+    assert!(whole("[]").contains("the whole text: invalid type: sequence, expected an object"));
     assert!(whole("{").contains("not valid JSON at line 1"));
     assert!(whole(r#"{"relight_materials": 2, "edits": []}"#).contains("relight_materials: expected 1"));
-    assert!(whole(r#"{"relight_materials": 1, "edits": {}}"#).contains("edits: expected a list"));
+    assert!(
+        whole(r#"{"relight_materials": 1, "edits": {}}"#)
+            .contains("edits: invalid type: map, expected a sequence")
+    );
 }
 
 #[test]
@@ -270,7 +266,10 @@ fn what_a_bake_has_fixed_is_refused_by_name() {
     };
     let refused =
         reflectance(r#"{"material": "Wood", "normal_scale": 0}, {"material": "Wood", "base_color": 0}"#);
-    assert_eq!(refused.unwrap(), "edits.json: edits[1].base_color: fixed");
+    assert_eq!(
+        refused.unwrap(),
+        "edits.json: edits[1].base_color: fixed (line 1, column 77)"
+    );
     let refused = reflectance(r#"{"material": "Wood", "model": "ward", "rotation_deg": 3}"#);
     assert!(refused.unwrap().contains("edits[0].model"));
     assert_eq!(

@@ -78,33 +78,33 @@ fn messages_name_the_path_and_what_was_found() {
     let light = |fields: &str| format!(r#"{{"relight_sequence": 1, "lights": [{{"name": "a", {fields}}}]}}"#);
     let point = r#""type": "point", "position": [0,0,0]"#;
     let cases = [
-        (light(&format!(r#"{point}, "intensity": "red""#)), "lights[0].intensity: expected 3 numbers, found \"red\""),
+        (light(&format!(r#"{point}, "intensity": "red""#)), "lights[0].intensity: invalid type: string \"red\", expected 3 numbers"),
         (light(&format!(r#"{point}, "intensity": [1,-2,1]"#)), "lights[0].intensity[1]: expected a number of at least 0, found -2"),
-        (light(&format!(r#"{point}, "intensity": [1,2]"#)), "lights[0].intensity: expected 3 numbers, found [1,2]"),
+        (light(&format!(r#"{point}, "intensity": [1,2]"#)), "lights[0].intensity: invalid length 2, expected 3 numbers"),
         (light(&format!(r#"{point}, "intensity": "NaN""#)), "lights[0].intensity"),
         (light(&format!(r#"{point}, "intensity": [1e300,1,1]"#)), "lights[0].intensity[0]: expected a number of at most"),
-        (light(&format!(r#"{point}, "intensity": [1,1,1], "color": 3"#)), "lights[0].color: unknown field; known here: name, type, position, intensity"),
-        (light(point), "lights[0].intensity: missing"),
-        (light(r#""type": "laser""#), "lights[0].type: unknown light type \"laser\"; known: point, spot, directional, rect, sphere, environment, sun_sky, emissive"),
+        (light(&format!(r#"{point}, "intensity": [1,1,1], "color": 3"#)), "lights[0].color: unknown field `color`, expected `position` or `intensity`"),
+        (light(point), "lights[0]: missing field `intensity` (line 1, column 36)"),
+        (light(r#""type": "laser""#), "lights[0].type: unknown variant `laser`, expected one of `point`, `spot`, `directional`, `rect`, `sphere`, `environment`, `sun_sky`, `emissive`"),
         (light(r#""type": "spot", "position": [0,0,0], "direction": [0,0,0], "outer_angle_deg": 10, "intensity": [1,1,1]"#), "lights[0].direction: expected a direction"),
         (light(r#""type": "spot", "position": [0,0,0], "direction": [0,1,0], "outer_angle_deg": 120, "intensity": [1,1,1]"#), "lights[0].outer_angle_deg: expected a number from 0 to 90, found 120"),
         (light(r#""type": "spot", "position": [0,0,0], "direction": [0,1,0], "inner_angle_deg": 30, "outer_angle_deg": 20, "intensity": [1,1,1]"#), "lights[0].inner_angle_deg: must not exceed"),
         (light(r#""type": "rect", "center": [0,0,0], "edge_u": [1,0,0], "edge_v": [2,0,0], "radiance": [1,1,1]"#), "lights[0].edge_v: must not be parallel"),
         (light(r#""type": "sphere", "center": [0,0,0], "radius": 0, "radiance": [1,1,1]"#), "lights[0].radius: expected a number above 0, found 0"),
-        (light(r#""type": "emissive", "scale": "x""#), "lights[0].scale: expected a number or 3 numbers (RGB)"),
+        (light(r#""type": "emissive", "scale": "x""#), "lights[0].scale: invalid type: string \"x\", expected a number or 3 numbers (RGB)"),
         (light(r#""type": "environment", "file": "no/such.hdr""#), "lights[0].file: "),
         (light(&format!(r#"{point}, "intensity": {{"keys": [[1,[1,1,1]],[1,[2,2,2]]]}}"#)), "lights[0].intensity.keys[1][0]: frames of keys must rise"),
-        (light(&format!(r#"{point}, "intensity": {{"keys": []}}"#)), "lights[0].intensity.keys: expected a list"),
-        (light(&format!(r#"{point}, "intensity": {{"keys": [[0,[1,1,"b"]]]}}"#)), "lights[0].intensity.keys[0][1]: expected 3 numbers"),
-        (light(&format!(r#"{point}, "intensity": {{"keys": [[0,[1,1,1]]], "interpolation": "bezier"}}"#)), "lights[0].intensity.interpolation: expected \"step\""),
+        (light(&format!(r#"{point}, "intensity": {{"keys": []}}"#)), "lights[0].intensity.keys: invalid length 0, expected a list of at least one [frame, value]"),
+        (light(&format!(r#"{point}, "intensity": {{"keys": [[0,[1,1,"b"]]]}}"#)), "lights[0].intensity.keys[0][1][2]: invalid type: string \"b\", expected a number of at least 0"),
+        (light(&format!(r#"{point}, "intensity": {{"keys": [[0,[1,1,1]]], "interpolation": "bezier"}}"#)), "lights[0].intensity.interpolation: unknown variant `bezier`, expected one of `step`, `linear`, `cubic`"),
         (r#"{"relight_sequence": 2, "lights": []}"#.into(), "relight_sequence: expected 1"),
-        (r#"{"lights": []}"#.into(), "relight_sequence: missing"),
-        (r#"{"relight_sequence": 1, "frames": 0, "lights": []}"#.into(), "frames: expected a whole number of at least 1, found 0"),
+        (r#"{"lights": []}"#.into(), "the whole text: missing field `relight_sequence`"),
+        (r#"{"relight_sequence": 1, "frames": 0, "lights": []}"#.into(), "frames: invalid value: integer `0`, expected a nonzero u32"),
         (r#"{"relight_sequence": 1, "fps": -1, "lights": []}"#.into(), "fps: expected a number above 0"),
         (r#"{"relight_sequence": 1, "ligths": []}"#.into(), "ligths: unknown field"),
         (r#"{"relight_sequence": 1, "camera": {"position": [0,0,0], "look_at": [1,0,0], "vfov_deg": 180}, "lights": []}"#.into(), "camera.vfov_deg: expected a number above 0 and below 180"),
         (r#"{"relight_sequence": 1, "lights": [{"name": "a", "type": "emissive"}, {"name": "a", "type": "emissive"}]}"#.into(), "lights[1].name: \"a\" is already"),
-        ("[]".into(), "the sequence: expected an object"),
+        ("[]".into(), "the whole text: invalid type: sequence, expected an object"),
         ("{\n  \"relight_sequence\": 1,,".into(), "not valid JSON at line 2, column 25"),
     ];
     for (text, wanted) in cases {
@@ -113,6 +113,105 @@ fn messages_name_the_path_and_what_was_found() {
             message.starts_with("seq.json: ") && message.contains(wanted),
             "{message}\nlacks\n{wanted}"
         );
+    }
+}
+
+/// What JSON allows and a sequence doesn't, and what nobody writes by accident.
+#[test]
+fn hostile_json_is_refused_with_a_place() {
+    let nested = |depth: usize| "[".repeat(depth) + &"]".repeat(depth);
+    let light = |fields: &str| format!(r#"{{"relight_sequence": 1, "lights": [{{"name": "a", {fields}}}]}}"#);
+    let point = r#""type": "point", "position": [0,0,0], "intensity": [1,1,1]"#;
+    let cases = [
+        (nested(100_000), "line 1"),
+        (
+            light(&format!(r#"{point}, "deep": {}"#, nested(100_000))),
+            "unknown field `deep`",
+        ),
+        (
+            light(&format!(r#""type": "emissive", "scale": {}"#, nested(100_000))),
+            "lights[0].scale[0]: invalid type: sequence",
+        ),
+        (
+            light(&format!(r#"{point}, "position": [1,1,1]"#)),
+            "lights[0]: duplicate field `position`",
+        ),
+        (
+            light(&format!(r#"{point}, "name": "b""#)),
+            "lights[0]: duplicate field `name`",
+        ),
+        (
+            light(&format!(r#"{point}, "type": "spot""#)),
+            "lights[0]: duplicate field `type`",
+        ),
+        (
+            r#"{"relight_sequence": 1, "lights": [], "lights": []}"#.into(),
+            "the whole text: duplicate field `lights`",
+        ),
+        (
+            light(r#""type": "emissive", "scale": {"keys": [[0, 1]], "keys": [[0, 1]]}"#),
+            "lights[0].scale: duplicate field `keys`",
+        ),
+        (
+            light(r#""type": "emissive", "scale": 1e999"#),
+            "lights[0].scale: number out of range",
+        ),
+        (
+            light(r#""type": "emissive", "scale": NaN"#),
+            "not valid JSON at line 1",
+        ),
+        (
+            light(r#""type": "emissive", "scale": -0.5"#),
+            "lights[0].scale: expected a number of at least 0, found -0.5",
+        ),
+        (
+            light(r#""type": "emissive", "material": null"#),
+            "lights[0].material: invalid type: null",
+        ),
+        (
+            light(r#""type": "emissive", "scale": true"#),
+            "lights[0].scale: invalid type: boolean `true`",
+        ),
+        (
+            light(r#""type": ["emissive"]"#),
+            "lights[0].type: invalid type: sequence",
+        ),
+        (
+            light(r#""type": "sphere", "center": [0,0,0], "radius": 1e-60, "radiance": [1,1,1]"#),
+            "lights[0].radius: expected a number of at least",
+        ),
+        (
+            r#"{"relight_sequence": 1, "frames": 4294967296, "lights": []}"#.into(),
+            "frames: invalid value",
+        ),
+        (
+            r#"{"relight_sequence": 1, "camera": null, "lights": []}"#.into(),
+            "camera: invalid type: null",
+        ),
+        (
+            r#"{"relight_sequence": 1, "camera": ["hall"], "lights": []}"#.into(),
+            "camera: invalid type: sequence, expected an object",
+        ),
+        (
+            r#"{"relight_sequence": 1, "camera": {"node": "a", "up": [0,1,0]}, "lights": []}"#.into(),
+            "camera.up: unknown field `up`, expected `node`",
+        ),
+        (
+            r#"{"relight_sequence": 1, "lights": [["a", "emissive"]]}"#.into(),
+            "lights[0]: invalid type: sequence, expected an object",
+        ),
+        (
+            r#"{"relight_sequence": 1, "lights": []} []"#.into(),
+            "trailing characters",
+        ),
+    ];
+    for (text, wanted) in cases {
+        let message = parse(&text).unwrap_err();
+        assert!(
+            message.starts_with("seq.json: ") && message.contains(wanted),
+            "{message}\nlacks\n{wanted}"
+        );
+        assert!(message.contains("line 1, column "), "{message}");
     }
 }
 

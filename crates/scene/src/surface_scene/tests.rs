@@ -82,21 +82,37 @@ fn boxes_face_outwards() {
 #[test]
 fn mistakes_are_named_with_their_place() {
     for (from, to, expected) in [
-        ("\"relight_scene\": 1", "\"relight_scene\": 2", "version 2"),
+        (
+            "\"relight_scene\": 1",
+            "\"relight_scene\": 2",
+            "relight_scene: expected 1, the version that this program reads, found 2",
+        ),
         (
             "\"radius\": 0.4",
             "\"radius\": -0.4",
-            "implicits[0] ('ball').sdf.of[0].of[0].radius: -0.4",
+            "implicits[0].sdf.smooth_union.of[0].difference.of[0].sphere.radius: expected a number above 0, found -0.4 (line 6, column 86)",
         ),
-        ("\"radius\": 0.4", "\"radius\": 0.4, \"colour\": 1", "colour"),
-        ("cube.vol", "../cube.vol", "volumes[0] ('cube').file"),
-        ("cube.vol", "/etc/hosts", "volumes[0] ('cube').file"),
+        (
+            "\"radius\": 0.4",
+            "\"radius\": 0.4, \"colour\": 1",
+            "sphere.colour: unknown field `colour`, expected `center` or `radius`",
+        ),
+        ("cube.vol", "../cube.vol", "volumes[0].file"),
+        ("cube.vol", "/etc/hosts", "volumes[0].file"),
         ("cube.vol", "none.vol", "none.vol"),
         ("[4, 4, 4]", "[4, 4, 5]", "64 bytes for a volume"),
         ("\"level\": 100", "\"level\": -1", "border"),
-        ("[0.7, 0.6, 0.5]", "[1.7, 0.6, 0.5]", "boxes[0] ('floor').albedo"),
+        (
+            "[0.7, 0.6, 0.5]",
+            "[1.7, 0.6, 0.5]",
+            "boxes[0].albedo[0]: expected a number from 0 to 1, found 1.7",
+        ),
         ("\"vfov_deg\": 36", "\"vfov_deg\": 0", "camera.vfov_deg"),
-        ("[-2, -0.1, -2]", "[2, -0.1, -2]", "boxes[0] ('floor')"),
+        (
+            "[-2, -0.1, -2]",
+            "[2, -0.1, -2]",
+            "boxes[0].max: from [2, -0.1, -2] to",
+        ),
     ] {
         assert!(SCENE.contains(from));
         let message = error(&SCENE.replace(from, to));
@@ -111,7 +127,7 @@ fn the_example_scene_shows_all_of_its_parts() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/isosurface.scene.json");
     let scene = read_surface_scene(&path).unwrap();
     let camera = scene.camera.at(0.0);
-    let mut seen = vec![0; scene.surfaces.parts().len()];
+    let mut seen = vec![0; scene.surfaces.surfaces().len()];
     let size = glam::Vec2::new(160.0, 128.0);
     for k in 0..160 * 128 {
         let pixel = glam::Vec2::new((k % 160) as f32 + 0.5, (k / 160) as f32 + 0.5);
@@ -125,7 +141,7 @@ fn the_example_scene_shows_all_of_its_parts() {
         if let Some(hit) = scene.surfaces.closest_hit(&ray) {
             assert!(hit.geometric_normal.dot(direction) <= 0.0 && hit.geometric_normal.is_normalized());
             assert!(hit.normal.is_normalized() && hit.position.is_finite());
-            seen[scene.surfaces.part_of(&hit).unwrap()] += 1;
+            seen[scene.surfaces.surface_of(&hit).unwrap()] += 1;
         }
     }
     assert!(seen.iter().all(|&count| count > 5), "pixels per part: {seen:?}");
