@@ -21,6 +21,7 @@ mod many_lights;
 mod output;
 mod play;
 mod report;
+mod schema;
 mod session;
 mod signals;
 mod target;
@@ -78,6 +79,7 @@ enum Command {
     Compare(compare::CompareArgs),
     Report(report::ReportArgs),
     Demo(demo::DemoArgs),
+    Schema(schema::SchemaArgs),
 }
 
 fn main() -> ExitCode {
@@ -114,5 +116,6 @@ fn run(cli: &Cli, console: &Console) -> Result<Outcome, Failure> {
         Command::Compare(args) => compare::run(args, console),
         Command::Report(args) => report::run(args, seed, console),
         Command::Demo(args) => demo::run(args, seed, console),
+        Command::Schema(args) => schema::run(args),
     }
 }

@@ -26,6 +26,7 @@ pub mod material_edits;
 pub mod parting;
 pub mod rays;
 pub mod scene;
+pub mod schema;
 pub mod sequence;
 pub mod shading;
 pub mod sky;

@@ -23,4 +23,5 @@ mod read;
 mod tests;
 
 pub use edit::MaterialEdits;
+pub(crate) use form::{EditForm, EditsFile};
 pub use read::{parse_material_edits, read_material_edits};
