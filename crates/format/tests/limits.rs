@@ -144,6 +144,33 @@ fn counts_that_the_file_does_not_justify_take_no_memory() {
     assert!(tried > 5000, "{tried}");
 }
 
+/// Records of every magnitude, whose readers have a limit each: a list that claims more than stands behind it is refused
+/// before memory is taken for more than the file is long, but for a factor.
+#[test]
+fn lists_of_records_take_memory_in_proportion() {
+    for notes in [1usize, 100, 1000, 10_000, 100_000, 1_000_000] {
+        let mut asset = Asset::default();
+        asset.provenance.notes = vec![String::new(); notes];
+        let mut sections = sections_of(&write_asset(&asset).unwrap());
+        let whole = forge(&sections);
+        // 24 bytes of memory for 8 in the file, which are read beside them.
+        assert_eq!(read_within(&whole, 64 * whole.len() as u64).unwrap(), asset);
+        let mut raw = sections[0].raw();
+        let at = raw.len() - 8 * notes - 8;
+        let count = notes as u64;
+        assert_eq!(raw[at..at + 8], count.to_le_bytes());
+        for claimed in [count + 1, 2 * count, 10 * count, 1 << 30, u64::MAX] {
+            raw[at..at + 8].copy_from_slice(&claimed.to_le_bytes());
+            sections[0] = sections[0].with_raw(raw.clone());
+            let file = forge(&sections);
+            let mut result = None;
+            let most = peak(|| result = Some(read_asset(&file, &Limits::default())));
+            assert!(matches!(result, Some(Err(FormatError::Invalid(_)))));
+            assert!(most <= 32 * file.len() + ASIDE, "{most} bytes for {}", file.len());
+        }
+    }
+}
+
 /// Bytes that this thread has read from files.
 #[cfg(target_os = "linux")]
 fn bytes_read() -> u64 {
