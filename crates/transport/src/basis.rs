@@ -286,25 +286,25 @@ impl<'a> NearestPoint<'a> {
     }
 
     /// `nearest`, the point nearest to a place, or the next one on the place's side of all walls, if there is one.
-    /// `near_parted`: points that surfaces part from a neighbour, empty where none are; `is_parted` is asked about no others
+    /// `near_separated`: points that a surface separates from a neighbour, empty where none are; `is_separated` is asked about no others
     /// at first.
     #[inline]
     pub fn on_same_side(
         &self,
         (x, normal): (Vec3, Vec3),
         nearest: u32,
-        near_parted: &[bool],
-        is_parted: impl Fn(u32) -> bool,
+        near_separated: &[bool],
+        is_separated: impl Fn(u32) -> bool,
     ) -> u32 {
-        if !near_parted.get(nearest as usize).copied().unwrap_or(false) || !is_parted(nearest) {
+        if !near_separated.get(nearest as usize).copied().unwrap_or(false) || !is_separated(nearest) {
             return nearest;
         }
-        self.at_unparted(x, normal, is_parted).unwrap_or(nearest)
+        self.at_unseparated(x, normal, is_separated).unwrap_or(nearest)
     }
 
-    /// Of the points whose disks cover a place the nearest that faces the same way and that `is_parted` does not reject.
+    /// Of the points whose disks cover a place the nearest that faces the same way and that `is_separated` does not reject.
     #[cold]
-    fn at_unparted(&self, x: Vec3, normal: Vec3, is_parted: impl Fn(u32) -> bool) -> Option<u32> {
+    fn at_unseparated(&self, x: Vec3, normal: Vec3, is_separated: impl Fn(u32) -> bool) -> Option<u32> {
         let mut near: Vec<(f32, u32)> = (self.disks.covering(x))
             .filter(|entry| entry.normal.dot(normal) > FACING)
             .map(|entry| {
@@ -315,7 +315,7 @@ impl<'a> NearestPoint<'a> {
         near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         near.into_iter()
             .map(|(_, index)| index)
-            .find(|&index| !is_parted(index))
+            .find(|&index| !is_separated(index))
     }
 
     /// As [`NearestPoint::at`] for places that no disk covers.

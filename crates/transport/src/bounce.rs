@@ -57,15 +57,15 @@ pub fn solve_double(
     bounces: Option<u32>,
     tolerance: f64,
 ) -> (Vec<DVec3>, Solve) {
-    let room = Room::new(k, emitted, albedo, tolerance);
+    let system = BounceSystem::new(k, emitted, albedo, tolerance);
     match bounces {
-        Some(bounces) => room.series(bounces),
-        None => room.converged(),
+        Some(bounces) => system.series(bounces),
+        None => system.converged(),
     }
 }
 
-/// One system of equations.
-struct Room<'a> {
+/// E = K (b + ρ E): one system of equations per channel.
+struct BounceSystem<'a> {
     k: &'a SparseMatrix,
     emitted: Vec<DVec3>,
     albedo: Vec<DVec3>,
@@ -78,12 +78,12 @@ fn largest(values: impl Iterator<Item = DVec3>) -> DVec3 {
     values.fold(DVec3::ZERO, |m, v| m.max(v.abs()))
 }
 
-impl<'a> Room<'a> {
-    fn new(k: &'a SparseMatrix, emitted: &[Vec3], albedo: &[Vec3], tolerance: f64) -> Room<'a> {
+impl<'a> BounceSystem<'a> {
+    fn new(k: &'a SparseMatrix, emitted: &[Vec3], albedo: &[Vec3], tolerance: f64) -> BounceSystem<'a> {
         let most = DVec3::splat(MOST_ALBEDO);
         let albedo: Vec<DVec3> = albedo.iter().map(|a| a.as_dvec3().min(most)).collect();
         let brightest = largest(albedo.iter().copied());
-        Room {
+        BounceSystem {
             k,
             emitted: emitted.iter().map(|b| b.as_dvec3()).collect(),
             albedo,

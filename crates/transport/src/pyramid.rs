@@ -59,9 +59,9 @@ pub const PUSH_SUPPORT: f32 = 1.3;
 /// Rows and columns are numbered over all levels; rows of level 0 are empty, all others sum to 1 unless no
 /// coarser level covers the point at all.
 ///
-/// Parents that a surface parts from the point are none: the light of one room says nothing about the next.
-/// `is_parted` tells, of a point and a point of a coarser level, both numbered over all levels.
-pub fn fine_from_coarse(levels: &[Level], is_parted: impl Fn(u32, u32) -> bool + Sync) -> Rows {
+/// Parents that a surface separates from the point are none: the light of one room says nothing about the next.
+/// `is_separated` tells, of a point and a point of a coarser level, both numbered over all levels.
+pub fn fine_from_coarse(levels: &[Level], is_separated: impl Fn(u32, u32) -> bool + Sync) -> Rows {
     let ranges = LevelRanges::new(levels.iter().map(Level::len));
     let level_of: Vec<u8> = (0..levels.len())
         .flat_map(|l| std::iter::repeat_n(l as u8, levels[l].len()))
@@ -80,7 +80,7 @@ pub fn fine_from_coarse(levels: &[Level], is_parted: impl Fn(u32, u32) -> bool +
         for coarse in (0..level).rev() {
             let first = row.len();
             let offset = ranges.range(coarse).start as u32;
-            pushing[coarse].functions_among(x, n, |parent| !is_parted(i as u32, offset + parent), row);
+            pushing[coarse].functions_among(x, n, |parent| !is_separated(i as u32, offset + parent), row);
             if row.len() > first {
                 row[first..].iter_mut().for_each(|entry| entry.0 += offset);
                 break;

@@ -1,7 +1,7 @@
 //! Building the trees bottom-up.
 
 use super::cone::Cone;
-use super::{ClusterNode, ENVELOPE_BITS, Envelope, LEAF, LightClusters, Root, type_of};
+use super::node::{ClusterNode, ENVELOPE_BITS, Envelope, LEAF, LightClusters, Root, type_of};
 use crate::point_light::{Emission, PointLight};
 use crate::random::Stream;
 use glam::{DVec3, Vec3};

@@ -1,5 +1,7 @@
 use super::*;
+use crate::point_light::{Emission, PointLight};
 use crate::random::Stream;
+use glam::Vec3;
 
 fn random_unit(s: &mut Stream) -> Vec3 {
     loop {

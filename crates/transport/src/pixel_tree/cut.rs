@@ -1,6 +1,6 @@
 //! Cuts of a pixel tree for one light.
 
-use super::{PixelNode, PixelTree};
+use super::build::{PixelNode, PixelTree};
 use crate::point_light::{Emission, PointLight};
 use crate::random::Stream;
 use glam::{Mat3, Vec3};

@@ -2,6 +2,7 @@ use super::*;
 use crate::point_light::{Emission, PointLight};
 use crate::random::Stream;
 use crate::sh::tests::direction;
+use glam::{Mat3, Vec3};
 
 fn pixels(n: usize) -> Vec<TreePixel> {
     let mut s = Stream::new(9, 0, 0);
