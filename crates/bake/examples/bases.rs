@@ -17,7 +17,7 @@ use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::random::Stream;
 use relight_transport::sampling::{Frame, cosine_hemisphere};
 use relight_transport::senders::{PILOTS, Signed, nearest_seeds};
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{SparseMatrix, build, normalise, row};
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
@@ -117,15 +117,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn rows_at(level: &Level, places: &[(Vec3, Vec3)]) -> Rows {
-    Rows::build(places.len(), level.len(), |i, row| {
+fn rows_at(level: &Level, places: &[(Vec3, Vec3)]) -> SparseMatrix {
+    build(places.len(), level.len(), |i, row| {
         level.functions_or_nearest_at(places[i].0, places[i].1, row);
     })
 }
 
-fn apply(rows: &Rows, values: &[f32]) -> Vec<f32> {
+fn apply(rows: &SparseMatrix, values: &[f32]) -> Vec<f32> {
     (0..rows.rows())
-        .map(|i| rows.row(i).iter().map(|&(j, w)| values[j as usize] * w).sum())
+        .map(|i| row(rows, i).map(|(j, w)| values[j as usize] * w).sum())
         .collect()
 }
 
@@ -177,21 +177,21 @@ fn summed(study: &Study, at_points: &[Vec<f32>]) -> Vec<Vec<f32>> {
 }
 
 /// Weights of one level's functions at the finest points and at the places.
-type Weights = fn(&Study, usize) -> (Rows, Rows);
+type Weights = fn(&Study, usize) -> (SparseMatrix, SparseMatrix);
 
 /// Each function takes the mean of the finest points under it and gives it back with the same weights: senders.
 fn averaged(study: &Study, at_finest: &[f32], weights: Weights) -> Vec<Vec<f32>> {
     (0..LEVELS)
         .map(|l| {
             let (at_points, at_places) = weights(study, l);
-            let mut below = at_points.transposed();
-            below.normalise();
+            let mut below = at_points.transpose_view().to_csr();
+            normalise(&mut below);
             apply(&at_places, &apply(&below, at_finest))
         })
         .collect()
 }
 
-fn shepard(study: &Study, l: usize) -> (Rows, Rows) {
+fn shepard(study: &Study, l: usize) -> (SparseMatrix, SparseMatrix) {
     let level = &study.levels[l];
     (
         rows_at(level, &oriented_points(&study.levels[LEVELS - 1])),
@@ -199,11 +199,11 @@ fn shepard(study: &Study, l: usize) -> (Rows, Rows) {
     )
 }
 
-fn nearest(study: &Study, l: usize) -> (Rows, Rows) {
+fn nearest(study: &Study, l: usize) -> (SparseMatrix, SparseMatrix) {
     let level = &study.levels[l];
     let nearest = NearestPoint::new(level);
     let rows = |places: Vec<(Vec3, Vec3)>| {
-        Rows::build(places.len(), level.len(), |i, row| {
+        build(places.len(), level.len(), |i, row| {
             row.extend(nearest.at(places[i].0, places[i].1).map(|j| (j, 1.0)));
         })
     };
@@ -213,11 +213,11 @@ fn nearest(study: &Study, l: usize) -> (Rows, Rows) {
     )
 }
 
-fn alike(study: &Study, l: usize) -> (Rows, Rows) {
+fn alike(study: &Study, l: usize) -> (SparseMatrix, SparseMatrix) {
     let level = &study.levels[l];
     let rows = |places: &[Signed]| {
         let of = nearest_seeds(places, &study.seen[l], level.disk_radius);
-        Rows::build(places.len(), level.len(), |i, row| row.push((of[i], 1.0)))
+        build(places.len(), level.len(), |i, row| row.push((of[i], 1.0)))
     };
     (rows(&study.seen[LEVELS - 1]), rows(&study.place_seen))
 }

@@ -16,7 +16,7 @@ use relight_scene::traced::Shading;
 use relight_transport::bounce::{TOLERANCE, solve_double};
 use relight_transport::random::Stream;
 use relight_transport::senders::weight;
-use relight_transport::sparse::{SparseMatrix, from_rows, largest_row_sum, row};
+use relight_transport::sparse::{SparseMatrix, build, largest_row_sum, row};
 use relight_transport::spectrum::spectral_radius;
 use std::error::Error;
 use std::path::Path;
@@ -344,7 +344,7 @@ fn row_of_rooms(rooms: usize, each: usize, door: f32) -> Room {
         }
         row
     };
-    let k = from_rows((0..n).map(of_wall).collect(), n);
+    let k = build(n, n, |i, row| row.extend(of_wall(i)));
     let mass = (0..n).map(|i| (i % each + 1) as f64).collect();
     let parent = (0..n as u32).map(|i| i / each as u32).collect();
     Room {

@@ -26,6 +26,7 @@ use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
 use relight_transport::random::Stream;
 use relight_transport::sampling::{Frame, cosine_hemisphere, r2};
+use relight_transport::sparse::row;
 use std::ops::Range;
 
 /// How exact a solution is to be.
@@ -128,12 +129,12 @@ pub fn solve(
                 .enumerate()
                 .for_each(|(local, ((value, coefficient), hits))| {
                     let i = range.start + local;
-                    let row = parents.row(i);
-                    let predicted: Vec3 = row.iter().map(|&(k, w)| coarser[k as usize] * w).sum();
+                    let mut row = row(&parents, i);
+                    let predicted: Vec3 = row.clone().map(|(k, w)| coarser[k as usize] * w).sum();
                     *value = predicted;
                     // The coarsest level's own values are no differences: the second level is always asked.
-                    let word_taken = level > 1 && !row.is_empty();
-                    if word_taken && row.iter().all(|&(k, _)| of_coarser[k as usize] <= small) {
+                    let word_taken = level > 1 && row.len() > 0;
+                    if word_taken && row.all(|(k, _)| of_coarser[k as usize] <= small) {
                         return;
                     }
                     if hits.is_empty() {

@@ -10,7 +10,7 @@ use relight_play::load::{Loaded, from_asset};
 use relight_play::shot::expose;
 use relight_play::transfer::Transfer;
 use relight_transport::bounce::{MOST_ALBEDO, TOLERANCE, solve_double};
-use relight_transport::sparse::largest_row_sum;
+use relight_transport::sparse::{largest_row_sum, row};
 use relight_transport::spectrum::spectral_radius;
 use std::path::Path;
 
@@ -92,11 +92,11 @@ fn basis(transfer: &Transfer) -> Vec<Measure> {
     let mut orphans = 0;
     let finer = ranges.range(0).end..parents.rows();
     for i in finer.clone() {
-        let row = parents.row(i);
-        if row.is_empty() {
+        let weights = row(parents, i).map(|e| f64::from(e.1));
+        if weights.len() == 0 {
             orphans += 1;
         } else {
-            off = off.max((row.iter().map(|e| f64::from(e.1)).sum::<f64>() - 1.0).abs());
+            off = off.max((weights.sum::<f64>() - 1.0).abs());
         }
     }
     let ones = transfer.senders.pulled(&vec![Vec3::ONE; transfer.finest.len()]);

@@ -12,7 +12,7 @@ use relight_play::load::matrix;
 use relight_scene::traced::Shading;
 use relight_transport::bounce::{TOLERANCE, solve_double};
 use relight_transport::random::Stream;
-use relight_transport::sparse::{SparseMatrix, from_rows, largest_row_sum};
+use relight_transport::sparse::{SparseMatrix, build, largest_row_sum};
 use relight_transport::spectrum::spectral_radius;
 
 /// Products with the operator that the issue allows at a reflectance of 0.999.
@@ -93,7 +93,7 @@ fn row_of_rooms() -> SparseMatrix {
         }
         row
     };
-    from_rows((0..ROOMS * EACH).map(of_wall).collect(), ROOMS * EACH)
+    build(ROOMS * EACH, ROOMS * EACH, |i, row| row.extend(of_wall(i)))
 }
 
 fn asset_of_sphere(stage: &Stage, albedo: f32) -> Result<Asset, String> {

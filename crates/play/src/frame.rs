@@ -505,7 +505,10 @@ fn add(sum: &mut [Vec3], part: &[Vec3]) {
 }
 
 fn indirect_at(shot: &Shot, finest: &Level, values: &[VectorIrradiance]) -> Vec<Vec3> {
-    let irradiance = reconstruct::irradiance(&shot.weights, &shot.components, finest, values);
+    let Some(weights) = &shot.weights else {
+        return vec![Vec3::ZERO; shot.len()];
+    };
+    let irradiance = reconstruct::irradiance(weights, &shot.components, finest, values);
     (irradiance.into_par_iter().zip(&shot.albedo).with_min_len(4096))
         .map(|(e, albedo)| e * *albedo / PI)
         .collect()

@@ -212,6 +212,42 @@ pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) ->
     })
 }
 
+/// Sections of the operators, and of what they work on.
+const OPERATORS: [Kind; 6] = [
+    Kind::Points,
+    Kind::Separations,
+    Kind::Senders,
+    Kind::LinksTransfer,
+    Kind::LinksBounce,
+    Kind::LinksSolution,
+];
+
+/// The operators of an asset alone, which need no scene; `None` where it has no points.
+///
+/// # Errors
+/// [`LoadError`].
+pub fn load_operators(path: &Path) -> Result<Option<Transfer>, LoadError> {
+    let file = || path.to_path_buf();
+    let asset = format::read_parts(path, &Limits::default(), &OPERATORS)
+        .map_err(|source| LoadError::Format { file: file(), source })?;
+    if asset.points.is_empty() {
+        return Ok(None);
+    }
+    let operators = Operators {
+        points: asset.points,
+        separations: asset.separations,
+        senders: asset.senders,
+        transfer: asset.transfer,
+        bounce: asset.bounce,
+        solution: asset.solution,
+    };
+    let prepared = prepared(&asset.provenance, operators);
+    prepared.map(Some).map_err(|message| LoadError::Mismatch {
+        file: file(),
+        message,
+    })
+}
+
 /// Hash that identifies the content of an asset's file, from its header alone.
 ///
 /// # Errors

@@ -7,7 +7,7 @@ use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_transport::basis::{FunctionsInOrder, Level};
 use relight_transport::pyramid::{LEAST_LEFT, VectorIrradiance, carried_back};
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{SparseMatrix, build_with, fill_rows, row};
 
 /// The finest level's functions at each pixel's surface; empty rows where there is no surface. `places` has
 /// position and smooth normal of each pixel.
@@ -20,9 +20,9 @@ pub fn weights_at(
     places: &[Option<(Vec3, Vec3)>],
     near_parted: &[bool],
     is_parted: impl Fn((Vec3, Vec3), u32) -> bool + Sync,
-) -> Rows {
+) -> SparseMatrix {
     let functions = || FunctionsInOrder::new(finest);
-    Rows::build_with(places.len(), finest.len(), functions, |functions, i, row| {
+    build_with(places.len(), finest.len(), functions, |functions, i, row| {
         if let Some(place) = places[i] {
             functions_at(functions, place, near_parted, &is_parted, row);
         }
@@ -55,11 +55,11 @@ pub(crate) fn functions_at(
 
 /// Weights of the pixels' rows on the components of vector irradiance: row weight times what the shading normal
 /// takes of each point's value once that is carried to the pixel. Same layout as the rows' entries.
-pub fn components(weights: &Rows, finest: &Level, normals: &[(Vec3, Vec3)]) -> Vec<Vec3> {
-    let mut components = vec![Vec3::ZERO; weights.entries.len()];
-    weights.fill_rows(&mut components, |i, row| {
+pub fn components(weights: &SparseMatrix, finest: &Level, normals: &[(Vec3, Vec3)]) -> Vec<Vec3> {
+    let mut components = vec![Vec3::ZERO; weights.nnz()];
+    fill_rows(weights, &mut components, |i, components| {
         let (smooth, shading) = normals[i];
-        for (component, &(j, w)) in row.iter_mut().zip(weights.row(i)) {
+        for (component, (j, w)) in components.iter_mut().zip(row(weights, i)) {
             *component = carried_back(shading, smooth, finest.normals[j as usize]) * w;
         }
     });
@@ -70,7 +70,7 @@ pub fn components(weights: &Rows, finest: &Level, normals: &[(Vec3, Vec3)]) -> V
 /// light the points have, and vector irradiance would say nothing or less, [`LEAST_LEFT`] of the light that the points
 /// themselves receive is left.
 pub fn irradiance(
-    weights: &Rows,
+    weights: &SparseMatrix,
     components: &[Vec3],
     finest: &Level,
     values: &[VectorIrradiance],
@@ -79,16 +79,16 @@ pub fn irradiance(
         .into_par_iter()
         .with_min_len(1024)
         .map(|i| {
-            let range = weights.offsets[i] as usize..weights.offsets[i + 1] as usize;
+            let components = &components[weights.indptr().outer_inds_sz(i)];
             let mut sum = Vec3A::ZERO;
-            for (&(j, _), c) in weights.entries[range.clone()].iter().zip(&components[range]) {
+            for ((j, _), c) in row(weights, i).zip(components) {
                 let value = &values[j as usize];
                 sum += value.x * c.x + value.y * c.y + value.z * c.z;
             }
             if sum.min_element() < 0.0 {
                 let received =
-                    |&(j, w): &(u32, f32)| values[j as usize].irradiance(finest.normals[j as usize]) * w;
-                let around: Vec3 = weights.row(i).iter().map(received).sum();
+                    |(j, w): (u32, f32)| values[j as usize].irradiance(finest.normals[j as usize]) * w;
+                let around: Vec3 = row(weights, i).map(received).sum();
                 return Vec3::from(sum).max(around.max(Vec3::ZERO) * LEAST_LEFT);
             }
             Vec3::from(sum)

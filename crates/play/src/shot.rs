@@ -21,7 +21,7 @@ use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
 use relight_transport::basis::Level;
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{SparseMatrix, row};
 use std::ops::Range;
 
 /// Fragments of all pixels, in order of pixels; a pixel's first fragment is where its row starts.
@@ -41,8 +41,8 @@ pub struct Shot {
     pub points: Vec<Option<ShadingPoint>>,
     /// Unit direction from the camera.
     pub directions: Vec<Vec3>,
-    /// Functions of the finest points at each fragment; empty if none were asked for.
-    pub weights: Rows,
+    /// Functions of the finest points at each fragment, rows of fragments; `None` if none were asked for.
+    pub weights: Option<SparseMatrix>,
     /// Those functions' weights on the components of vector irradiance, one per entry of `weights`.
     pub components: Vec<Vec3>,
     /// Sites between which each fragment interpolates visibility; empty if no cuts are used.
@@ -99,9 +99,9 @@ impl Shot {
             .iter()
             .map(|hit| hit.as_ref().map(|h| (h.position, h.normal)))
             .collect();
-        self.weights = reconstruct::weights_at(finest, &places, &transfer.near_parted, |place, point| {
-            transfer.is_parted(scene, place, point)
-        });
+        let is_parted = |place, point| transfer.is_parted(scene, place, point);
+        let weights = reconstruct::weights_at(finest, &places, &transfer.near_parted, is_parted);
+        self.weights = Some(weights);
         self.weigh_lobes(transfer, scene, rays);
         self.weigh_components(finest);
     }
@@ -135,12 +135,14 @@ impl Shot {
                     .map_or((Vec3::Z, Vec3::Z), |p| (p.normal, p.shading_normal))
             })
             .collect();
-        self.components = reconstruct::components(&self.weights, finest, &normals);
+        if let Some(weights) = &self.weights {
+            self.components = reconstruct::components(weights, finest, &normals);
+        }
     }
 
     /// Chooses the points between which every fragment interpolates visibility, after [`Shot::weigh`].
     pub fn choose_sites(&mut self) {
-        self.sites = FragmentSites::new(&self.weights);
+        self.sites = self.weights.as_ref().map(FragmentSites::new).unwrap_or_default();
     }
 
     /// Fragments of a pixel.
@@ -244,9 +246,11 @@ impl Shot {
 
     /// Fragments that lie on a surface which no function covers.
     pub fn uncovered(&self) -> usize {
-        (0..self.len().min(self.weights.rows()))
-            .filter(|&f| self.hits[f].is_some() && self.weights.row(f).is_empty())
-            .count()
+        self.weights.as_ref().map_or(0, |weights| {
+            (0..self.len())
+                .filter(|&f| self.hits[f].is_some() && row(weights, f).len() == 0)
+                .count()
+        })
     }
 
     /// Pixels from fragments: coverage-weighted sums.

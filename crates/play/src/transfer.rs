@@ -9,10 +9,11 @@ use relight_scene::parting::is_parted;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
 use relight_transport::bounce::{self, Solve};
+use relight_transport::factors::Factors;
 use relight_transport::links::{Links, SenderLinks};
 use relight_transport::pyramid::{LevelRanges, VectorIrradiance, fine_from_coarse, push};
 use relight_transport::senders::SenderTree;
-use relight_transport::sparse::{Rows, SparseMatrix, apply};
+use relight_transport::sparse::{SparseMatrix, apply};
 use std::time::Instant;
 
 /// Operators and basis, ready to be applied frame after frame.
@@ -26,7 +27,7 @@ pub struct Transfer {
     ranges: LevelRanges,
     /// Normals of all points.
     normals: Vec<Vec3>,
-    fine_from_coarse: Rows,
+    fine_from_coarse: SparseMatrix,
     /// Clusters of the finest points.
     pub senders: SenderTree,
     links: SenderLinks,
@@ -197,8 +198,19 @@ impl Transfer {
         (&self.bounce, self.bounce_level, &self.bounce_albedo)
     }
 
+    /// The first bounce as a product of sparse matrices: pull, T, push and normals.
+    pub fn factors(&self) -> Factors {
+        Factors::new(
+            &self.senders,
+            &self.links,
+            &self.normals,
+            &self.ranges,
+            &self.fine_from_coarse,
+        )
+    }
+
     /// For every point of every level the points of the next coarser level that predict it.
-    pub fn parents(&self) -> (&Rows, &LevelRanges) {
+    pub fn parents(&self) -> (&SparseMatrix, &LevelRanges) {
         (&self.fine_from_coarse, &self.ranges)
     }
 

@@ -159,13 +159,13 @@ impl<'a> BounceSystem<'a> {
 mod tests {
     use super::*;
     use crate::random::Stream;
-    use crate::sparse::{from_rows, normalise, row};
+    use crate::sparse::{build, from_rows, normalise, row};
 
     /// A closed scene of `n` functions: rows sum to one.
     fn closed(n: usize) -> SparseMatrix {
         let mut s = Stream::new(31, 0, 0);
         let mut row = || (0..n as u32).map(|j| (j, s.uniform())).collect();
-        let mut k = from_rows((0..n).map(|_| row()).collect(), n);
+        let mut k = from_rows(&(0..n).map(|_| row()).collect::<Vec<_>>(), n);
         normalise(&mut k);
         k
     }
@@ -239,7 +239,7 @@ mod tests {
                 })
                 .collect()
         };
-        from_rows((0..rooms * each).map(of_wall).collect(), rooms * each)
+        build(rooms * each, rooms * each, |i, row| row.extend(of_wall(i)))
     }
 
     /// The bound: a residual of 0.01·(1 − ρ) in at most 40 products at ρ = 0.999, under light from one wall

@@ -105,6 +105,24 @@ impl SenderLinks {
         SenderLinks { receivers, blocks }
     }
 
+    /// T, three rows per receiver: (sender, component x, y or z), senders ascending.
+    pub fn component_rows(&self) -> Vec<Vec<(u32, f32)>> {
+        let mut rows = vec![Vec::new(); 3 * self.receivers];
+        for (block, rows) in self.blocks.iter().zip(rows.chunks_mut(3 * BLOCK)) {
+            let mut start = 0;
+            for &(sender, end) in &block.senders {
+                for link in start as usize..end as usize {
+                    let first = 3 * usize::from(block.rows[link]);
+                    for (row, component) in rows[first..].iter_mut().zip(block.vectors[link].to_array()) {
+                        row.push((sender, component));
+                    }
+                }
+                start = end;
+            }
+        }
+        rows
+    }
+
     /// Coefficients of indirect vector irradiance, i = T e (receivers), from sender coefficients (radiosity).
     /// Also returns the number of links that were used.
     pub fn apply(&self, coefficients: &[Vec3]) -> (Vec<VectorIrradiance>, usize) {

@@ -10,7 +10,7 @@
 //! costs the parents on one level instead of on all of them.
 
 use crate::basis::Level;
-use crate::sparse::Rows;
+use crate::sparse::{SparseMatrix, build, row};
 use glam::{Mat3, Vec3, Vec3A};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -61,7 +61,7 @@ pub const PUSH_SUPPORT: f32 = 1.3;
 ///
 /// Parents that a surface separates from the point are none: the light of one room says nothing about the next.
 /// `is_separated` tells, of a point and a point of a coarser level, both numbered over all levels.
-pub fn fine_from_coarse(levels: &[Level], is_separated: impl Fn(u32, u32) -> bool + Sync) -> Rows {
+pub fn fine_from_coarse(levels: &[Level], is_separated: impl Fn(u32, u32) -> bool + Sync) -> SparseMatrix {
     let ranges = LevelRanges::new(levels.iter().map(Level::len));
     let level_of: Vec<u8> = (0..levels.len())
         .flat_map(|l| std::iter::repeat_n(l as u8, levels[l].len()))
@@ -73,7 +73,7 @@ pub fn fine_from_coarse(levels: &[Level], is_separated: impl Fn(u32, u32) -> boo
             Level::new(l.positions.clone(), l.normals.clone(), l.disk_radius, support)
         })
         .collect();
-    Rows::build(ranges.total(), ranges.total(), |i, row| {
+    build(ranges.total(), ranges.total(), |i, row| {
         let level = level_of[i] as usize;
         let local = i - ranges.range(level).start;
         let (x, n) = (levels[level].positions[local], levels[level].normals[local]);
@@ -139,7 +139,7 @@ impl VectorIrradiance {
 }
 
 /// Cosine between normals above which carrying changes nothing: 0.08°.
-const FLAT: f32 = 1.0 - 1e-6;
+pub(crate) const FLAT: f32 = 1.0 - 1e-6;
 
 /// Takes vector irradiance from a place with unit normal `from` to a neighbour's with unit normal `to`.
 ///
@@ -196,7 +196,7 @@ pub fn push(
     values: &mut [VectorIrradiance],
     normals: &[Vec3],
     ranges: &LevelRanges,
-    fine_from_coarse: &Rows,
+    fine_from_coarse: &SparseMatrix,
 ) {
     for level in 1..ranges.levels() {
         let range = ranges.range(level);
@@ -208,7 +208,7 @@ pub fn push(
             .for_each(|(local, value)| {
                 let normal = normals[range.start + local];
                 let mut around = VectorIrradiance::default();
-                for &(k, w) in fine_from_coarse.row(range.start + local) {
+                for (k, w) in row(fine_from_coarse, range.start + local) {
                     around.add_carried(&coarser[k as usize], normals[k as usize], normal, w);
                 }
                 value.add_scaled(&around, 1.0);
@@ -226,6 +226,7 @@ mod tests {
     use super::*;
     use crate::poisson::Disks;
     use crate::random::Stream;
+    use crate::sparse::from_rows;
 
     fn levels(count: usize) -> Vec<Level> {
         let mut s = Stream::new(4, 0, 0);
@@ -301,7 +302,7 @@ mod tests {
         let wanted: Vec<f32> = (0..ranges.total()).map(|_| 0.1 + 0.9 * s.uniform()).collect();
         let mut values = vec![VectorIrradiance::default(); ranges.total()];
         for i in 0..ranges.total() {
-            let predicted: f32 = rows.row(i).iter().map(|&(k, w)| w * wanted[k as usize]).sum();
+            let predicted: f32 = row(&rows, i).map(|(k, w)| w * wanted[k as usize]).sum();
             values[i].add(Vec3::Y, Vec3A::splat(wanted[i] - predicted));
         }
         push(&mut values, &vec![Vec3::Y; ranges.total()], &ranges, &rows);
@@ -314,11 +315,7 @@ mod tests {
     fn a_difference_leaves_some_of_the_light_around() {
         // Two points in light of 1; differences take more than all red from one, all but the least from the other.
         let ranges = LevelRanges::new([1, 2]);
-        let rows = Rows {
-            columns: 3,
-            offsets: vec![0, 0, 1, 2],
-            entries: vec![(0, 1.0), (0, 1.0)],
-        };
+        let rows = from_rows(&[vec![], vec![(0, 1.0)], vec![(0, 1.0)]], 3);
         let normals = [Vec3::Y; 3];
         let mut values = [VectorIrradiance::default(); 3];
         values[0].add(Vec3::new(0.5, 1.0, 0.0), Vec3A::ONE);

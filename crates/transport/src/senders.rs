@@ -130,6 +130,21 @@ impl SenderTree {
         of
     }
 
+    /// For each finest point its cluster on `level` (local index) and its weight in that cluster's mean.
+    pub fn point_weights(&self, level: usize) -> Vec<(u32, f64)> {
+        let leaves = self.leaf_of_point.iter().zip(&self.weights);
+        leaves
+            .map(|(&leaf, &weight)| {
+                (level + 1..self.levels())
+                    .rev()
+                    .fold((leaf, f64::from(weight)), |(cluster, weight), l| {
+                        let share = self.shares[self.ranges.range(l).start + cluster as usize];
+                        (self.parents[l - 1][cluster as usize], weight * f64::from(share))
+                    })
+            })
+            .collect()
+    }
+
     /// Mean of values at the finest points over each cluster, level by level, coarsest first. Clusters
     /// without points get zero.
     pub fn pulled(&self, at_points: &[Vec3]) -> Vec<Vec<Vec3>> {

@@ -21,21 +21,70 @@ pub fn zero(rows: usize, columns: usize) -> SparseMatrix {
     SparseMatrix::zero((rows, columns))
 }
 
-/// A matrix from its rows of (column, weight).
+/// A matrix from its rows of (column, weight), in any order within a row.
+///
+/// # Panics
+/// As [`build_with`].
+pub fn from_rows(rows: &[Vec<(u32, f32)>], columns: usize) -> SparseMatrix {
+    build(rows.len(), columns, |i, row| row.extend_from_slice(&rows[i]))
+}
+
+/// Builds a matrix in parallel; `fill(i, row)` appends row `i`'s entries, in any order.
+///
+/// # Panics
+/// As [`build_with`].
+pub fn build(rows: usize, columns: usize, fill: impl Fn(usize, &mut Vec<(u32, f32)>) + Sync) -> SparseMatrix {
+    build_with(rows, columns, || (), |(), i, row| fill(i, row))
+}
+
+/// [`build`] with something that rows near each other share, such as a memo; it must not change what they are.
 ///
 /// # Panics
 /// A row has a column twice, or one that is not below `columns`.
-pub fn from_rows(rows: Vec<Vec<(u32, f32)>>, columns: usize) -> SparseMatrix {
-    let mut offsets = Vec::with_capacity(rows.len() + 1);
+pub fn build_with<T>(
+    rows: usize,
+    columns: usize,
+    shared: impl Fn() -> T + Sync + Send,
+    fill: impl Fn(&mut T, usize, &mut Vec<(u32, f32)>) + Sync,
+) -> SparseMatrix {
+    #[derive(Default)]
+    struct Chunk {
+        /// Ends of the rows within the chunk.
+        ends: Vec<u32>,
+        columns: Vec<u32>,
+        weights: Vec<f32>,
+    }
+    let chunks: Vec<Chunk> = (0..rows.div_ceil(CHUNK))
+        .into_par_iter()
+        .map_init(
+            || (shared(), Vec::new()),
+            |(shared, row), number| {
+                let mut chunk = Chunk::default();
+                for i in number * CHUNK..((number + 1) * CHUNK).min(rows) {
+                    row.clear();
+                    fill(shared, i, row);
+                    if !row.is_sorted_by_key(|entry| entry.0) {
+                        row.sort_unstable_by_key(|entry| entry.0);
+                    }
+                    chunk.columns.extend(row.iter().map(|entry| entry.0));
+                    chunk.weights.extend(row.iter().map(|entry| entry.1));
+                    chunk.ends.push(chunk.columns.len() as u32);
+                }
+                chunk
+            },
+        )
+        .collect();
+    let entries = chunks.iter().map(|chunk| chunk.columns.len()).sum();
+    let mut offsets = Vec::with_capacity(rows + 1);
     offsets.push(0);
-    let mut end = 0;
-    offsets.extend(rows.iter().map(|row| {
-        end += row.len() as u32;
-        end
-    }));
-    let (indices, weights) = rows.iter().flatten().copied().unzip();
-    let shape = (rows.len(), columns);
-    SparseMatrix::new_from_unsorted(shape, offsets, indices, weights)
+    let (mut indices, mut weights) = (Vec::with_capacity(entries), Vec::with_capacity(entries));
+    for chunk in chunks {
+        let start = indices.len() as u32;
+        offsets.extend(chunk.ends.into_iter().map(|end| start + end));
+        indices.extend_from_slice(&chunk.columns);
+        weights.extend_from_slice(&chunk.weights);
+    }
+    SparseMatrix::try_new((rows, columns), offsets, indices, weights)
         .unwrap_or_else(|(.., error)| panic!("rows of a matrix with {columns} columns: {error}"))
 }
 
@@ -88,127 +137,32 @@ pub fn normalise(matrix: &mut SparseMatrix) {
     }
 }
 
-/// A sparse matrix of weights in rows (compressed sparse rows). Column indices are below `columns`.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Rows {
-    /// Number of columns.
-    pub columns: u32,
-    /// Start of each row in `entries`, and the end of the last: rows + 1 values.
-    pub offsets: Vec<u32>,
-    /// (column, weight).
-    pub entries: Vec<(u32, f32)>,
-}
-
-impl Rows {
-    /// Number of rows.
-    pub fn rows(&self) -> usize {
-        self.offsets.len().saturating_sub(1)
+/// Calls `fill(i, part)` for every row in parallel with the part of `values`, which has one for each entry, that is the
+/// row's.
+///
+/// # Panics
+/// `values` is shorter than the entries.
+pub fn fill_rows<T: Send>(
+    matrix: &SparseMatrix,
+    mut values: &mut [T],
+    fill: impl Fn(usize, &mut [T]) + Sync,
+) {
+    let offsets = matrix.indptr();
+    let offsets = offsets.raw_storage();
+    let mut chunks = Vec::with_capacity(matrix.rows().div_ceil(CHUNK));
+    for first in (0..matrix.rows()).step_by(CHUNK) {
+        let end = (first + CHUNK).min(matrix.rows());
+        let (chunk, rest) = values.split_at_mut((offsets[end] - offsets[first]) as usize);
+        chunks.push((first..end, chunk));
+        values = rest;
     }
-
-    /// One row.
-    #[inline]
-    pub fn row(&self, i: usize) -> &[(u32, f32)] {
-        &self.entries[self.offsets[i] as usize..self.offsets[i + 1] as usize]
-    }
-
-    /// Builds `rows` rows in parallel; `fill(i, row)` appends row `i`'s entries.
-    pub fn build(rows: usize, columns: usize, fill: impl Fn(usize, &mut Vec<(u32, f32)>) + Sync) -> Rows {
-        Rows::build_with(rows, columns, || (), |(), i, row| fill(i, row))
-    }
-
-    /// [`Rows::build`] with something that rows near each other share, such as a memo; it must not change what they are.
-    pub fn build_with<T>(
-        rows: usize,
-        columns: usize,
-        shared: impl Fn() -> T + Sync + Send,
-        fill: impl Fn(&mut T, usize, &mut Vec<(u32, f32)>) + Sync,
-    ) -> Rows {
-        /// Ends of the rows within the chunk, and its entries.
-        type Chunk = (Vec<u32>, Vec<(u32, f32)>);
-        let chunks: Vec<Chunk> = (0..rows.div_ceil(CHUNK))
-            .into_par_iter()
-            .map_init(shared, |shared, chunk| {
-                let mut entries = Vec::new();
-                let ends = (chunk * CHUNK..((chunk + 1) * CHUNK).min(rows))
-                    .map(|i| {
-                        fill(shared, i, &mut entries);
-                        entries.len() as u32
-                    })
-                    .collect();
-                (ends, entries)
-            })
-            .collect();
-        let mut offsets = Vec::with_capacity(rows + 1);
-        offsets.push(0);
-        let mut entries = Vec::with_capacity(chunks.iter().map(|c| c.1.len()).sum());
-        for (ends, part) in chunks {
-            let start = entries.len() as u32;
-            offsets.extend(ends.into_iter().map(|end| start + end));
-            entries.extend_from_slice(&part);
+    chunks.into_par_iter().for_each(|(rows, mut chunk)| {
+        for i in rows {
+            let (row, rest) = chunk.split_at_mut((offsets[i + 1] - offsets[i]) as usize);
+            fill(i, row);
+            chunk = rest;
         }
-        Rows {
-            columns: columns as u32,
-            offsets,
-            entries,
-        }
-    }
-
-    /// Calls `fill(i, part)` for every row in parallel with the part of `values`, which has one for each entry, that is the
-    /// row's.
-    ///
-    /// # Panics
-    /// `values` is shorter than the entries.
-    pub fn fill_rows<T: Send>(&self, mut values: &mut [T], fill: impl Fn(usize, &mut [T]) + Sync) {
-        let mut chunks = Vec::with_capacity(self.rows().div_ceil(CHUNK));
-        for first in (0..self.rows()).step_by(CHUNK) {
-            let end = (first + CHUNK).min(self.rows());
-            let (chunk, rest) = values.split_at_mut((self.offsets[end] - self.offsets[first]) as usize);
-            chunks.push((first..end, chunk));
-            values = rest;
-        }
-        chunks.into_par_iter().for_each(|(rows, mut chunk)| {
-            for i in rows {
-                let (row, rest) = chunk.split_at_mut((self.offsets[i + 1] - self.offsets[i]) as usize);
-                fill(i, row);
-                chunk = rest;
-            }
-        });
-    }
-
-    /// The transposed matrix, rows in order of column index.
-    pub fn transposed(&self) -> Rows {
-        let mut offsets = vec![0u32; self.columns as usize + 1];
-        for &(column, _) in &self.entries {
-            offsets[column as usize + 1] += 1;
-        }
-        for i in 1..offsets.len() {
-            offsets[i] += offsets[i - 1];
-        }
-        let mut next = offsets.clone();
-        let mut entries = vec![(0u32, 0f32); self.entries.len()];
-        for i in 0..self.rows() {
-            for &(column, weight) in self.row(i) {
-                entries[next[column as usize] as usize] = (i as u32, weight);
-                next[column as usize] += 1;
-            }
-        }
-        Rows {
-            columns: self.rows() as u32,
-            offsets,
-            entries,
-        }
-    }
-
-    /// Scales every row to sum 1; rows that sum to nothing stay as they are.
-    pub fn normalise(&mut self) {
-        for i in 0..self.rows() {
-            let row = &mut self.entries[self.offsets[i] as usize..self.offsets[i + 1] as usize];
-            let sum: f64 = row.iter().map(|e| f64::from(e.1)).sum();
-            if sum > 0.0 {
-                row.iter_mut().for_each(|e| e.1 = (f64::from(e.1) / sum) as f32);
-            }
-        }
-    }
+    });
 }
 
 #[cfg(test)]
@@ -225,7 +179,7 @@ mod tests {
         // From the highest column to the lowest, some rows empty.
         let of_row = |i: usize| (0..columns).rev().step_by(1 + i % 97).take(i % 50);
         let entries = (0..rows).map(|i| of_row(i).map(|j| (j, s.uniform())).collect());
-        let matrix = from_rows(entries.collect(), columns as usize);
+        let matrix = from_rows(&entries.collect::<Vec<_>>(), columns as usize);
         let values: Vec<Vec3> = (0..columns)
             .map(|_| Vec3::new(s.uniform(), s.uniform() - 0.5, 1e20 * s.uniform()))
             .collect();
@@ -246,11 +200,11 @@ mod tests {
 
     #[test]
     fn rows_that_have_a_sum_are_scaled_to_one() {
-        let mut matrix = from_rows(vec![vec![(2, 3.0), (0, 1.0)], vec![], vec![(1, 0.0)]], 3);
+        let mut matrix = from_rows(&[vec![(2, 3.0), (0, 1.0)], vec![], vec![(1, 0.0)]], 3);
         normalise(&mut matrix);
         assert_eq!(
             matrix,
-            from_rows(vec![vec![(0, 0.25), (2, 0.75)], vec![], vec![(1, 0.0)]], 3)
+            from_rows(&[vec![(0, 0.25), (2, 0.75)], vec![], vec![(1, 0.0)]], 3)
         );
         assert_eq!(largest_row_sum(&matrix), 1.0);
         assert_eq!(apply(&zero(2, 3), &[Vec3::ONE; 3]), [Vec3::ZERO; 2]);

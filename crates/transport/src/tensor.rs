@@ -10,7 +10,7 @@
 use crate::basis::Level;
 use crate::pyramid::LevelRanges;
 use crate::sh::{COUNT, Coefficients};
-use crate::sparse::Rows;
+use crate::sparse::{SparseMatrix, row};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -23,9 +23,9 @@ fn add_scaled(sum: &mut Coefficients, other: &Coefficients, weight: f32) {
     }
 }
 
-fn combined(row: &[(u32, f32)], values: &[Coefficients]) -> Coefficients {
+fn combined(row: impl Iterator<Item = (u32, f32)>, values: &[Coefficients]) -> Coefficients {
     let mut sum = [0.0; COUNT];
-    for &(k, weight) in row {
+    for (k, weight) in row {
         add_scaled(&mut sum, &values[k as usize], weight);
     }
     sum
@@ -34,26 +34,26 @@ fn combined(row: &[(u32, f32)], values: &[Coefficients]) -> Coefficients {
 /// Values at the points of all levels from coefficients, in place (equation 7 backwards): a coefficient is the
 /// difference to what the parents' values say. `fine_from_coarse` as [`crate::pyramid::fine_from_coarse`]
 /// builds it.
-pub fn push(values: &mut [Coefficients], ranges: &LevelRanges, fine_from_coarse: &Rows) {
+pub fn push(values: &mut [Coefficients], ranges: &LevelRanges, fine_from_coarse: &SparseMatrix) {
     for level in 1..ranges.levels() {
         let range = ranges.range(level);
         let (coarser, rest) = values.split_at_mut(range.start);
         let own = rest[..range.len()].par_iter_mut().with_min_len(CHUNK);
         own.enumerate().for_each(|(local, value)| {
-            let predicted = combined(fine_from_coarse.row(range.start + local), coarser);
+            let predicted = combined(row(fine_from_coarse, range.start + local), coarser);
             add_scaled(value, &predicted, 1.0);
         });
     }
 }
 
 /// Coefficients from values at the points of all levels (equation 7): the inverse of [`push`].
-pub fn differences(values: &[Coefficients], fine_from_coarse: &Rows) -> Vec<Coefficients> {
+pub fn differences(values: &[Coefficients], fine_from_coarse: &SparseMatrix) -> Vec<Coefficients> {
     (0..values.len())
         .into_par_iter()
         .with_min_len(CHUNK)
         .map(|i| {
             let mut own = values[i];
-            let predicted = combined(fine_from_coarse.row(i), values);
+            let predicted = combined(row(fine_from_coarse, i), values);
             add_scaled(&mut own, &predicted, -1.0);
             own
         })
@@ -62,18 +62,18 @@ pub fn differences(values: &[Coefficients], fine_from_coarse: &Rows) -> Vec<Coef
 
 /// Pull: replaces each value, from the second finest level up, by the weighted mean of its children's, so that
 /// coarse levels carry local averages instead of samples. Points without children keep theirs.
-pub fn pull(values: &mut [Coefficients], ranges: &LevelRanges, fine_from_coarse: &Rows) {
-    let coarse_from_fine = fine_from_coarse.transposed();
+pub fn pull(values: &mut [Coefficients], ranges: &LevelRanges, fine_from_coarse: &SparseMatrix) {
+    let coarse_from_fine = fine_from_coarse.transpose_view().to_csr();
     for level in (0..ranges.levels().saturating_sub(1)).rev() {
         let range = ranges.range(level);
         let (coarser, finer) = values.split_at_mut(range.end);
         let own = coarser[range.start..].par_iter_mut().with_min_len(CHUNK);
         own.enumerate().for_each(|(local, value)| {
-            let children = coarse_from_fine.row(range.start + local);
-            let weights: f32 = children.iter().map(|c| c.1).sum();
+            let children = row(&coarse_from_fine, range.start + local);
+            let weights: f32 = children.clone().map(|c| c.1).sum();
             if weights > 0.0 {
                 *value = [0.0; COUNT];
-                for &(child, weight) in children {
+                for (child, weight) in children {
                     add_scaled(value, &finer[child as usize - range.end], weight / weights);
                 }
             }
@@ -92,7 +92,7 @@ pub fn at(
 ) -> Option<Coefficients> {
     row.clear();
     level.functions_or_nearest_at(place, normal, row);
-    (!row.is_empty()).then(|| combined(row, values))
+    (!row.is_empty()).then(|| combined(row.iter().copied(), values))
 }
 
 #[cfg(test)]
@@ -105,7 +105,7 @@ mod tests {
     use crate::sh::{MAX_DEGREE, project, reconstruct};
 
     /// Three levels on the unit sphere, where neighbours' normals differ.
-    fn sphere() -> (Vec<Level>, LevelRanges, Rows) {
+    fn sphere() -> (Vec<Level>, LevelRanges, SparseMatrix) {
         let mut s = Stream::new(51, 0, 0);
         let candidates: Vec<Vec3> = (0..60_000).map(|_| direction(&mut s)).collect();
         let levels: Vec<Level> = [0.4f32, 0.2, 0.1]

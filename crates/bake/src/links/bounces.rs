@@ -58,7 +58,7 @@ impl BounceSums {
             let positive = (0..).zip(&sums).filter(|e| *e.1 > 0.0);
             sparsified(positive.map(|(k, sum)| (k, (sum / mass) as f32)).collect())
         });
-        from_rows(rows.collect(), clusters)
+        from_rows(&rows.collect::<Vec<_>>(), clusters)
     }
 }
 

@@ -29,7 +29,7 @@ use relight_transport::links::Links;
 use relight_transport::pyramid::LevelRanges;
 use relight_transport::random::Stream;
 use relight_transport::sampling::DirectionSet;
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{SparseMatrix, row};
 use std::ops::Range;
 use wanted::Forecast;
 
@@ -45,7 +45,7 @@ pub struct Refinement<'a> {
     /// Levels of `places`.
     pub ranges: &'a LevelRanges,
     /// Parents of every point (rows and columns: all points).
-    pub fine_from_coarse: &'a Rows,
+    pub fine_from_coarse: &'a SparseMatrix,
     /// What is missing among them because surfaces part it ([`Parted::pairs`](crate::points::separation::Parted::pairs)).
     pub parted_pairs: &'a [[u32; 2]],
     /// What rays see.
@@ -486,11 +486,11 @@ impl<'a> Sweep<'a> {
     /// A row is looked at when one of its parents kept a link (figure 5). That says nothing where links are chosen by pursuit:
     /// a parent that lacks little may need none.
     fn is_active(&self, i: usize, known: &[Receiver]) -> bool {
-        let parents = self.refinement.fine_from_coarse.row(i);
+        let mut parents = row(self.refinement.fine_from_coarse, i);
         self.refinement.is_worthwhile(i)
-            && (parents.is_empty()
+            && (parents.len() == 0
                 || (self.pursues() && self.level > FIRST_PURSUED)
-                || parents.iter().any(|&(k, _)| !known[k as usize].links.is_empty()))
+                || parents.any(|(k, _)| !known[k as usize].links.is_empty()))
     }
 
     /// The outcome of receiver `i`.

@@ -77,7 +77,7 @@ fn coarser(k: &SparseMatrix, tree: &SenderTree, level: usize) -> SparseMatrix {
     let parents = &tree.parents[level - 1];
     let shares = &tree.shares[tree.ranges.range(level)];
     let clusters = tree.ranges.range(level - 1).len();
-    let rows = (0..clusters)
+    let rows: Vec<_> = (0..clusters)
         .into_par_iter()
         .map_init(
             || vec![0.0f64; clusters],
@@ -92,7 +92,7 @@ fn coarser(k: &SparseMatrix, tree: &SenderTree, level: usize) -> SparseMatrix {
             },
         )
         .collect();
-    from_rows(rows, clusters)
+    from_rows(&rows, clusters)
 }
 
 /// Rows per unit of work.
@@ -142,7 +142,7 @@ impl Room {
                 rows[i % channels].push(row);
             }
         }
-        Ok(rows.into_iter().map(|rows| from_rows(rows, clusters)).collect())
+        Ok(rows.into_iter().map(|rows| from_rows(&rows, clusters)).collect())
     }
 
     fn rows(
@@ -265,12 +265,8 @@ mod tests {
     /// A closed scene of `n` leaves, four points each, under three coarse clusters.
     fn closed(n: usize) -> (SparseMatrix, SenderTree) {
         let mut s = Stream::new(41, 0, 0);
-        let mut k = from_rows(
-            (0..n)
-                .map(|_| (0..n as u32).map(|j| (j, s.uniform())).collect())
-                .collect(),
-            n,
-        );
+        let mut row = || (0..n as u32).map(|j| (j, s.uniform())).collect();
+        let mut k = from_rows(&(0..n).map(|_| row()).collect::<Vec<_>>(), n);
         normalise(&mut k);
         let parents = (0..n as u32).map(|i| i % 3).collect();
         let leaves = (0..4 * n as u32).map(|p| p / 4).collect();

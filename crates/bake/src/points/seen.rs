@@ -11,7 +11,7 @@ use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{SparseMatrix, row};
 use std::collections::BTreeSet;
 
 /// Primary rays across and down a camera's image: points are wider than a pixel, and one that slips through only leaves
@@ -43,7 +43,7 @@ pub fn seen_by(
     surfaces: &dyn Surfaces,
     cameras: &[Camera],
     levels: &[Level],
-    fine_from_coarse: &Rows,
+    fine_from_coarse: &SparseMatrix,
     first: usize,
 ) -> (Vec<bool>, u64) {
     let [width, height] = RAYS;
@@ -88,7 +88,7 @@ pub fn seen_by(
     // Fine points come after their parents.
     for i in (0..all).rev().filter(|&i| i >= starts[first.min(levels.len())]) {
         if seen[i] {
-            for &(parent, _) in fine_from_coarse.row(i) {
+            for (parent, _) in row(fine_from_coarse, i) {
                 seen[parent as usize] = true;
             }
         }

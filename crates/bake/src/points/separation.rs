@@ -5,7 +5,7 @@ use relight_scene::parting::is_parted;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
 use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::SparseMatrix;
 use std::sync::Mutex;
 
 /// Points that surfaces part from their neighbours.
@@ -18,7 +18,7 @@ pub struct Parted {
 }
 
 /// Finds them, and the parents that are left (see [`fine_from_coarse`]).
-pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Parted, Rows) {
+pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Parted, SparseMatrix) {
     let scale = levels.last().map_or(0.0, |finest| finest.disk_radius);
     let places: Vec<_> = levels
         .iter()
@@ -79,6 +79,7 @@ mod tests {
     use super::*;
     use glam::{DVec3, Vec3};
     use relight_scene::implicit::{ImplicitSurface, Sdf};
+    use relight_transport::sparse::row;
 
     #[test]
     fn no_point_has_parents_behind_a_wall() {
@@ -111,12 +112,12 @@ mod tests {
         let without = fine_from_coarse(&levels, |_, _| false);
         let mut leaks = 0;
         for i in 0..places.len() {
-            assert!(rows.row(i).iter().all(|e| !behind(i, e.0 as usize)));
+            assert!(row(&rows, i).all(|e| !behind(i, e.0 as usize)));
             assert!(
-                rows.row(i).is_empty() == without.row(i).is_empty(),
+                (row(&rows, i).len() == 0) == (row(&without, i).len() == 0),
                 "each keeps some parents"
             );
-            leaks += without.row(i).iter().filter(|e| behind(i, e.0 as usize)).count();
+            leaks += row(&without, i).filter(|e| behind(i, e.0 as usize)).count();
         }
         assert_eq!(parted.pairs.len(), leaks);
         assert!(leaks > 20, "{leaks}");

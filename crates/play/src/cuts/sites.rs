@@ -3,7 +3,7 @@
 use super::VisibilityCuts;
 use rayon::prelude::*;
 use relight_transport::cuts::{Cut, SiteCuts};
-use relight_transport::sparse::Rows;
+use relight_transport::sparse::{SparseMatrix, row};
 
 /// Sites of a fragment: "three or four are enough" (design section 7). Four gave the same errors, 5 % more nodes and a
 /// fifth cut to traverse (docs/notebook/cuts.md).
@@ -25,12 +25,12 @@ pub struct FragmentSites {
 impl FragmentSites {
     /// Takes the heaviest functions of each fragment's row. Less the weight of the heaviest that is left out, so that a
     /// site enters and leaves with weight 0 and shading stays continuous. Fragments without functions are left out.
-    pub fn new(functions: &Rows) -> FragmentSites {
+    pub fn new(functions: &SparseMatrix) -> FragmentSites {
         let mut found: Vec<([u32; SITES], [f32; SITES], u32)> = (0..functions.rows())
             .into_par_iter()
             .with_min_len(1024)
             .filter_map(|fragment| {
-                let (sites, weights) = heaviest(functions.row(fragment))?;
+                let (sites, weights) = heaviest(row(functions, fragment))?;
                 Some((sites, weights, fragment as u32))
             })
             .collect();
@@ -54,8 +54,8 @@ impl FragmentSites {
     }
 }
 
-fn heaviest(row: &[(u32, f32)]) -> Option<([u32; SITES], [f32; SITES])> {
-    let mut row: Vec<(u32, f32)> = row.iter().copied().filter(|e| e.1 > 0.0).collect();
+fn heaviest(row: impl Iterator<Item = (u32, f32)>) -> Option<([u32; SITES], [f32; SITES])> {
+    let mut row: Vec<(u32, f32)> = row.filter(|e| e.1 > 0.0).collect();
     row.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     let floor = row.get(SITES).map_or(0.0, |e| e.1);
     // Equal weights, as on a regular grid, leave nothing above the floor: then there is nothing to be continuous about.

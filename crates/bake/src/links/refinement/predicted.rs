@@ -6,6 +6,7 @@ use crate::links::gather::RowScratch;
 use crate::links::test_lights::LAMPS;
 use glam::{Mat3, Vec3, Vec3A};
 use relight_transport::pyramid::carry;
+use relight_transport::sparse::row;
 
 /// A row as the file will have it, kept for finer levels.
 #[derive(Clone, Debug, Default)]
@@ -53,7 +54,7 @@ impl Predicted {
         let normal = |k: u32| r.places[k as usize].normal;
         let carried = |k: u32, i: u32, share: f32| carry(normal(k), normal(i)) * share;
         let mut terms: Vec<(u32, Mat3)> = Vec::new();
-        for &(k, share) in r.fine_from_coarse.row(i) {
+        for (k, share) in row(r.fine_from_coarse, i) {
             let m = carried(k, i as u32, share);
             if (k as usize) < remembered {
                 terms.push((k, m));
@@ -62,12 +63,8 @@ impl Predicted {
             for &(j, vector) in &known[k as usize].links {
                 self.add(r, j, m * vector);
             }
-            let grandparents = r.fine_from_coarse.row(k as usize);
-            terms.extend(
-                grandparents
-                    .iter()
-                    .map(|&(g, share)| (g, m * carried(g, k, share))),
-            );
+            let grandparents = row(r.fine_from_coarse, k as usize);
+            terms.extend(grandparents.map(|(g, share)| (g, m * carried(g, k, share))));
         }
         terms.sort_by_key(|term| term.0);
         for same in terms.chunk_by(|a, b| a.0 == b.0) {

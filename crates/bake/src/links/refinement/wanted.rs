@@ -2,6 +2,7 @@
 
 use super::{Receiver, Refinement, Sweep, is_remembered, rays_of};
 use crate::units::Units;
+use relight_transport::sparse::row;
 use std::ops::Range;
 
 /// Rays per unit of work: half a second or so.
@@ -57,8 +58,7 @@ impl Wanted {
             for (range, wanted) in &mut self.0[level] {
                 *wanted |= needed[range.clone()].contains(&true);
                 for i in range.clone().filter(|_| *wanted) {
-                    let parents = r.fine_from_coarse.row(i);
-                    parents.iter().for_each(|parent| needed[parent.0 as usize] = true);
+                    row(r.fine_from_coarse, i).for_each(|parent| needed[parent.0 as usize] = true);
                 }
             }
         }
@@ -75,7 +75,7 @@ impl Wanted {
                     // Of two levels the rows are not kept: what is predicted from them starts from their parents'.
                     let through = if is_remembered(r, level) { 0 } else { until[i] };
                     let own = if *is_made || until[i] > 0 { level as u8 } else { 0 };
-                    for parent in r.fine_from_coarse.row(i) {
+                    for parent in row(r.fine_from_coarse, i) {
                         let parent = &mut until[parent.0 as usize];
                         *parent = own.max(through).max(*parent);
                     }
