@@ -8,7 +8,8 @@ use comfy_table::presets;
 use comfy_table::{CellAlignment, Table};
 use relight_scene::image::metrics::{Comparison, compare};
 use relight_scene::image::{FloatImage, Layers, Limits, read_exr};
-use serde_json::{Value, json};
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Compare an OpenEXR image with a reference, layer by layer.
@@ -36,6 +37,46 @@ pub struct CompareArgs {
     pub json: bool,
 }
 
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Report<'a> {
+    schema: u32,
+    command: &'static str,
+    image: String,
+    reference: String,
+    layers: BTreeMap<&'a str, Measured>,
+    worst_relmse: f64,
+    max_relmse: Option<f64>,
+    passed: bool,
+}
+
+/// How far a layer is from the reference.
+#[derive(Serialize)]
+struct Measured {
+    rmse: f64,
+    relmse: f64,
+    /// `None` for equal images.
+    psnr_db: Option<f64>,
+    bias: f64,
+    bias_rgb: [f64; 3],
+    relative_error_p99: f64,
+    flip: f64,
+}
+
+impl From<&Comparison> for Measured {
+    fn from(c: &Comparison) -> Measured {
+        Measured {
+            rmse: c.rmse,
+            relmse: c.relmse,
+            psnr_db: c.psnr_db.is_finite().then_some(c.psnr_db),
+            bias: c.bias,
+            bias_rgb: c.bias_rgb,
+            relative_error_p99: c.relative_error_p99,
+            flip: c.flip,
+        }
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &CompareArgs, console: &Console) -> Result<Outcome, Failure> {
     if args.max_relmse.is_some_and(|x| x.is_nan() || x < 0.0) {
@@ -58,7 +99,16 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<Outcome, Failure> {
     let worst = results.iter().map(|(_, c)| c.relmse).fold(0.0, f64::max);
     let short = args.max_relmse.is_some_and(|most| worst > most);
     if args.json {
-        output::print_json(&results_json(args, &results, worst, short))?;
+        output::print_json(&Report {
+            schema: SCHEMA,
+            command: "compare",
+            image: args.image.display().to_string(),
+            reference: args.reference.display().to_string(),
+            layers: results.iter().map(|(name, c)| (&**name, c.into())).collect(),
+            worst_relmse: worst,
+            max_relmse: args.max_relmse,
+            passed: !short,
+        })?;
     } else {
         output::print_text(&(results_table(&results) + "\n"))?;
     }
@@ -123,34 +173,6 @@ fn pairs(
         .into());
     }
     Ok(pairs)
-}
-
-fn results_json(args: &CompareArgs, results: &[(String, Comparison)], worst: f64, short: bool) -> Value {
-    let layers: serde_json::Map<String, Value> = results
-        .iter()
-        .map(|(name, c)| {
-            let values = json!({
-                "rmse": c.rmse,
-                "relmse": c.relmse,
-                "psnr_db": c.psnr_db.is_finite().then_some(c.psnr_db),
-                "bias": c.bias,
-                "bias_rgb": c.bias_rgb,
-                "relative_error_p99": c.relative_error_p99,
-                "flip": c.flip,
-            });
-            (name.clone(), values)
-        })
-        .collect();
-    json!({
-        "schema": SCHEMA,
-        "command": "compare",
-        "image": args.image.display().to_string(),
-        "reference": args.reference.display().to_string(),
-        "layers": layers,
-        "worst_relmse": worst,
-        "max_relmse": args.max_relmse,
-        "passed": !short,
-    })
 }
 
 /// A table of comparisons, one row each.

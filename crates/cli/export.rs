@@ -1,6 +1,9 @@
-//! `relight export`: what an asset holds, for other tools: numpy arrays, PLY point clouds, Radiance matrices.
+//! `relight export`: what an asset holds, for other tools: numpy arrays, PLY point clouds, Matrix Market and Radiance
+//! matrices.
 
 mod files;
+mod operators;
+mod report;
 
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
@@ -8,16 +11,17 @@ use crate::output::{self, SCHEMA};
 use crate::words;
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, ValueEnum};
-use files::{Column, Folder, Matrix};
+use files::{Column, Folder};
 use relight_format::layout::Kind;
 use relight_format::{self as format, Asset, LightSamples, Limits, WeightRows};
 use relight_transport::light_tree::sphere_direction;
-use serde_json::{Value, json};
+use report::{Facts, Report};
 use std::path::PathBuf;
 
-/// Write what an asset holds for other tools: .npy arrays, PLY points, Radiance matrices.
+/// Write what an asset holds for other tools: .npy arrays, PLY points, Matrix Market and Radiance matrices.
 ///
-/// Metres, +Y up; links are vector irradiance per unit radiosity; indices count through all levels, coarsest first.
+/// Metres, +Y up; indices count through all levels, coarsest first. What each matrix does is said in the format's
+/// specification, section 8.1: irradiance = normals · push · transfer · pull · radiosity.
 #[derive(Args)]
 pub struct ExportArgs {
     /// Asset to export from.
@@ -29,7 +33,8 @@ pub struct ExportArgs {
     /// Folder for the files; made if it is not there, files of the same names are replaced.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Most bytes of a matrix, which is written densely (suffixes K, M, G: powers of 1024).
+    /// Most bytes of a matrix that is dense: 12 per entry of points_from_points while it is computed, 4 per entry of a
+    /// Radiance matrix (suffixes K, M, G: powers of 1024).
     #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = parse_bytes)]
     pub matrix_limit: u64,
     /// Print one JSON object on stdout: the files, their shapes and units.
@@ -48,8 +53,13 @@ pub enum What {
     Cuts,
     /// The lights that cuts cluster: directions or surface samples (.npy and .ply).
     Lights,
-    /// T and the bounce operator as dense matrices (Radiance, 32-bit floats).
+    /// What one bounce does, as matrices: irradiance of the finest points from their radiosity (points_from_points), and
+    /// the factors (Matrix Market .mtx; Radiance .rmx).
     Transfer,
+    /// The factors alone, which are sparse however many points there are: pull, transfer, push, normals (.mtx).
+    Factors,
+    /// The bounce operator between clusters (.mtx, .rmx), or its solution (.mtx).
+    Bounce,
 }
 
 fn parse_bytes(text: &str) -> Result<u64, String> {
@@ -67,9 +77,12 @@ fn parse_bytes(text: &str) -> Result<u64, String> {
 pub fn run(args: &ExportArgs, console: &Console) -> Result<Outcome, Failure> {
     let kinds: &[Kind] = match args.what {
         What::Points => &[Kind::Points],
-        What::Links | What::Transfer => &[Kind::LinksTransfer, Kind::LinksBounce, Kind::LinksSolution],
+        What::Links => &[Kind::LinksTransfer, Kind::LinksBounce, Kind::LinksSolution],
+        What::Bounce => &[Kind::LinksBounce, Kind::LinksSolution],
         What::Cuts => &[Kind::Cuts],
         What::Lights => &[Kind::LightTree],
+        // Read as a player reads them.
+        What::Transfer | What::Factors => &[],
     };
     let name = args.asset.display();
     let asset =
@@ -82,7 +95,9 @@ pub fn run(args: &ExportArgs, console: &Console) -> Result<Outcome, Failure> {
         What::Links => links(&asset, &mut folder),
         What::Cuts => cuts(&asset, &mut folder),
         What::Lights => lights(&asset, &mut folder),
-        What::Transfer => transfer(&asset, &mut folder, args.matrix_limit),
+        What::Transfer => operators::transfer(&args.asset, &mut folder, Some(args.matrix_limit)),
+        What::Factors => operators::transfer(&args.asset, &mut folder, None),
+        What::Bounce => operators::bounce(&asset, &mut folder, args.matrix_limit),
     }
     .with_context(|| name.to_string())?;
     console.note(format!(
@@ -91,19 +106,19 @@ pub fn run(args: &ExportArgs, console: &Console) -> Result<Outcome, Failure> {
         args.output.display()
     ));
     if args.json {
-        output::print_json(&json!({
-            "schema": SCHEMA,
-            "command": "export",
-            "asset": name.to_string(),
-            "what": args.what.to_possible_value().map(|v| v.get_name().to_owned()),
-            "facts": facts,
-            "files": folder.written,
-        }))?;
+        output::print_json(&Report {
+            schema: SCHEMA,
+            command: "export",
+            asset: name.to_string(),
+            what: args.what.to_possible_value().map(|v| v.get_name().to_owned()),
+            facts,
+            files: folder.written,
+        })?;
     }
     Ok(Outcome::Done)
 }
 
-fn points(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
+fn points(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Facts> {
     if asset.points.is_empty() {
         bail!("holds no points; bake it with points, or export something else");
     }
@@ -133,10 +148,10 @@ fn points(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
             (["level", "", ""], Column::Bytes(&level)),
         ],
     )?;
-    Ok(json!({ "levels": levels.len() }))
+    Ok(Facts::Points { levels: levels.len() })
 }
 
-fn links(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
+fn links(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Facts> {
     let Some(senders) = &asset.senders else {
         bail!("holds no links: no surface sends light to another");
     };
@@ -162,15 +177,15 @@ fn links(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
     for (i, parents) in senders.parents.iter().enumerate() {
         folder.numbers(&format!("sender_parents_{}", i + 1), "1", parents)?;
     }
-    Ok(json!({
-        "receivers": asset.transfer.as_ref().map(|t| t.receivers),
-        "senders": asset.transfer.as_ref().map(|t| t.senders),
-        "bounce_level": asset.bounce.as_ref().map(|b| b.level),
-        "solution_level": asset.solution.as_ref().map(|s| s.level),
-    }))
+    Ok(Facts::Links {
+        receivers: asset.transfer.as_ref().map(|t| t.receivers),
+        senders: asset.transfer.as_ref().map(|t| t.senders),
+        bounce_level: asset.bounce.as_ref().map(|b| b.level),
+        solution_level: asset.solution.as_ref().map(|s| s.level),
+    })
 }
 
-fn cuts(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
+fn cuts(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Facts> {
     let (Some(cuts), Some(tree)) = (&asset.cuts, &asset.light_tree) else {
         bail!("holds no visibility cuts; bake it with --cuts environment or --cuts indirect");
     };
@@ -187,14 +202,14 @@ fn cuts(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
         }
     }
     folder.numbers("cut_first_leaves", "1", &first)?;
-    Ok(json!({
-        "sigma": cuts.sigma,
-        "unit": cuts.unit,
-        "lights": tree.lights.len(),
-    }))
+    Ok(Facts::Cuts {
+        sigma: cuts.sigma,
+        unit: cuts.unit,
+        lights: tree.lights.len(),
+    })
 }
 
-fn lights(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
+fn lights(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Facts> {
     let Some(tree) = &asset.light_tree else {
         bail!("holds no lights that cuts cluster; bake it with --cuts environment or --cuts indirect");
     };
@@ -207,7 +222,11 @@ fn lights(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
             folder.vectors("light_directions", "1", &directions)?;
             folder.numbers("light_lattice_indices", "1", order)?;
             folder.ply("lights", &[(["x", "y", "z"], Column::Vectors(&directions))])?;
-            Ok(json!({ "kind": "environment", "steradians": 4.0 * std::f64::consts::PI / f64::from(count) }))
+            Ok(Facts::Lights {
+                kind: "environment",
+                steradians: Some(4.0 * std::f64::consts::PI / f64::from(count)),
+                area_m2: None,
+            })
         }
         LightSamples::Surface {
             area,
@@ -223,39 +242,11 @@ fn lights(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Value> {
                     (["nx", "ny", "nz"], Column::Vectors(normals)),
                 ],
             )?;
-            Ok(json!({ "kind": "surface", "area_m2": area }))
+            Ok(Facts::Lights {
+                kind: "surface",
+                steradians: None,
+                area_m2: Some(*area),
+            })
         }
     }
-}
-
-fn transfer(asset: &Asset, folder: &mut Folder, limit: u64) -> anyhow::Result<Value> {
-    let Some(t) = &asset.transfer else {
-        bail!("holds no transfer operator: no surface sends light to another");
-    };
-    folder.matrix(
-        "transfer",
-        limit,
-        &Matrix {
-            what: "vector irradiance (x, y, z) of points per unit radiosity of senders",
-            columns: t.senders as usize,
-            row_offsets: &t.row_offsets,
-            column: &t.columns,
-            entries: t.vectors.as_flattened(),
-        },
-    )?;
-    if let Some(bounce) = &asset.bounce {
-        let m = &bounce.matrix;
-        folder.matrix(
-            "bounce",
-            limit,
-            &Matrix {
-                what: "mean irradiance of clusters per unit radiosity of clusters",
-                columns: m.rows as usize,
-                row_offsets: &m.row_offsets,
-                column: &m.columns,
-                entries: &m.weights,
-            },
-        )?;
-    }
-    Ok(json!({ "rows": t.receivers, "columns": t.senders }))
 }

@@ -1,18 +1,19 @@
 //! Where results go: JSON on stdout, files beside their targets.
 
 use anyhow::{Context, Result};
-use serde_json::Value;
+use serde::Serialize;
 use std::io::Write;
 use std::path::Path;
 
 /// Version of the JSON that commands print: raised when a field changes its meaning or goes.
 pub const SCHEMA: u32 = 1;
 
-/// Prints one JSON object on stdout. A reader that has gone away is no failure of ours.
+/// Prints one JSON object on stdout, its keys in alphabetical order. A reader that has gone away is no failure of ours.
 ///
 /// # Errors
 /// stdout cannot be written, as on a full disk.
-pub fn print_json(value: &Value) -> Result<()> {
+pub fn print_json(value: &impl Serialize) -> Result<()> {
+    let value = serde_json::to_value(value)?;
     print_text(&format!("{value:#}\n"))
 }
 

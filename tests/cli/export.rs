@@ -1,8 +1,13 @@
 //! `relight export`: other tools read what an asset holds.
 
 use crate::stage::{TINY, bake_json, complaint, cornell, data, folder, json, names, relight};
+use glam::Vec3;
 use relight_format::{Asset, LightSamples, Limits, read_file};
+use relight_play::load::load_operators;
+use relight_transport::random::Stream;
 use serde_json::Value;
+use sprs::CsMatI;
+use sprs::prod::mul_acc_mat_vec_csr;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use tempfile::TempDir;
@@ -178,33 +183,166 @@ fn matrix(file: &Path) -> ([usize; 3], Vec<f32>) {
     (shape, values)
 }
 
-/// Truth: the sparse product, entry by entry in f64. What radiosity 1 everywhere sends, a row of the matrix sums to.
+/// A Matrix Market file as sprs reads it.
+fn market(file: &Path) -> CsMatI<f64, u32> {
+    sprs::io::read_matrix_market::<f64, u32, _>(file)
+        .unwrap()
+        .to_csr()
+}
+
+fn product(matrix: &CsMatI<f64, u32>, values: &[f64]) -> Vec<f64> {
+    let mut out = vec![0.0; matrix.rows()];
+    mul_acc_mat_vec_csr(matrix.view(), values, &mut out[..]);
+    out
+}
+
+/// A closed room, three levels of receivers and two of senders, so that T's rows are differences to be pushed and its
+/// columns differences to the parent's mean.
+fn furnace(folder: &Path) -> PathBuf {
+    let asset = folder.join("furnace.relight");
+    let options = ["--levels", "3", "--sender-levels", "2", "--coarse-radius", "0.6"];
+    bake_json(&data("furnace_box.glb"), &asset, &options);
+    asset
+}
+
+/// Truth: walls that send 1 everywhere receive 1 everywhere; any other light, what the player makes of it.
 #[test]
-fn the_dense_matrix_acts_as_the_sparse_operator() {
+fn matrices_of_one_bounce_multiply_as_they_say() {
     let folder = folder();
-    export(cornell(), "transfer", folder.path());
-    let asset = asset(cornell());
-    let t = asset.transfer.unwrap();
-    let (shape, values) = matrix(&folder.path().join("transfer.mtx"));
-    assert_eq!(shape, [t.receivers as usize, t.senders as usize, 3]);
-    let radiosity = |column: usize| (column % 7) as f64 - 2.5;
-    for (row, dense) in t.row_offsets.windows(2).zip(values.chunks(3 * shape[1])) {
-        for axis in 0..3 {
-            let sparse: f64 = (row[0] as usize..row[1] as usize)
-                .map(|i| f64::from(t.vectors[i][axis]) * radiosity(t.columns[i] as usize))
-                .sum();
-            let sum: f64 = (0..shape[1])
-                .map(|c| f64::from(dense[3 * c + axis]) * radiosity(c))
-                .sum();
-            assert!((sum - sparse).abs() <= 1e-12 * sparse.abs().max(1.0));
+    let file = furnace(folder.path());
+    let out = folder.path().join("out");
+    let said = export(&file, "transfer", &out);
+    let whole = market(&out.join("points_from_points.mtx"));
+    let factors =
+        ["pull", "transfer", "push", "normals"].map(|name| market(&out.join(format!("{name}.mtx"))));
+    let points = whole.rows();
+    assert_eq!(said["facts"]["finest_points"], points);
+    assert_eq!(whole.cols(), points);
+    let through = |radiosity: &[f64]| factors.iter().fold(radiosity.to_vec(), |v, m| product(m, &v));
+    // Rows are fitted to even light; what is left is the file's rounding of links to 8 bits, hundreds to a row.
+    for irradiance in [product(&whole, &vec![1.0; points]), through(&vec![1.0; points])] {
+        let worst = irradiance.iter().map(|e| (e - 1.0).abs()).fold(0.0, f64::max);
+        let mean = irradiance.iter().sum::<f64>() / points as f64;
+        assert!(worst < 0.005 && (mean - 1.0).abs() < 0.0005, "{worst} {mean}");
+    }
+
+    let mut stream = Stream::new(71, 0, 0);
+    let radiosity: Vec<Vec3> = (0..points)
+        .map(|_| Vec3::new(stream.uniform(), stream.uniform() + 0.5, 0.0))
+        .collect();
+    let operators = load_operators(&file).unwrap().unwrap();
+    let played = operators.of_radiosity(&radiosity);
+    for channel in 0..3 {
+        let sent: Vec<f64> = radiosity.iter().map(|b| f64::from(b[channel])).collect();
+        let (one, by_factors) = (product(&whole, &sent), through(&sent));
+        for (p, (value, normal)) in played.iter().zip(&operators.finest.normals).enumerate() {
+            let played = f64::from(value.irradiance(*normal)[channel]);
+            // Matrices are f32, and so are the player's sums: some hundred terms below 1.
+            assert!(
+                (one[p] - by_factors[p]).abs() < 1e-5,
+                "{} {}",
+                one[p],
+                by_factors[p]
+            );
+            assert!(
+                (played - one[p]).abs() < 2e-5,
+                "{channel} {p}: {played} {}",
+                one[p]
+            );
         }
     }
-    let (shape, values) = matrix(&folder.path().join("bounce.mtx"));
+
+    // What was written is what was computed, and Radiance's dense matrix is the sparse one.
+    let computed = operators.factors();
+    let computed = [
+        &computed.pull,
+        &computed.transfer,
+        &computed.push,
+        &computed.normals,
+    ];
+    for (read, computed) in factors.iter().zip(computed) {
+        assert_eq!(read.map(|w| *w as f32), *computed);
+    }
+    let (shape, dense) = matrix(&out.join("points_from_points.rmx"));
+    assert_eq!(shape, [points, points, 1]);
+    for (i, row) in dense.chunks(points).enumerate() {
+        for (j, &value) in row.iter().enumerate() {
+            assert_eq!(
+                f64::from(value),
+                whole.get(i, j).copied().unwrap_or(0.0) as f32 as f64
+            );
+        }
+    }
+}
+
+/// Truth: the operators of the file, entry by entry.
+#[test]
+fn matrices_hold_the_operators_of_the_file() {
+    let folder = folder();
+    let asset = asset(cornell());
+    let t = asset.transfer.unwrap();
+    export(cornell(), "transfer", &folder.path().join("transfer"));
+    let (shape, dense) = matrix(&folder.path().join("transfer/transfer.rmx"));
+    assert_eq!(shape, [t.receivers as usize, t.senders as usize, 3]);
+    let sparse = market(&folder.path().join("transfer/transfer.mtx"));
+    assert_eq!(sparse.shape(), (3 * t.receivers as usize, t.senders as usize));
+    assert_eq!(sparse.nnz(), 3 * t.columns.len());
+    for i in 0..t.receivers as usize {
+        for link in t.row_offsets[i] as usize..t.row_offsets[i + 1] as usize {
+            let (column, vector) = (t.columns[link] as usize, t.vectors[link]);
+            for axis in 0..3 {
+                assert_eq!(dense[3 * (i * shape[1] + column) + axis], vector[axis]);
+                assert_eq!(
+                    sparse.get(3 * i + axis, column).map(|w| *w as f32),
+                    Some(vector[axis])
+                );
+            }
+        }
+    }
+
+    export(cornell(), "factors", &folder.path().join("factors"));
+    for name in ["pull", "transfer", "push", "normals"] {
+        let [a, b] = ["transfer", "factors"].map(|of| folder.path().join(of).join(format!("{name}.mtx")));
+        assert!(std::fs::read(a).unwrap() == std::fs::read(b).unwrap(), "{name}");
+    }
+
+    export(cornell(), "bounce", &folder.path().join("bounce"));
     let k = asset.bounce.unwrap().matrix;
+    let sparse = market(&folder.path().join("bounce/bounce.mtx"));
+    let (shape, dense) = matrix(&folder.path().join("bounce/bounce.rmx"));
     assert_eq!(shape, [k.rows as usize, k.rows as usize, 1]);
-    for (sum, row) in k.row_sums.iter().zip(values.chunks(shape[1])) {
-        let dense: f64 = row.iter().map(|&w| f64::from(w)).sum();
-        assert!((dense - f64::from(*sum)).abs() <= 1e-6 * f64::from(*sum));
+    assert_eq!(sparse.indices(), k.columns);
+    let of_file = |w: &f64| *w as f32;
+    assert!(sparse.data().iter().map(of_file).eq(k.weights.iter().copied()));
+    for (sum, row) in k.row_sums.iter().zip(dense.chunks(shape[1])) {
+        let all: f64 = row.iter().map(|&w| f64::from(w)).sum();
+        assert!((all - f64::from(*sum)).abs() <= 1e-6 * f64::from(*sum));
+    }
+}
+
+/// What stands in the place of the bounce operator where a bake has solved it.
+#[test]
+fn a_solution_is_exported_channel_by_channel() {
+    let folder = folder();
+    let file = folder.path().join("solved.relight");
+    bake_json(
+        &data("cornell.glb"),
+        &file,
+        &[&TINY[..], &["--solution"]].concat(),
+    );
+    let out = folder.path().join("out");
+    export(&file, "bounce", &out);
+    let solution = asset(&file).solution.unwrap();
+    assert_eq!(names(&out).len(), solution.channels.len());
+    for (i, channel) in solution.channels.iter().enumerate() {
+        let read = market(&out.join(format!("solution_{i}.mtx")));
+        assert_eq!(read.indices(), channel.columns);
+        assert!(
+            read.data()
+                .iter()
+                .map(|w| *w as f32)
+                .eq(channel.weights.iter().copied())
+        );
     }
 }
 
@@ -221,7 +359,9 @@ fn a_matrix_that_would_be_too_large_is_refused_with_its_size() {
         1,
     );
     assert!(
-        text.contains("--matrix-limit (10240)") && text.contains("cornell.relight"),
+        text.contains("--matrix-limit (10240)")
+            && text.contains("--what factors")
+            && text.contains("cornell.relight"),
         "{text}"
     );
     assert!(names(&out).is_empty());

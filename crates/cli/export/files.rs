@@ -1,17 +1,28 @@
 //! The files that `export` writes, each whole or not at all: numpy's .npy (version 1.0), binary little-endian PLY 1.0,
-//! and Radiance's float matrices (as `rmtxop` and `dctimestep` read them).
+//! Matrix Market's coordinate format (.mtx), and Radiance's float matrices (.rmx, as `rmtxop` and `dctimestep` read them).
 
 use anyhow::{Result, bail};
 use relight_scene::image::write_atomically_with;
-use serde_json::{Value, json};
+use relight_transport::sparse::{SparseMatrix, row};
+use serde::Serialize;
+use sprs::io::write_matrix_market_to_bufwrite;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Where files go, and what is there so far.
 pub struct Folder {
     path: PathBuf,
-    /// One object per file: name, shape, unit.
-    pub written: Vec<Value>,
+    /// One per file.
+    pub written: Vec<Written>,
+}
+
+/// A file that was written.
+#[derive(Serialize)]
+pub struct Written {
+    file: String,
+    /// Of arrays and matrices their sizes, the slowest index first.
+    shape: Vec<usize>,
+    unit: String,
 }
 
 /// One value per element of a PLY.
@@ -29,21 +40,6 @@ impl Column<'_> {
             Column::Bytes(values) => values.len(),
         }
     }
-}
-
-/// A sparse matrix to be written densely. Compressed rows: the entries of row i stand at
-/// `row_offsets[i]..row_offsets[i + 1]`.
-pub struct Matrix<'a> {
-    /// Said in the header.
-    pub what: &'a str,
-    /// Number of columns.
-    pub columns: usize,
-    /// One more than rows.
-    pub row_offsets: &'a [u32],
-    /// Column of each entry.
-    pub column: &'a [u32],
-    /// Components of each entry, as many as this is longer than `column`.
-    pub entries: &'a [f32],
 }
 
 fn write_all_le<const N: usize>(
@@ -73,8 +69,11 @@ impl Folder {
         write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> Result<()> {
         write_atomically_with(&self.path.join(&file), write)?;
-        self.written
-            .push(json!({ "file": file, "shape": shape, "unit": unit }));
+        self.written.push(Written {
+            file,
+            shape: shape.to_vec(),
+            unit: unit.to_owned(),
+        });
         Ok(())
     }
 
@@ -157,41 +156,61 @@ impl Folder {
         })
     }
 
-    /// A dense matrix of at most `limit` bytes; absent entries are 0.
-    pub fn matrix(&mut self, name: &str, limit: u64, matrix: &Matrix<'_>) -> Result<()> {
-        let rows = matrix.row_offsets.len().saturating_sub(1);
-        // A matrix without entries has as many components as it will ever have.
-        let components = matrix.entries.len() / matrix.column.len().max(1);
-        let components = components.max(1);
-        let bytes = [rows, matrix.columns, components, 4]
-            .iter()
-            .try_fold(1u64, |product, &n| product.checked_mul(n as u64));
-        if bytes.is_none_or(|bytes| bytes > limit) {
-            let size = bytes.map_or("more than 2^64".into(), |bytes| bytes.to_string());
-            bail!(
-                "{name}.mtx would take {size} bytes as a dense matrix of {rows} × {} × {components} floats, more than \
-                 --matrix-limit ({limit}); raise it, or take --what links, which is sparse",
-                matrix.columns
-            );
-        }
+    /// A sparse matrix in Matrix Market's format: row, column (both from 1) and value of each entry.
+    pub fn market(&mut self, name: &str, unit: &str, matrix: &SparseMatrix) -> Result<()> {
+        self.write(
+            format!("{name}.mtx"),
+            &[matrix.rows(), matrix.cols()],
+            unit,
+            |out| write_matrix_market_to_bufwrite(out, matrix),
+        )
+    }
+
+    /// A matrix as Radiance has it, dense: `components` rows of `matrix` after each other are the components of one row.
+    /// `what` is said in the header.
+    pub fn radiance(
+        &mut self,
+        name: &str,
+        what: &str,
+        components: usize,
+        matrix: &SparseMatrix,
+    ) -> Result<()> {
+        let (rows, columns) = (matrix.rows() / components, matrix.cols());
         let header = format!(
-            "#?RADIANCE\nrelight export: {}\nNROWS={rows}\nNCOLS={}\nNCOMP={components}\nBigEndian=0\nFORMAT=float\n\n",
-            matrix.what, matrix.columns
+            "#?RADIANCE\nrelight export: {what}\nNROWS={rows}\nNCOLS={columns}\nNCOMP={components}\nBigEndian=0\nFORMAT=float\n\n"
         );
-        let shape = [rows, matrix.columns, components];
-        self.write(format!("{name}.mtx"), &shape, "W/m² per W/m²", |out| {
+        let shape = [rows, columns, components];
+        self.write(format!("{name}.rmx"), &shape, "W/m² per W/m²", |out| {
             out.write_all(header.as_bytes())?;
-            let mut dense = vec![0.0f32; matrix.columns * components];
-            for row in matrix.row_offsets.windows(2) {
+            let mut dense = vec![0.0f32; columns * components];
+            for i in 0..rows {
                 dense.fill(0.0);
-                for entry in row[0] as usize..row[1] as usize {
-                    let at = matrix.column[entry] as usize * components;
-                    let from = &matrix.entries[entry * components..(entry + 1) * components];
-                    dense[at..at + components].copy_from_slice(from);
+                for component in 0..components {
+                    for (column, weight) in row(matrix, i * components + component) {
+                        dense[column as usize * components + component] = weight;
+                    }
                 }
                 write_all_le(out, dense.iter().map(|v| v.to_le_bytes()))?;
             }
             Ok(())
         })
     }
+}
+
+/// Whether something of so many values of so many bytes each is within `--matrix-limit`.
+///
+/// # Errors
+/// It is not; says its size.
+pub fn check_size(name: &str, shape: &[usize], bytes_each: u64, limit: u64) -> Result<()> {
+    let bytes = (shape.iter()).try_fold(bytes_each, |product, &n| product.checked_mul(n as u64));
+    if bytes.is_some_and(|bytes| bytes <= limit) {
+        return Ok(());
+    }
+    let shape: Vec<String> = shape.iter().map(usize::to_string).collect();
+    bail!(
+        "{name} takes {} bytes ({} values of {bytes_each}), more than --matrix-limit ({limit}); raise it, or take --what \
+         factors, which are sparse",
+        bytes.map_or("more than 2^64".into(), |bytes| bytes.to_string()),
+        shape.join(" × ")
+    );
 }

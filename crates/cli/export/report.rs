@@ -1,0 +1,51 @@
+//! What `export` says that it wrote.
+
+use super::files::Written;
+use serde::Serialize;
+
+/// What `--json` prints.
+#[derive(Serialize)]
+pub struct Report {
+    pub schema: u32,
+    pub command: &'static str,
+    pub asset: String,
+    pub what: Option<String>,
+    pub facts: Facts,
+    pub files: Vec<Written>,
+}
+
+/// Numbers that go with the files.
+#[derive(Serialize)]
+#[serde(untagged)]
+pub enum Facts {
+    Points {
+        levels: usize,
+    },
+    Links {
+        receivers: Option<u32>,
+        senders: Option<u32>,
+        bounce_level: Option<u32>,
+        solution_level: Option<u32>,
+    },
+    Cuts {
+        sigma: f32,
+        unit: f32,
+        lights: usize,
+    },
+    Lights {
+        kind: &'static str,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        steradians: Option<f64>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        area_m2: Option<f32>,
+    },
+    Transfer {
+        finest_points: usize,
+        receivers: usize,
+        senders: usize,
+    },
+    Bounce {
+        bounce_level: Option<u32>,
+        solution_level: Option<u32>,
+    },
+}
