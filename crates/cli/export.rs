@@ -33,7 +33,7 @@ pub struct ExportArgs {
     /// Folder for the files; made if it is not there, files of the same names are replaced.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Most bytes of a matrix that is dense: 12 per entry of points_from_points while it is computed, 4 per entry of a
+    /// Most bytes of a matrix that is dense: 20 per entry of points_from_points while it is computed, 4 per entry of a
     /// Radiance matrix (suffixes K, M, G: powers of 1024).
     #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = parse_bytes)]
     pub matrix_limit: u64,

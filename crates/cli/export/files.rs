@@ -197,11 +197,12 @@ impl Folder {
     }
 }
 
-/// Whether something of so many values of so many bytes each is within `--matrix-limit`.
+/// Whether something of so many values of so many bytes each is within `--matrix-limit`; `instead` of it one can have other
+/// parts.
 ///
 /// # Errors
 /// It is not; says its size.
-pub fn check_size(name: &str, shape: &[usize], bytes_each: u64, limit: u64) -> Result<()> {
+pub fn check_size(name: &str, shape: &[usize], bytes_each: u64, limit: u64, instead: &str) -> Result<()> {
     let bytes = (shape.iter()).try_fold(bytes_each, |product, &n| product.checked_mul(n as u64));
     if bytes.is_some_and(|bytes| bytes <= limit) {
         return Ok(());
@@ -209,7 +210,7 @@ pub fn check_size(name: &str, shape: &[usize], bytes_each: u64, limit: u64) -> R
     let shape: Vec<String> = shape.iter().map(usize::to_string).collect();
     bail!(
         "{name} takes {} bytes ({} values of {bytes_each}), more than --matrix-limit ({limit}); raise it, or take --what \
-         factors, which are sparse",
+         {instead}, which is sparse",
         bytes.map_or("more than 2^64".into(), |bytes| bytes.to_string()),
         shape.join(" × ")
     );

@@ -10,8 +10,8 @@ use std::path::Path;
 /// Irradiance of a surface over radiosity of others.
 const UNIT: &str = "W/m² per W/m²";
 
-/// Bytes of an entry while points_from_points is computed: an f64 and its column.
-const ENTRY_BYTES: u64 = 12;
+/// Bytes of an entry while points_from_points is computed: an f64 and its column, then also an f32 and its column.
+const ENTRY_BYTES: u64 = 20;
 
 /// The factors of one bounce; with a `limit` of bytes also their product, and what Radiance reads.
 pub fn transfer(file: &Path, folder: &mut Folder, limit: Option<u64>) -> anyhow::Result<Facts> {
@@ -25,8 +25,9 @@ pub fn transfer(file: &Path, folder: &mut Folder, limit: Option<u64>) -> anyhow:
     let (points, senders) = (factors.pull.cols(), factors.transfer.cols());
     let receivers = factors.transfer.rows() / 3;
     if let Some(limit) = limit {
-        check_size("points_from_points", &[points, points], ENTRY_BYTES, limit)?;
-        check_size("transfer.rmx", &[receivers, senders, 3], 4, limit)?;
+        let size = [points, points];
+        check_size("points_from_points", &size, ENTRY_BYTES, limit, "factors")?;
+        check_size("transfer.rmx", &[receivers, senders, 3], 4, limit, "factors")?;
     }
     folder.market("pull", "1", &factors.pull)?;
     folder.market("transfer", UNIT, &factors.transfer)?;
@@ -54,7 +55,7 @@ pub fn bounce(asset: &Asset, folder: &mut Folder, limit: u64) -> anyhow::Result<
     }
     if let Some(bounce) = &asset.bounce {
         let size = bounce.matrix.rows as usize;
-        check_size("bounce.rmx", &[size, size], 4, limit)?;
+        check_size("bounce.rmx", &[size, size], 4, limit, "links")?;
         let k = matrix(bounce.matrix.clone()).map_err(|error| anyhow!(error))?;
         folder.market("bounce", UNIT, &k)?;
         let what = "mean irradiance of clusters per unit radiosity of clusters";

@@ -64,7 +64,7 @@ impl Factors {
         (self.normals.rows() as u64).saturating_mul(self.pull.cols() as u64)
     }
 
-    /// A, finest points × finest points: irradiance from radiosity, one bounce. Products in f64. Takes 12 bytes an entry
+    /// A, finest points × finest points: irradiance from radiosity, one bounce. Products in f64. Takes 20 bytes an entry
     /// and as much time as [`Factors::most_flattened`] times the clusters that a cluster has beside it.
     pub fn flattened(&self) -> SparseMatrix {
         let wide = |matrix: &SparseMatrix| matrix.map(|weight| f64::from(*weight));
