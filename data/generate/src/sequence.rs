@@ -1,4 +1,4 @@
-//! Lighting sequences, as section 4 of the design has them, written as JSON with one light per line.
+//! Lighting sequences, written as JSON with one light per line.
 
 use serde_json::{Value, json};
 

@@ -1,4 +1,4 @@
-//! Environment maps, equirectangular Radiance `.hdr` as section 2 of the design orients them: the middle column looks to
+//! Environment maps, equirectangular Radiance `.hdr` oriented as sequences want them: the middle column looks to
 //! +Z, a quarter from the left to +X, row 0 up.
 
 use crate::texture::{fbm, mix, smoothstep};

@@ -410,7 +410,7 @@ fn images_are_png_that_decode_to_at_most_512_pixels() {
     }
 }
 
-/// The orientation of the maps: design section 2 looks a direction up at u = atan2(d.x, −d.z)/2π, v = acos(d.y)/π.
+/// The orientation of the maps: a direction is looked up at u = atan2(d.x, −d.z)/2π, v = acos(d.y)/π.
 #[test]
 fn environment_maps_decode_and_the_window_is_in_front_of_the_table() {
     for file in files().iter().filter(|f| f.name.ends_with(".hdr")) {

@@ -1,6 +1,6 @@
 //! How far an image is from its reference: the measures that every comparison in relight quotes.
 //!
-//! relMSE is defined as the reference renders state it (design section 9): the mean over pixels of
+//! relMSE is the mean over pixels of
 //! (mean over RGB of the squared difference) / ((mean over RGB of the reference)² + 0.01 · (mean of the reference
 //! image)²), the worst 0.1 % of the pixels left out, so that a single bright speck does not decide. Sums are f64 in
 //! pixel order.
