@@ -7,7 +7,8 @@
 //! the program as users run it, one thing at a time.
 
 use relight_scene::image::metrics::{bias, relmse};
-use relight_scene::image::{FloatImage, Limits, read_exr};
+use relight_scene::image::preview::{contact_sheet, display_encoded, pbr_neutral};
+use relight_scene::image::{FloatImage, Limits, error_map, read_exr, write_png};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::error::Error;
@@ -17,7 +18,7 @@ use std::process::Command;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// Where everything is made.
+/// Where everything is made, and a picture of each of our own scenes.
 const FOLDER: &str = "target/results";
 /// Frames of the same light: the first for the time to it, the others for the time of each.
 const FRAMES: usize = 9;
@@ -81,6 +82,14 @@ fn main() -> Result<()> {
         let mean = [0, 1, 2].map(|k| combined(&a[k], &b[k], |a, b| 0.5 * (a + b)));
         let by = format!("two path tracings of {spp} samples a pixel, {seconds:.0} s each");
         page.judge(name, &by, &image, &mean, noise)?;
+        // What the README shows of the first scene: relit, path traced, and the error.
+        let [mut relit, mut traced] = [&image[2], &mean[2]].map(FloatImage::clone);
+        for panel in [&mut relit, &mut traced] {
+            panel.pixels.iter_mut().for_each(|p| *p = pbr_neutral(*p));
+        }
+        let error = error_map(&image[2], &mean[2])?;
+        let picture = display_encoded(&contact_sheet(&[relit, traced, error], 3)?);
+        write_png(Path::new(&format!("{FOLDER}/{name}.png")), &picture)?;
     }
     for (name, options) in OTHERS.into_iter().filter(|case| wanted(case.0)) {
         let file = |suffix: &str| format!("{SHARED}/reference/{name}{suffix}");
