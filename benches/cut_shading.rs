@@ -14,9 +14,9 @@ use relight_bake::{Progress, bake};
 use relight_format as format;
 use relight_play::cuts::illumination::Illumination;
 use relight_play::cuts::shade::{Fragments, ShadeStats, shade};
-use relight_play::load::{Loaded, load};
-use relight_play::reflections::FIXED_RAYS;
-use relight_play::shot::{Shot, expose};
+use relight_play::shot::RelitShot;
+use relight_play::{CutSites, Player, ShotSettings};
+use relight_render::expose::expose;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::light_set::{LightRig, NoEmitters};
 use relight_scene::sequence::read_sequence;
@@ -58,29 +58,29 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let mut asset = bake(scene, Shading::Full, &params, None, 0, &Silent)?.asset;
     let folder = tempfile::tempdir()?;
-    let mut loaded = |name: &str, lambert: bool| -> Result<Loaded, Box<dyn Error>> {
+    let mut loaded = |name: &str, lambert: bool| -> Result<Player, Box<dyn Error>> {
         asset.provenance.lambert = lambert;
         let file = folder.path().join(name);
         format::write_file(&file, &asset)?;
-        Ok(load(&file, true)?)
+        Ok(Player::open(&file)?)
     };
     let contestants = [
         ("matt", loaded("matt.relight", true)?),
         ("glossy", loaded("glossy.relight", false)?),
     ];
-    let shots: Vec<Shot> = contestants.iter().map(|(_, loaded)| shot(loaded)).collect();
+    let shots: Vec<RelitShot> = contestants.iter().map(|(_, player)| shot(player)).collect();
     let sequence = read_sequence(&data.join("table_window.lights.json"))?;
     let rig = LightRig::new(&NoEmitters, &sequence.lights)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let mut times = [const { Vec::new() }; 2];
     let mut stats = [ShadeStats::default(); 2];
     for _ in 0..ROUNDS {
-        for (i, (_, loaded)) in contestants.iter().enumerate() {
-            let light = illumination(loaded, &rig);
+        for (i, (_, player)) in contestants.iter().enumerate() {
+            let light = illumination(player, &rig);
             let (seconds, found) = pool.install(|| {
                 let clock = Instant::now();
                 let start = core_seconds(clock);
-                let found = shaded(loaded, &shots[i], &light);
+                let found = shaded(player, &shots[i], &light);
                 (core_seconds(clock) - start, found)
             });
             times[i].push(seconds);
@@ -91,7 +91,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "{:<8}{:>10}{:>8}{:>8}{:>10}{:>24}",
         "surface", "fragments", "sites", "nodes", "ms", "ns/fragment and node"
     );
-    for (i, (name, loaded)) in contestants.iter().enumerate() {
+    for (i, (name, player)) in contestants.iter().enumerate() {
         times[i].sort_by(f64::total_cmp);
         let median = times[i][ROUNDS / 2];
         let ShadeStats {
@@ -101,7 +101,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         } = stats[i];
         println!(
             "{name:<8}{fragments:>10}{:>8}{:>8.0}{:>10.1}{:>24.2}",
-            loaded.player.cuts.as_ref().map_or(0, |cuts| cuts.cuts.sites()),
+            player.prepared.cuts.as_ref().map_or(0, |cuts| cuts.cuts.sites()),
             merged_nodes as f64 / fragments as f64,
             1e3 * median,
             1e9 * median / merged_nodes as f64,
@@ -111,19 +111,18 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// What the scene's first camera sees, a ray per pixel.
-fn shot(loaded: &Loaded) -> Shot {
-    let player = &loaded.player;
-    let camera = loaded.scene.cameras[0].at(0.0);
-    let mut shot = expose(&player.scene, &camera, SIZE.0, SIZE.1, 1);
-    if let Some(transfer) = &player.transfer {
-        shot.weigh(transfer, &player.scene, FIXED_RAYS);
-        shot.choose_sites();
-    }
-    shot
+fn shot(player: &Player) -> RelitShot {
+    let camera = player.scene().cameras[0].at(0.0);
+    let seen = expose(&player.prepared.scene, &camera, SIZE.0, SIZE.1, 1);
+    let settings = ShotSettings {
+        sites: Some(CutSites::Around),
+        ..ShotSettings::default()
+    };
+    player.shot_of(seen, &settings)
 }
 
-fn illumination(loaded: &Loaded, rig: &LightRig) -> Illumination {
-    let cuts = loaded.player.cuts.as_ref();
+fn illumination(player: &Player, rig: &LightRig) -> Illumination {
+    let cuts = player.prepared.cuts.as_ref();
     let leaves = cuts.map_or(0, |cuts| cuts.lights.leaves());
     let distant = (rig.at(0.0)).take_distant(|light| rig.split(light, leaves as u32).map(Arc::new));
     let radiance = |direction: Vec3| {
@@ -141,14 +140,14 @@ fn illumination(loaded: &Loaded, rig: &LightRig) -> Illumination {
     }
 }
 
-fn shaded(loaded: &Loaded, shot: &Shot, light: &Illumination) -> ShadeStats {
-    let Some(cuts) = &loaded.player.cuts else {
+fn shaded(player: &Player, shot: &RelitShot, light: &Illumination) -> ShadeStats {
+    let (Some(cuts), Some(sites)) = (&player.prepared.cuts, &shot.sites) else {
         return ShadeStats::default();
     };
-    let views: Vec<Vec3> = shot.directions.iter().map(|d| -*d).collect();
+    let views = shot.seen.views();
     let fragments = Fragments {
-        sites: &shot.sites,
-        points: &shot.points,
+        sites,
+        points: &shot.seen.points,
         views: &views,
         narrow: &[],
         matt: true,

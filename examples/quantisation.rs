@@ -20,15 +20,14 @@ use relight_bake::points::viewpoints;
 use relight_bake::units::Units;
 use relight_format::codec::{cut, octahedral};
 use relight_play::cuts::VisibilityCuts;
-use relight_play::frame::{Distant, LightingSettings, Player};
-use relight_play::reflections::FIXED_RAYS;
-use relight_play::shot::{Shot, expose};
 use relight_play::transfer::Transfer;
+use relight_play::{CutSites, FrameSettings, Integrator, Player, PreparedScene, Shot, ShotSettings};
 use relight_render::lighting::irradiance_at;
 use relight_scene::animated::Animated;
 use relight_scene::gltf::{ImportOptions, import};
+use relight_scene::image::Layers;
 use relight_scene::light::{EnvironmentMap, LightKind, LightTrack};
-use relight_scene::light_set::{LightRig, LightSet, SceneEmitters};
+use relight_scene::light_set::{LightSet, SceneEmitters};
 use relight_scene::scene::Scene;
 use relight_scene::sequence::read_sequence;
 use relight_scene::traced::{Shading, TracedScene};
@@ -193,32 +192,35 @@ impl Study {
         if let Some(solved) = solved {
             transfer.use_solution(solved.level, solved.channels);
         }
-        let player = Player::new(self.traced.clone(), Some(transfer), None);
+        let player = Player::new(PreparedScene::new(self.traced.clone(), Some(transfer), None));
         let mut irradiance = Vec::new();
         for &lamp in &self.lamps {
             irradiance.push(self.under(&player, lamp)?);
         }
-        let shot = self.shot(&player);
-        let emitters = SceneEmitters::new(&player.scene);
-        let lights = LightSet::new(&emitters, &self.lights, 0.0)?;
-        let lit = player.light(&shot, &lights, None, &settings()).0;
+        let shot = self.shot(&player, Integrator::Transfer)?;
+        let lights = player.lights(&self.lights)?;
+        let frame = player.frame(&shot, &lights, 0.0, &settings())?;
         Ok(Outcome {
             irradiance,
-            image: lit.indirect,
+            image: layer(&frame.layers, "indirect"),
         })
     }
 
-    fn shot(&self, player: &Player) -> Shot {
-        let camera = self.scene.cameras[0].at(0.0);
-        let mut shot = expose(&player.scene, &camera, SIZE, SIZE, 1);
-        if let Some(transfer) = &player.transfer {
-            shot.weigh(transfer, &player.scene, FIXED_RAYS);
-        }
-        shot
+    fn shot(&self, player: &Player, integrator: Integrator) -> Result<Shot, Box<dyn Error>> {
+        let settings = ShotSettings {
+            integrator,
+            width: SIZE,
+            height: SIZE,
+            samples: Some(1),
+            sites: Some(CutSites::Around),
+            ..ShotSettings::default()
+        };
+        Ok(player.shot(&self.scene.cameras[0].at(0.0), &settings)?)
     }
 
     fn under(&self, player: &Player, lamp: Vec3) -> Result<Vec<Vec3>, Box<dyn Error>> {
-        let transfer = player.transfer.as_ref().ok_or("no points")?;
+        let prepared = &player.prepared;
+        let transfer = prepared.transfer.as_ref().ok_or("no points")?;
         let kind = LightKind::Point {
             position: Animated::Constant(lamp),
             intensity: Animated::Constant(Vec3::ONE),
@@ -227,16 +229,15 @@ impl Study {
             name: "lamp".into(),
             kind,
         }];
-        let emitters = SceneEmitters::new(&player.scene);
+        let emitters = SceneEmitters::new(&prepared.scene);
         let lights = LightSet::new(&emitters, &tracks, 0.0)?;
         let mut direct = vec![Vec3::ZERO; transfer.finest.len()];
-        let points = &player.points;
         irradiance_at(
-            &player.scene,
+            &prepared.scene,
             &lights,
             0,
-            points,
-            player.footprint(),
+            &prepared.points,
+            prepared.footprint(),
             1,
             0,
             &mut direct,
@@ -248,15 +249,17 @@ impl Study {
     }
 }
 
-fn settings() -> LightingSettings {
-    LightingSettings {
+fn settings() -> FrameSettings {
+    FrameSettings {
         pixel_samples: 1,
-        point_samples: 4,
-        seed: 0,
-        per_light: false,
-        indirect: true,
-        bounce_cuts: None,
+        illumination_cut: 256,
+        ..FrameSettings::default()
     }
+}
+
+fn layer(layers: &Layers, name: &str) -> Vec<Vec3> {
+    let pixels = layers.rgb(name).unwrap_or_default().pixels;
+    pixels.into_iter().map(Vec3::from).collect()
 }
 
 /// Two coordinates of `bits` each, as the file's two of twelve.
@@ -378,26 +381,12 @@ fn cuts(study: &Study) -> Result<(), Box<dyn Error>> {
         };
         // Sites only need the points; links may be anything.
         let transfer = bare_transfer(&points);
-        let mut player = Player::new(study.traced.clone(), Some(transfer), None);
-        player.cuts = Some(VisibilityCuts::of_directions(cuts, directions));
-        let mut shot = study.shot(&player);
-        shot.choose_sites();
-        let emitters = SceneEmitters::new(&player.scene);
-        let rig = LightRig::new(&emitters, &tracks)?;
-        let split = rig.split(0, params.lights).map(Arc::new);
-        let distant = Distant::at(&rig, 0.0, |_| split.clone(), 256);
-        let lit = player
-            .light(
-                &shot,
-                &rig.at(0.0),
-                Some(&distant),
-                &LightingSettings {
-                    indirect: false,
-                    ..settings()
-                },
-            )
-            .0;
-        Ok((values, lit.direct))
+        let cuts = VisibilityCuts::of_directions(cuts, directions);
+        let prepared = PreparedScene::new(study.traced.clone(), Some(transfer), Some(cuts));
+        let player = Player::new(prepared);
+        let shot = study.shot(&player, Integrator::Cuts)?;
+        let frame = player.frame(&shot, &player.lights(&tracks)?, 0.0, &settings())?;
+        Ok((values, layer(&frame.layers, "direct")))
     };
     let (exact_values, exact) = image(None)?;
     println!("\n| cut values, steps per unit | RMS of the values | image, relMSE |\n| --- | --- | --- |");

@@ -9,6 +9,7 @@ mod furnaces;
 mod geometry;
 mod lights;
 mod materials;
+mod sanity;
 mod scales;
 mod shapes;
 mod stage;

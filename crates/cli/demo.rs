@@ -5,11 +5,9 @@ use crate::compare::results_table;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames;
-use crate::lightcuts::LightcutArgs;
-use crate::many_lights::{PixelcutsArgs, PointArgs};
 use crate::output;
-use crate::play::{self, Integrator, LayerName, Pace, PlayArgs};
-use crate::session::median;
+use crate::play::{self, IntegratorName, Pace, PlayArgs, PlayReport};
+use crate::statistics::median;
 use crate::words;
 use clap::Args;
 use relight_bake::params::{BakeParams, Preset};
@@ -18,7 +16,6 @@ use relight_scene::image::preview::{contact_sheet, tone_mapped};
 use relight_scene::image::{BEAUTY, FloatImage, Layers, write_png};
 use relight_scene::sequence::read_sequence;
 use relight_scene::traced::Shading;
-use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -88,7 +85,7 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     output::print_text(&format!(
         "Baked in {:.1} s, then {:.0} ms a frame (median of {}).\n",
         result.json["seconds"]["total"].as_f64().unwrap_or(0.0),
-        median_ms(&played),
+        median(played.totals()),
         words::plural(thumbnails.len(), "frame"),
     ))?;
     console.note(format!(
@@ -99,11 +96,6 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
         start.elapsed().as_secs_f64()
     ));
     Ok(Outcome::Done)
-}
-
-fn median_ms(played: &Value) -> f64 {
-    let frames = played["frames"].as_array().into_iter().flatten();
-    median(frames.filter_map(|f| f["total"].as_f64()))
 }
 
 /// The data folder of the clone that we run in, or of the one that the program was built in.
@@ -126,33 +118,16 @@ fn find_data() -> Result<PathBuf, Failure> {
 }
 
 fn play_args(asset: &Path, data: &Path, folder: &Path, name: &str) -> Result<PlayArgs, Failure> {
-    let output = folder.join(name);
     Ok(PlayArgs {
-        asset: asset.to_path_buf(),
         lights: Some(data.join(SEQUENCE)),
-        materials: None,
-        output: frames::parse_pattern(&output.display().to_string()).map_err(Failure::Usage)?,
-        integrator: Integrator::Auto,
         size: Some((640, 360)),
-        camera: None,
-        frames: None,
-        layers: vec![LayerName::Beauty, LayerName::Direct, LayerName::Indirect],
-        png: false,
-        exposure: 0.0,
-        float: false,
-        illumination_cut: play::ILLUMINATION_CUT,
-        spp: None,
-        max_bounces: None,
-        points: PointArgs::default(),
-        lightcuts: LightcutArgs::default(),
-        pixelcuts: PixelcutsArgs::default(),
-        json: false,
+        ..PlayArgs::new(asset, &folder.join(name))?
     })
 }
 
 /// A table of errors of one small frame against the path tracer, the path tracer's own noise taken off.
 fn check(asset: &Path, data: &Path, folder: &Path, seed: u64, console: &Console) -> Result<String, Failure> {
-    let frame = |name: &str, integrator, spp, seed| -> Result<(Layers, Value), Failure> {
+    let frame = |name: &str, integrator, spp, seed| -> Result<(Layers, PlayReport), Failure> {
         let args = PlayArgs {
             integrator,
             spp,
@@ -171,9 +146,14 @@ fn check(asset: &Path, data: &Path, folder: &Path, seed: u64, console: &Console)
         Ok((kept, played))
     };
     // 16 primary rays: the reference is a mean over the pixel.
-    let (relit, _) = frame("relit.exr", Integrator::Auto, Some(16), seed)?;
-    let (a, played) = frame("path_a.exr", Integrator::Path, Some(CHECK_SPP), seed)?;
-    let (b, _) = frame("path_b.exr", Integrator::Path, Some(CHECK_SPP), seed ^ u64::MAX)?;
+    let (relit, _) = frame("relit.exr", IntegratorName::Auto, Some(16), seed)?;
+    let (a, played) = frame("path_a.exr", IntegratorName::Path, Some(CHECK_SPP), seed)?;
+    let (b, _) = frame(
+        "path_b.exr",
+        IntegratorName::Path,
+        Some(CHECK_SPP),
+        seed ^ u64::MAX,
+    )?;
     let mut rows: Vec<(String, Comparison)> = Vec::new();
     let mut noise = Vec::new();
     for layer in ["direct", "indirect", BEAUTY] {
@@ -189,7 +169,7 @@ fn check(asset: &Path, data: &Path, folder: &Path, seed: u64, console: &Console)
         CHECK_SIZE.0,
         CHECK_SIZE.1,
         2 * CHECK_SPP,
-        2.0 * median_ms(&played),
+        2.0 * median(played.totals()),
         results_table(&rows),
         noise.join(", ")
     ))

@@ -8,8 +8,8 @@ use anyhow::{Context, anyhow};
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_format::Asset;
-use relight_play::load::load;
-use relight_play::shot::expose;
+use relight_play::{Player, Tracer};
+use relight_render::expose::expose;
 use relight_scene::image::{FloatImage, preview::display_encoded, write_png};
 use relight_transport::basis::Level;
 use relight_transport::random::mix;
@@ -32,8 +32,8 @@ pub fn files(folder: &Path, levels: usize) -> Vec<PathBuf> {
 
 /// Draws every level from the scene's first camera into [`files`].
 pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<(), Failure> {
-    let loaded = load(path, false)?;
-    let camera = loaded.scene.cameras.first().ok_or_else(|| {
+    let player = Player::open_for(path, &Tracer::default().into())?;
+    let camera = player.scene().cameras.first().ok_or_else(|| {
         anyhow!(
             "{}: the scene has no camera to draw the levels from",
             path.display()
@@ -46,7 +46,7 @@ pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<(), Failure> {
         .filter(|a| a.is_finite() && *a > 0.0)
         .unwrap_or(16.0 / 9.0);
     let width = ((HEIGHT as f32 * aspect).round() as usize).clamp(1, 16 * HEIGHT);
-    let shot = expose(&loaded.player.scene, &camera.at(0.0), width, HEIGHT, RAYS);
+    let seen = expose(&player.prepared.scene, &camera.at(0.0), width, HEIGHT, RAYS);
     for (file, level) in files(folder, asset.points.len()).iter().zip(&asset.points) {
         let vectors = |values: &[[f32; 3]]| values.iter().copied().map(Vec3::from).collect::<Vec<_>>();
         let basis = Level::new(
@@ -55,13 +55,13 @@ pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<(), Failure> {
             level.disk_radius,
             level.support_radius,
         );
-        let colors: Vec<Vec3> = (0..shot.len())
+        let colors: Vec<Vec3> = (0..seen.len())
             .into_par_iter()
             .map(|f| {
-                let Some(hit) = &shot.hits[f] else {
+                let Some(hit) = &seen.hits[f] else {
                     return Vec3::ONE;
                 };
-                let facing = EDGE + (1.0 - EDGE) * hit.normal.dot(shot.directions[f]).abs();
+                let facing = EDGE + (1.0 - EDGE) * hit.normal.dot(seen.directions[f]).abs();
                 strongest(&basis, hit.position, hit.normal).map_or(Vec3::ZERO, |point| {
                     let distance = basis.positions[point as usize].distance(hit.position);
                     let dot = if distance < DOT * basis.disk_radius {
@@ -73,7 +73,7 @@ pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<(), Failure> {
                 })
             })
             .collect();
-        let pixels = shot.resolve(&colors).iter().map(Vec3::to_array).collect();
+        let pixels = seen.resolve(&colors).iter().map(Vec3::to_array).collect();
         write_png(
             file,
             &display_encoded(&FloatImage {

@@ -2,10 +2,10 @@
 
 use crate::bake::{log_path, merge};
 use crate::console::Console;
+use crate::estimates;
 use crate::failure::{Failure, Outcome};
 use crate::images;
 use crate::output::{self, SCHEMA};
-use crate::target;
 use crate::words::{self, bytes, count};
 use clap::Args;
 use comfy_table::presets;
@@ -163,7 +163,7 @@ fn content_json(
     Ok(json!({
         "schema": SCHEMA,
         "asset": path.display().to_string(),
-        "asset_hash": format!("{:016x}", relight_play::load::asset_hash(path)?),
+        "asset_hash": format!("{:016x}", relight_play::open::asset_hash(path)?),
         "source_hash": format!("{:016x}", provenance.source_hash),
         "tool_version": provenance.tool_version,
         "format_version": summary.format_version,
@@ -196,7 +196,7 @@ fn content_json(
         "bytes": sections,
         "left_out": left_out,
         "estimates": known,
-        "expected_error": target::line(estimates),
+        "expected_error": estimates::line(estimates),
         "notes": provenance.notes,
     }))
 }

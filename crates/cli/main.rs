@@ -6,24 +6,23 @@
 
 mod bake;
 mod check;
-mod choice;
 mod compare;
 mod console;
 mod demo;
+mod estimates;
 mod export;
 mod failure;
 mod frames;
 mod help;
 mod images;
 mod inspect;
-mod lightcuts;
-mod many_lights;
+mod options;
 mod output;
 mod play;
 mod report;
 mod schema;
-mod session;
 mod signals;
+mod statistics;
 mod target;
 mod words;
 

@@ -18,17 +18,19 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, FrameRange};
 use crate::inspect;
+use crate::options::parsed;
 use crate::output::{self, SCHEMA};
-use crate::play::PlayArgs;
+use crate::play::{self, PlayArgs};
 use crate::words;
 use anyhow::Context;
 use clap::Args;
 use measure::{Measured, Runs};
 use reference::Reference;
 use relight_format::{self as format, Limits};
-use relight_play::load::{asset_hash, from_asset};
+use relight_play::Player;
+use relight_play::open::{Parts, asset_hash};
 use relight_scene::image::{write_atomically, write_png};
-use relight_scene::sequence::read_sequence;
+use relight_scene::sequence::{Sequence, read_sequence};
 use serde_json::{Value, json};
 use settings::{Facts, Setting};
 use std::path::{Path, PathBuf};
@@ -166,18 +168,6 @@ impl Task {
     }
 }
 
-/// Options that clap parses as a command of ours would.
-///
-/// # Errors
-/// The words are no such options.
-pub(crate) fn parsed<T: Args>(words: &[String]) -> Result<T, Failure> {
-    let command = T::augment_args(clap::Command::new("relight").no_binary_name(true));
-    let matches = command
-        .try_get_matches_from(words)
-        .map_err(|error| Failure::Usage(error.to_string()))?;
-    T::from_arg_matches(&matches).map_err(|error| Failure::Usage(error.to_string()))
-}
-
 /// Runs the command.
 pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, Failure> {
     let preset = if args.full { FULL } else { QUICK };
@@ -193,10 +183,10 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
         .frames
         .unwrap_or_else(|| evenly(sequence.frames, preset.frames));
     let scene_key = cache::scene_key(&asset, &sequence, &args.lights)?;
-    let loaded = from_asset(asset, asset_hash(&args.asset)?, &args.asset, false)?;
+    let player = Player::of_asset(asset, asset_hash(&args.asset)?, &args.asset, Parts::Scene)?;
     let size = match args.size {
         Some(size) => size,
-        None => default_size(args, &loaded, &sequence, preset.width)?,
+        None => default_size(&player, &sequence, preset.width)?,
     };
     let task = Task {
         folder: args.output.clone(),
@@ -215,7 +205,7 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
     let settings = settings::sweep(&facts, args.full);
     let runs = Runs {
         task: &task,
-        scene: loaded.scene.clone(),
+        scene: player.scene().clone(),
         shading: facts.shading,
         references: &references,
         base_bake: &described,
@@ -266,13 +256,8 @@ fn evenly(frames: u32, wanted: u32) -> FrameRange {
     }
 }
 
-fn default_size(
-    args: &ReportArgs,
-    loaded: &relight_play::load::Loaded,
-    sequence: &relight_scene::sequence::Sequence,
-    width: usize,
-) -> Result<(usize, usize), Failure> {
-    let (w, h) = crate::play::default_size_of(&args.asset, &loaded.scene, sequence)?;
+fn default_size(player: &Player, sequence: &Sequence, width: usize) -> Result<(usize, usize), Failure> {
+    let (w, h) = play::default_size(&player.camera(sequence, None)?);
     Ok((width, (width * h).div_ceil(w).max(1)))
 }
 

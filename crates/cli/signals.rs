@@ -2,6 +2,7 @@
 //! beside their targets and renamed, so nothing is half there in either case).
 
 use crate::failure::Failure;
+use relight_render::watch::Watch;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -24,9 +25,13 @@ pub fn install() -> std::io::Result<()> {
     Ok(())
 }
 
-/// Set once a signal has come.
-pub fn stop_flag() -> &'static AtomicBool {
-    &STOP
+/// Watches renderings: a signal stops them.
+pub struct Signals;
+
+impl Watch for Signals {
+    fn stopped(&self) -> bool {
+        stopped()
+    }
 }
 
 /// Whether a signal has come.

@@ -9,6 +9,7 @@ mod probes;
 
 use crate::bake::{Job, bake_job};
 use crate::console::Console;
+use crate::estimates::{ERROR, NOISE, TARGET, percent};
 use crate::failure::Failure;
 use crate::signals;
 use crate::words;
@@ -92,7 +93,7 @@ pub fn parse(text: &str) -> Result<f64, String> {
 }
 
 /// The lights for which errors are estimated: those given, else the scene's own, else a lamp.
-fn lit(order: &Order, scene: &Scene, probes: &probes::Places) -> Result<Sequence, Failure> {
+fn lit(order: &Order, scene: &Scene, probes: &probes::Viewpoints) -> Result<Sequence, Failure> {
     if let Some(sequence) = order.job.lights {
         return Ok(sequence.clone());
     }
@@ -122,10 +123,10 @@ pub fn search(order: &Order, scene: &Arc<Scene>, console: &Console) -> Result<Ba
         lights,
         ..
     } = *order.job;
-    let places = probes::Places::new(scene, shading, lights, given)?;
-    let sequence = lit(order, scene, &places)?;
+    let viewpoints = probes::Viewpoints::new(scene, shading, lights, given)?;
+    let sequence = lit(order, scene, &viewpoints)?;
     console.begin("Path tracing probes", None);
-    let probes = Probes::trace(places, &sequence, given, order.target, console)?;
+    let probes = Probes::trace(viewpoints, &sequence, given, order.target, console)?;
     let mut best: Option<(Baked, Estimate)> = None;
     let mut idle = 0;
     let mut last = LADDER[0];
@@ -209,10 +210,6 @@ fn words_of(step: Step) -> String {
     )
 }
 
-fn percent(error: f64) -> String {
-    format!("{:.1} %", 100.0 * error)
-}
-
 fn said(target: f64, estimate: Estimate, probes: &Probes, console: &Console) {
     let Estimate { error, noise } = estimate;
     if error > CLOSE_ENOUGH * target {
@@ -235,13 +232,6 @@ fn said(target: f64, estimate: Estimate, probes: &Probes, console: &Console) {
     ));
 }
 
-/// Names of the estimates in the file (SPEC 6.10).
-pub const TARGET: &str = "target_error";
-/// The error that is expected.
-pub const ERROR: &str = "error_indirect";
-/// The noise of the reference of the estimate.
-pub const NOISE: &str = "error_noise";
-
 fn store(baked: &mut Baked, target: f64, estimate: Estimate) {
     let values = [(TARGET, target), (ERROR, estimate.error), (NOISE, estimate.noise)];
     let known = baked.asset.estimates.get_or_insert_with(Estimates::default);
@@ -250,18 +240,4 @@ fn store(baked: &mut Baked, target: f64, estimate: Estimate) {
             .filter(|value| value.1.is_finite())
             .map(|(name, value)| (name.to_owned(), value)),
     );
-}
-
-/// One line on the error that a bake expects of its asset, if it was asked for one.
-pub fn line(estimates: Option<&Estimates>) -> Option<String> {
-    let of = |name: &str| {
-        let mut values = estimates.iter().flat_map(|e| &e.values);
-        values.find(|e| e.0 == name).map(|e| e.1)
-    };
-    let (error, target) = (of(ERROR)?, of(TARGET)?);
-    Some(format!(
-        "indirect light is expected to err by {} (--target-error {})",
-        percent(error),
-        percent(target)
-    ))
 }

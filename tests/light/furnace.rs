@@ -33,11 +33,11 @@ fn quick() -> BakeParams {
 
 fn furnace(glb: &Glb, albedo: f32) -> Errors {
     let params = quick();
-    let loaded = through_file(&bake_glb(glb, &params));
+    let player = through_file(&bake_glb(glb, &params));
     // Four times the command line's rays per point: in a corner a few points' noise shows in a pixel.
     let lit = light_sampled(
-        &loaded,
-        &shot(&loaded, 64),
+        &player,
+        &shot(&player, 64),
         &lights("furnace.lights.json").lights,
         false,
         16,
@@ -75,10 +75,10 @@ fn check(glb: fn([f32; 3]) -> Glb, albedo: f32) {
 #[test]
 fn a_furnace_that_reflects_nothing_shows_emission_only() {
     for glb in [furnace_sphere([0.0; 3]), furnace_box([0.0; 3])] {
-        let loaded = through_file(&bake_glb(&glb, &quick()));
+        let player = through_file(&bake_glb(&glb, &quick()));
         let lit = light(
-            &loaded,
-            &shot(&loaded, 16),
+            &player,
+            &shot(&player, 16),
             &lights("furnace.lights.json").lights,
             false,
         );
@@ -143,18 +143,18 @@ fn sphere_means() -> (DVec3, DVec3) {
 
 /// Relative error of the mean indirect irradiance over the finest points, which stand for equal areas.
 fn varying(params: &BakeParams) -> DVec3 {
-    let loaded = through_file(&bake_glb(&furnace_varying(0.5, 0.4), params));
+    let player = through_file(&bake_glb(&furnace_varying(0.5, 0.4), params));
     let tracks = lights("furnace_varying.lights.json").lights;
-    let emitters = SceneEmitters::new(&loaded.player.scene);
+    let emitters = SceneEmitters::new(&player.prepared.scene);
     let lamp = LightSet::new(&emitters, &tracks, 0.0).unwrap();
-    let transfer = loaded.player.transfer.as_ref().unwrap();
+    let transfer = player.prepared.transfer.as_ref().unwrap();
     let mut direct = vec![Vec3::ZERO; transfer.finest.len()];
     irradiance_at(
-        &loaded.player.scene,
+        &player.prepared.scene,
         &lamp,
         0,
-        &loaded.player.points,
-        loaded.player.footprint(),
+        &player.prepared.points,
+        player.prepared.footprint(),
         1,
         0,
         &mut direct,

@@ -32,9 +32,9 @@ fn line((scene, sequence): (&str, &str)) -> String {
         .collect();
     let links = asset.transfer.as_ref().map_or(0, |t| t.columns.len());
     let bounce = asset.bounce.as_ref().map_or(0, |b| b.matrix.columns.len());
-    let loaded = through_file(&asset);
+    let player = through_file(&asset);
     let tracks = crate::stage::lights(&format!("{sequence}.lights.json")).lights;
-    let indirect = mean(&light(&loaded, &shot(&loaded, 32), &tracks, false).indirect);
+    let indirect = mean(&light(&player, &shot(&player, 32), &tracks, false).indirect);
     format!(
         "{scene} {sequence} points {} links {links} bounce {bounce} indirect {:.7e} {:.7e} {:.7e}",
         points.join(","),

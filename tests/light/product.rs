@@ -75,8 +75,8 @@ fn the_sparse_product_is_the_dense_one() {
 /// point and 1 % for the mean of all.
 #[test]
 fn with_all_links_kept_the_bake_is_a_gather() {
-    let loaded = through_file(&bake_glb(&cornell(), &exact()));
-    let transfer = loaded.player.transfer.as_ref().unwrap();
+    let player = through_file(&bake_glb(&cornell(), &exact()));
+    let transfer = player.prepared.transfer.as_ref().unwrap();
     let radiosity = |x: Vec3, n: Vec3| if n.y > 0.9 { 1.0 + (x.x - x.z) / 0.56 } else { 0.0 };
     let direct: Vec<Vec3> = (0..transfer.finest.len())
         .map(|i| {
@@ -92,14 +92,14 @@ fn with_all_links_kept_the_bake_is_a_gather() {
         .fold(0.0, f32::max);
     let (mut found_sum, mut truth_sum, mut worst, mut places) = (0.0, 0.0, 0.0f64, 0);
     for i in (0..transfer.finest.len()).step_by(transfer.finest.len() / 60) {
-        let hit = loaded.player.points[i].unwrap();
+        let hit = player.prepared.points[i].unwrap();
         let frame = Frame::around(hit.normal);
         let rays = 16_384;
         let mut truth = 0.0;
         for k in 0..rays {
             let local = cosine_hemisphere(r2(k, Vec2::new(0.3, 0.7)));
-            if let Some(met) = loaded
-                .player
+            if let Some(met) = player
+                .prepared
                 .scene
                 .closest_hit(&ray_from(&hit, frame.world_from_local(local)))
             {

@@ -5,13 +5,12 @@ use relight_bake::params::BakeParams;
 use relight_bake::{Progress, bake};
 use relight_data_generate::glb::Glb;
 use relight_format::{self as format, Asset};
-use relight_play::frame::{LightingSettings, Lit};
-use relight_play::load::{Loaded, load};
-use relight_play::reflections::FIXED_RAYS;
-use relight_play::shot::{Shot, expose};
+use relight_play::frame::light::Lit;
+use relight_play::shot::RelitShot;
+use relight_play::{FrameSettings, Player, ShotSettings};
+use relight_render::expose::expose;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::light::LightTrack;
-use relight_scene::light_set::{LightSet, SceneEmitters};
 use relight_scene::sequence::{Sequence, read_sequence};
 use relight_scene::traced::Shading;
 use std::path::{Path, PathBuf};
@@ -55,46 +54,44 @@ pub fn bake_glb(glb: &Glb, params: &BakeParams) -> Asset {
 }
 
 /// Writes an asset and loads it as a player does.
-pub fn through_file(asset: &Asset) -> Loaded {
+pub fn through_file(asset: &Asset) -> Player {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scene.relight");
     format::write_file(&file, asset).unwrap();
-    load(&file, true).unwrap()
+    Player::open(&file).unwrap()
 }
 
 /// What the scene's first camera sees, `size` pixels square.
-pub fn shot(loaded: &Loaded, size: usize) -> Shot {
-    let camera = loaded.scene.cameras[0].at(0.0);
-    let mut shot = expose(&loaded.player.scene, &camera, size, size, 1);
-    let player = &loaded.player;
-    shot.weigh(player.transfer.as_ref().unwrap(), &player.scene, FIXED_RAYS);
-    shot
+pub fn shot(player: &Player, size: usize) -> RelitShot {
+    let camera = player.scene().cameras[0].at(0.0);
+    let seen = expose(&player.prepared.scene, &camera, size, size, 1);
+    let settings = ShotSettings {
+        sites: None,
+        ..ShotSettings::default()
+    };
+    player.shot_of(seen, &settings)
 }
 
 /// Lights a shot with the command line's numbers of samples.
-pub fn light(loaded: &Loaded, shot: &Shot, tracks: &[LightTrack], per_light: bool) -> Lit {
-    light_sampled(loaded, shot, tracks, per_light, 4)
+pub fn light(player: &Player, shot: &RelitShot, tracks: &[LightTrack], light_layers: bool) -> Lit {
+    light_sampled(player, shot, tracks, light_layers, 4)
 }
 
 /// As [`light`], with the direct light at each point from `point_samples` rays.
 pub fn light_sampled(
-    loaded: &Loaded,
-    shot: &Shot,
+    player: &Player,
+    shot: &RelitShot,
     tracks: &[LightTrack],
-    per_light: bool,
+    light_layers: bool,
     point_samples: u32,
 ) -> Lit {
-    let emitters = SceneEmitters::new(&loaded.player.scene);
-    let lights = LightSet::new(&emitters, tracks, 0.0).unwrap();
-    let settings = LightingSettings {
-        pixel_samples: 8,
+    let lights = player.lights(tracks).unwrap();
+    let settings = FrameSettings {
         point_samples,
-        seed: 0,
-        per_light,
-        indirect: true,
-        bounce_cuts: None,
+        light_layers,
+        ..FrameSettings::default()
     };
-    loaded.player.light(shot, &lights, None, &settings).0
+    player.light(shot, &lights, 0.0, &settings, &()).unwrap().0
 }
 
 /// Mean over places, RGB.

@@ -4,7 +4,7 @@ use crate::stage::{bake_glb, light, mean, shot, through_file};
 use glam::{DVec3, Vec3};
 use relight_bake::params::BakeParams;
 use relight_data_generate::cornell;
-use relight_play::load::Loaded;
+use relight_play::Player;
 use relight_scene::animated::Animated;
 use relight_scene::light::{LightKind, LightTrack};
 use std::sync::OnceLock;
@@ -23,8 +23,8 @@ fn tiny(bounces: u32) -> BakeParams {
     }
 }
 
-fn box_of_three_bounces() -> &'static Loaded {
-    static LOADED: OnceLock<Loaded> = OnceLock::new();
+fn box_of_three_bounces() -> &'static Player {
+    static LOADED: OnceLock<Player> = OnceLock::new();
     LOADED.get_or_init(|| through_file(&bake_glb(&cornell(), &tiny(3))))
 }
 
@@ -56,9 +56,9 @@ const CHAIN: usize = 1000;
 /// Truth: transport is linear in the lights, whatever they are.
 #[test]
 fn a_plus_two_b_is_the_sum_of_both_apart() {
-    let loaded = box_of_three_bounces();
-    let shot = shot(loaded, 32);
-    let lit = |tracks: &[LightTrack]| light(loaded, &shot, tracks, false);
+    let player = box_of_three_bounces();
+    let shot = shot(player, 32);
+    let lit = |tracks: &[LightTrack]| light(player, &shot, tracks, false);
     let (a, b) = (lit(&[point("a", LEFT, 1.0)]), lit(&[point("b", RIGHT, 1.0)]));
     let both = lit(&[point("a", LEFT, 1.0), point("b", RIGHT, 2.0)]);
     let brightest = both.indirect.iter().fold(0.0f32, |m, v| m.max(v.max_element()));
@@ -66,7 +66,7 @@ fn a_plus_two_b_is_the_sum_of_both_apart() {
         assert!(one.indirect.iter().any(|v| v.max_element() > 0.05 * brightest));
     }
     let mut worst = 0.0f64;
-    for i in 0..shot.len() {
+    for i in 0..shot.seen.len() {
         // One product and one sum on direct light.
         let direct = a.direct[i].as_dvec3() + 2.0 * b.direct[i].as_dvec3();
         let error = (both.direct[i].as_dvec3() - direct).abs();
@@ -82,11 +82,11 @@ fn a_plus_two_b_is_the_sum_of_both_apart() {
 /// Truth: linearity once more; the layers, each lit alone, against all lights at once.
 #[test]
 fn light_layers_sum_to_the_beauty() {
-    let loaded = box_of_three_bounces();
-    let shot = shot(loaded, 32);
+    let player = box_of_three_bounces();
+    let shot = shot(player, 32);
     let mut tracks = vec![point("a", LEFT, 1.0), point("b", RIGHT, 2.0)];
     // The box's own emissive patch.
-    tracks.extend(loaded.scene.sequence.lights.iter().cloned());
+    tracks.extend(player.scene().sequence.lights.iter().cloned());
     tracks.push(LightTrack {
         name: "glow".into(),
         kind: LightKind::Emissive {
@@ -94,13 +94,13 @@ fn light_layers_sum_to_the_beauty() {
             scale: Animated::Constant(Vec3::splat(0.1)),
         },
     });
-    let lit = light(loaded, &shot, &tracks, true);
+    let lit = light(player, &shot, &tracks, true);
     assert_eq!(lit.lights.len(), tracks.len());
     let beauty = |i: usize| (lit.emission[i] + lit.direct[i] + lit.indirect[i]).as_dvec3();
-    let brightest = (0..shot.len())
+    let brightest = (0..shot.seen.len())
         .map(|i| lit.indirect[i].max_element())
         .fold(0.0, f32::max);
-    for i in 0..shot.len() {
+    for i in 0..shot.seen.len() {
         let sum: DVec3 = lit.lights.iter().map(|l| l.1[i].as_dvec3()).sum();
         let tolerance = rounding(CHAIN) * f64::from(brightest) + rounding(8) * beauty(i).max_element();
         let error = (sum - beauty(i)).abs().max_element();
@@ -117,8 +117,8 @@ fn every_bounce_carries_less_than_the_one_before() {
     let mut direct_flux = DVec3::ZERO;
     let mut largest = 0.0f32;
     for bounces in 1..=3 {
-        let loaded = through_file(&bake_glb(&cornell(), &tiny(bounces)));
-        let transfer = loaded.player.transfer.as_ref().unwrap();
+        let player = through_file(&bake_glb(&cornell(), &tiny(bounces)));
+        let transfer = player.prepared.transfer.as_ref().unwrap();
         largest = transfer.albedo.iter().fold(0.0, |m, a| m.max(a.max_element()));
         // Irradiance on all that faces up: any light will do.
         let direct: Vec<Vec3> = (transfer.finest.normals.iter())

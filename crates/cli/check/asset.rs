@@ -6,9 +6,10 @@ use super::stage::Stage;
 use crate::failure::Failure;
 use glam::{DVec3, Vec3};
 use relight_format::{self as format, Limits};
-use relight_play::load::{Loaded, from_asset};
-use relight_play::shot::expose;
+use relight_play::Player;
+use relight_play::open::{Parts, asset_hash};
 use relight_play::transfer::Transfer;
+use relight_render::expose::expose;
 use relight_transport::bounce::{MOST_ALBEDO, TOLERANCE, solve_double};
 use relight_transport::sparse::{largest_row_sum, row};
 use relight_transport::spectrum::spectral_radius;
@@ -35,24 +36,24 @@ pub fn check(path: &Path, seed: u64, stage: &Stage) -> Result<Found, Failure> {
     let asset = format::read_file(path, &Limits::default())
         .map_err(|error| anyhow::anyhow!("{}: {error}", path.display()))?;
     let summary = format::read_summary(path)?;
-    let hash = relight_play::load::asset_hash(path)?;
+    let hash = asset_hash(path)?;
     add("file", file(&asset, summary.file_bytes)?);
     let (tree, cuts, estimates) = (
         asset.light_tree.clone(),
         asset.cuts.clone(),
         asset.estimates.clone(),
     );
-    let loaded = from_asset(asset, hash, path, true)?;
-    if let Some(transfer) = &loaded.player.transfer {
+    let player = Player::of_asset(asset, hash, path, Parts::Whole)?;
+    if let Some(transfer) = &player.prepared.transfer {
         stage.at("basis");
         add("basis", basis(transfer));
         stage.at("coverage");
-        add("coverage", coverage(&loaded, transfer));
+        add("coverage", coverage(&player, transfer));
         stage.at("bounces");
         add("bounces", bounces(transfer));
-        add("bounces", fresh::form_factors(&loaded, transfer, seed));
+        add("bounces", fresh::form_factors(&player, transfer, seed));
         stage.at("links");
-        add("links", fresh::links(&loaded, transfer, seed));
+        add("links", fresh::links(&player, transfer, seed));
         stage.at("light");
         add("light", light(transfer));
     }
@@ -63,7 +64,7 @@ pub fn check(path: &Path, seed: u64, stage: &Stage) -> Result<Found, Failure> {
             .flat_map(|e| &e.values)
             .find(|e| e.0 == "cut_rms_error")
             .map(|e| e.1);
-        add("cuts", fresh::cuts(&loaded, tree, cuts, stated));
+        add("cuts", fresh::cuts(&player, tree, cuts, stated));
     }
     Ok(found)
 }
@@ -128,14 +129,14 @@ fn basis(transfer: &Transfer) -> Vec<Measure> {
 }
 
 /// What cameras see that no function covers.
-fn coverage(loaded: &Loaded, transfer: &Transfer) -> Vec<Measure> {
+fn coverage(player: &Player, transfer: &Transfer) -> Vec<Measure> {
     let (mut seen, mut fallen, mut bare) = (0usize, 0usize, 0usize);
     let mut row = Vec::new();
-    for track in loaded.scene.cameras.iter().take(MOST_CAMERAS) {
+    for track in player.scene().cameras.iter().take(MOST_CAMERAS) {
         let aspect = track.aspect.filter(|a| a.is_finite() && *a > 0.0).unwrap_or(1.5);
         let width = ((HEIGHT as f32 * aspect) as usize).clamp(1, 4 * HEIGHT);
-        let shot = expose(&loaded.player.scene, &track.at(0.0), width, HEIGHT, 1);
-        for hit in shot.hits.iter().flatten() {
+        let shown = expose(&player.prepared.scene, &track.at(0.0), width, HEIGHT, 1);
+        for hit in shown.hits.iter().flatten() {
             seen += 1;
             row.clear();
             transfer.finest.functions_at(hit.position, hit.normal, &mut row);

@@ -1,14 +1,16 @@
 //! Bounces that hardly lose light, and operators that were truncated.
 
 use super::case::{Case, Measure, Measured};
+use super::sanity::sane;
 use super::shapes::{
     LAMP, cuboid, emissive, faces, glowing, join, matt, painted, point, room, scene, sphere,
 };
-use super::stage::{SIZE, Stage, at_points, coarse, mean, quick, sane};
+use super::stage::{SIZE, Stage, at_points, coarse, mean, quick};
 use glam::{DVec3, Vec3};
 use relight_bake::params::BakeParams;
 use relight_format::Asset;
-use relight_play::load::matrix;
+use relight_play::FrameSettings;
+use relight_play::open::matrix;
 use relight_scene::traced::Shading;
 use relight_transport::bounce::{TOLERANCE, solve_double};
 use relight_transport::random::Stream;
@@ -143,11 +145,11 @@ fn white(stage: &Stage) -> Measured {
             (ceiling.clone(), matt(Vec3::splat(top))),
         ];
         let scene = scene(parts, Vec3::new(0.5, 0.4, 0.9), Vec3::new(-0.2, -0.3, -0.4));
-        let loaded = stage.loaded(scene, &quick())?;
-        let light = at_points(stage, &loaded, &[point(LAMP, 1.0)])?;
-        let shot = stage.shot(&loaded, SIZE)?;
+        let player = stage.player(scene, &quick())?;
+        let light = at_points(stage, &player, &[point(LAMP, 1.0)])?;
+        let shot = stage.shot(&player, SIZE)?;
         measures.extend(
-            sane(&stage.lit(&loaded, &shot, &[point(LAMP, 1.0)])?)
+            sane(&stage.lit(&player, &shot, &[point(LAMP, 1.0)])?)
                 .into_iter()
                 .map(|m| Measure {
                     what: format!("{name}: {}", m.what),
@@ -163,7 +165,7 @@ fn white(stage: &Stage) -> Measured {
                 "nothing reflects more than 0.9999, so at most 10⁴; 1 % of the solver, and the 2 % of lights/energy",
             ));
         } else {
-            let balance = super::lights::balance(&loaded, &light);
+            let balance = super::lights::balance(&player, &light);
             measures.push(Measure::new(
                 format!("{name}: energy balance"),
                 balance,
@@ -220,9 +222,13 @@ fn truncated(stage: &Stage, epsilon: f32) -> Measured {
                 ),
             ]);
         }
-        let loaded = stage.through_file(&asset)?;
-        let shot = stage.shot(&loaded, SIZE)?;
-        let lit = stage.lit_with(&loaded, &shot, &[emissive()], 16, false)?;
+        let player = stage.through_file(&asset)?;
+        let shot = stage.shot(&player, SIZE)?;
+        let settings = FrameSettings {
+            point_samples: 16,
+            ..FrameSettings::default()
+        };
+        let lit = stage.lit_with(&player, &shot, &[emissive()], &settings)?;
         measures.extend(sane(&lit).into_iter().map(|m| Measure {
             what: format!("{name}{}", m.what),
             ..m

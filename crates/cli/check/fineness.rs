@@ -40,13 +40,13 @@ fn light_is_kept(stage: &Stage, factor: f32) -> Measured {
             sender_levels: plain.sender_levels.min(levels),
             ..plain.clone()
         };
-        let loaded = stage.loaded(room(), &params)?;
-        let shot = stage.shot(&loaded, SIZE)?;
-        let lit = stage.lit(&loaded, &shot, &lamp)?;
+        let player = stage.player(room(), &params)?;
+        let shot = stage.shot(&player, SIZE)?;
+        let lit = stage.lit(&player, &shot, &lamp)?;
         measures.push(Measure::new(
             format!("{levels} levels: mean indirect light over the path tracer's, less 1"),
             (mean(&lit.indirect).element_sum() / truth - 1.0).abs(),
-            PATHS + PER_ROOT_POINT / (loaded.player.points.len() as f64).sqrt(),
+            PATHS + PER_ROOT_POINT / (player.prepared.points.len() as f64).sqrt(),
             "1 % and 2/√n: what n points miss of a lamp's light; 1.7 at most over four seeds",
         ));
     }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use relight_bake::cuts::light_samples::Lights;
 use relight_bake::points::candidates::Candidate;
 use relight_format as format;
-use relight_play::load::Loaded;
+use relight_play::Player;
 use relight_play::transfer::Transfer;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_transport::basis::NearestPoint;
@@ -27,8 +27,8 @@ const RECEIVERS: usize = 192;
 const RAYS: u32 = 4096;
 
 /// Evenly chosen points that found their surface.
-fn chosen(loaded: &Loaded, count: usize) -> Vec<(usize, SurfaceHit)> {
-    let all = &loaded.player.points;
+fn chosen(player: &Player, count: usize) -> Vec<(usize, SurfaceHit)> {
+    let all = &player.prepared.points;
     let wanted = count.min(all.len());
     (0..wanted)
         .filter_map(|i| {
@@ -41,7 +41,7 @@ fn chosen(loaded: &Loaded, count: usize) -> Vec<(usize, SurfaceHit)> {
 /// Calls `met` with the finest point that each of `rays` cosine-distributed rays meets, or that it meets none: the sky, what
 /// has no points, or the surface itself, from which no light comes (as of the BRDFs of `scene`).
 fn gather(
-    loaded: &Loaded,
+    player: &Player,
     nearest: &NearestPoint,
     hit: &SurfaceHit,
     rays: u32,
@@ -53,7 +53,7 @@ fn gather(
     for i in 0..rays {
         let direction = frame.world_from_local(cosine_hemisphere(r2(i, start)));
         let there = (direction.dot(hit.geometric_normal) > 0.0)
-            .then(|| loaded.player.scene.closest_hit(&ray_from(hit, direction)))
+            .then(|| player.prepared.scene.closest_hit(&ray_from(hit, direction)))
             .flatten();
         met(
             i,
@@ -89,9 +89,9 @@ fn fields(transfer: &Transfer, seed: u64) -> Vec<Vec<Vec3>> {
 }
 
 /// T against fresh rays.
-pub fn links(loaded: &Loaded, transfer: &Transfer, seed: u64) -> Vec<Measure> {
+pub fn links(player: &Player, transfer: &Transfer, seed: u64) -> Vec<Measure> {
     let number = |name: &str, otherwise: f64| {
-        loaded
+        player
             .provenance
             .setting(name)
             .and_then(|v| v.parse().ok())
@@ -101,13 +101,13 @@ pub fn links(loaded: &Loaded, transfer: &Transfer, seed: u64) -> Vec<Measure> {
     let nearest = NearestPoint::new(&transfer.finest);
     let fields = fields(transfer, seed);
     let stored: Vec<_> = fields.iter().map(|field| transfer.of_radiosity(field)).collect();
-    let places = chosen(loaded, RECEIVERS);
+    let places = chosen(player, RECEIVERS);
     let truths: Vec<Vec<DVec3>> = places
         .par_iter()
         .map(|(p, hit)| {
             let mut sums = vec![DVec3::ZERO; fields.len()];
             let mut stream = Stream::new(seed, STAGE_RAYS, *p as u64);
-            gather(loaded, &nearest, hit, RAYS, &mut stream, |_, met| {
+            gather(player, &nearest, hit, RAYS, &mut stream, |_, met| {
                 if let Some(met) = met {
                     for (sum, field) in sums.iter_mut().zip(&fields) {
                         *sum += field[met as usize].as_dvec3();
@@ -163,7 +163,7 @@ const PLACES: usize = 96;
 const PLACE_RAYS: u32 = 256;
 
 /// Form factors of the bounce operator against fresh rays.
-pub fn form_factors(loaded: &Loaded, transfer: &Transfer, seed: u64) -> Vec<Measure> {
+pub fn form_factors(player: &Player, transfer: &Transfer, seed: u64) -> Vec<Measure> {
     let (k, level, _) = transfer.bounces();
     if k.nnz() == 0 {
         return Vec::new();
@@ -189,14 +189,14 @@ pub fn form_factors(loaded: &Loaded, transfer: &Transfer, seed: u64) -> Vec<Meas
             let count = PLACES.min(own.len());
             for j in 0..count {
                 let p = own[(2 * j + 1) * own.len() / (2 * count)] as usize;
-                let Some(hit) = loaded.player.points[p] else {
+                let Some(hit) = player.prepared.points[p] else {
                     continue;
                 };
                 let share = f64::from(weight(transfer.senders.importance[p]));
                 let half = j % 2;
                 mass[half] += share * f64::from(PLACE_RAYS);
                 let mut stream = Stream::new(seed, STAGE_CLUSTERS, p as u64);
-                gather(loaded, &nearest, &hit, PLACE_RAYS, &mut stream, |_, met| {
+                gather(player, &nearest, &hit, PLACE_RAYS, &mut stream, |_, met| {
                     if let Some(met) = met {
                         halves[half][cluster_of_point[met as usize] as usize] += share;
                     }
@@ -228,7 +228,7 @@ const SITES: usize = 96;
 
 /// Cuts against a ray at every light above the horizon.
 pub fn cuts(
-    loaded: &Loaded,
+    player: &Player,
     tree: &format::LightTree,
     cuts: &format::Cuts,
     stated: Option<f64>,
@@ -249,8 +249,8 @@ pub fn cuts(
         heights: cuts.heights.clone(),
         values: cuts.values.clone(),
     };
-    let scene = &loaded.player.scene;
-    let sums: Vec<(f64, f64, f64, f64)> = chosen(loaded, SITES)
+    let scene = &player.prepared.scene;
+    let sums: Vec<(f64, f64, f64, f64)> = chosen(player, SITES)
         .into_par_iter()
         .map(|(p, hit)| {
             let site = Candidate::at(scene, &hit);

@@ -5,6 +5,7 @@ use super::shapes::{cuboid, emissive, glowing, matt, painted, point, scene, sphe
 use super::stage::{SIZE, Stage, at_points, mean, quick};
 use glam::{DVec3, Vec3};
 use relight_bake::params::BakeParams;
+use relight_play::FrameSettings;
 use relight_scene::scene::{Mesh, Scene};
 use relight_scene::traced::{Shading, TracedScene};
 use std::sync::Arc;
@@ -29,10 +30,14 @@ fn furnace(shape: &str, albedo: f32) -> Scene {
 
 /// Walls of radiance 1 and albedo ρ: direct ρ, indirect ρ²/(1 − ρ).
 fn even(stage: &Stage, shape: &str, albedo: f32, params: &BakeParams) -> Measured {
-    let loaded = stage.loaded(furnace(shape, albedo), params)?;
-    let shot = stage.shot(&loaded, SIZE)?;
+    let player = stage.player(furnace(shape, albedo), params)?;
+    let shot = stage.shot(&player, SIZE)?;
     // Four times the command line's rays per point: the noise of the direct light is not what is asked for.
-    let lit = stage.lit_with(&loaded, &shot, &[emissive()], 16, false)?;
+    let settings = FrameSettings {
+        point_samples: 16,
+        ..FrameSettings::default()
+    };
+    let lit = stage.lit_with(&player, &shot, &[emissive()], &settings)?;
     let rho = f64::from(albedo);
     let (direct, indirect) = (mean(&lit.direct).x, mean(&lit.indirect).x);
     if albedo == 0.0 {
@@ -106,11 +111,11 @@ fn uneven(stage: &Stage, middle: f32, amplitude: f32, bound: f64, solution: bool
     let walls = painted(sphere(PARTS, true), |p| albedo_at(p, middle, amplitude));
     let parts = vec![(walls, matt(Vec3::ONE))];
     let params = BakeParams { solution, ..quick() };
-    let loaded = stage.loaded(
+    let player = stage.player(
         scene(parts, Vec3::new(-0.3, 0.1, 0.5), Vec3::new(0.6, -0.1, -0.5)),
         &params,
     )?;
-    let found = at_points(stage, &loaded, &[point(LAMP, 1.0)])?;
+    let found = at_points(stage, &player, &[point(LAMP, 1.0)])?;
     let truth = reflected(middle, amplitude) / (1.0 - f64::from(middle));
     let error = (mean(&found.indirect) / truth - 1.0).abs().max_element();
     let spread: f64 = (found.indirect.iter())

@@ -1,8 +1,9 @@
 //! Triangles that are thin, flat, double, broken, few or none.
 
 use super::case::{Case, Measure, Measured};
+use super::sanity::sane;
 use super::shapes::{LAMP, cuboid, faces, join, matt, point, quad, room, scene};
-use super::stage::{SIZE, Stage, at_points, coarse, difference, mean, quick, sane, seeds_apart};
+use super::stage::{SIZE, Stage, at_points, coarse, difference, mean, quick, seeds_apart};
 use glam::Vec3;
 use relight_bake::error::BakeError;
 use relight_scene::gltf::{ImportOptions, import};
@@ -167,11 +168,11 @@ fn one_triangle(stage: &Stage) -> Measured {
         Vec3::new(0.3, 1.0, 0.3),
         Vec3::new(0.3, 0.0, 0.3001),
     );
-    let loaded = stage.loaded(scene, &coarse())?;
-    let shot = stage.shot(&loaded, SIZE)?;
-    let lit = stage.lit(&loaded, &shot, &[point(Vec3::new(0.3, 0.5, 0.3), 1.0)])?;
+    let player = stage.player(scene, &coarse())?;
+    let shot = stage.shot(&player, SIZE)?;
+    let lit = stage.lit(&player, &shot, &[point(Vec3::new(0.3, 0.5, 0.3), 1.0)])?;
     let mut measures = sane(&lit);
-    let seen = shot.hits.iter().flatten().count();
+    let seen = shot.seen.hits.iter().flatten().count();
     let bare = lit.indirect.iter().filter(|v| **v != Vec3::ZERO).count();
     measures.extend([
         Measure::none(
@@ -261,9 +262,9 @@ fn thin_wall(stage: &Stage, thickness: f32) -> Measured {
     let mut params = quick();
     // Points in both rooms.
     params.viewpoints = vec![Vec3::new(1.7, 0.5, 0.8), Vec3::new(-1.7, 0.5, 0.8)];
-    let loaded = stage.loaded(scene, &params)?;
-    let light = at_points(stage, &loaded, &[point(Vec3::new(-1.0, 0.3, 0.0), 1.0)])?;
-    let transfer = loaded.player.transfer.as_ref().ok_or("no points")?;
+    let player = stage.player(scene, &params)?;
+    let light = at_points(stage, &player, &[point(Vec3::new(-1.0, 0.3, 0.0), 1.0)])?;
+    let transfer = player.prepared.transfer.as_ref().ok_or("no points")?;
     let side = |far: bool| -> Vec<Vec3> {
         (light.indirect.iter().zip(&transfer.finest.positions))
             .filter(|(_, p)| (p.x < 0.0) == far)
@@ -391,9 +392,9 @@ fn levels(stage: &Stage) -> Measured {
             rays,
             ..quick()
         };
-        let loaded = stage.loaded(room(), &params)?;
-        let shot = stage.shot(&loaded, SIZE)?;
-        let lit = stage.lit(&loaded, &shot, &[point(LAMP, 1.0)])?;
+        let player = stage.player(room(), &params)?;
+        let shot = stage.shot(&player, SIZE)?;
+        let lit = stage.lit(&player, &shot, &[point(LAMP, 1.0)])?;
         measures.extend(
             sane(&lit)
                 .into_iter()

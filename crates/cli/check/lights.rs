@@ -1,18 +1,19 @@
 //! Lights that are many, one, none, in contact with surfaces, or a thousand million times as strong as each other.
 
 use super::case::{Case, Measure, Measured};
+use super::sanity::sane;
 use super::shapes::{LAMP, cuboid, faces, globe, join, matt, panel, point, room, scene, sky, sun, track};
-use super::stage::{AtPoints, SIZE, Stage, at_points, coarse, difference, mean, sane};
+use super::stage::{AtPoints, SIZE, Stage, at_points, coarse, difference, mean};
 use glam::{DVec3, Vec2, Vec3};
 use relight_bake::params::BakeParams;
-use relight_play::load::Loaded;
+use relight_play::{FrameSettings, Player};
 use relight_scene::animated::Animated;
 use relight_scene::light::{LightKind, LightTrack};
 use relight_scene::scene::Scene;
 
 /// Light that walls absorb over light that falls on them at first, less 1: nothing goes and nothing comes.
-pub fn balance(loaded: &Loaded, light: &AtPoints) -> f64 {
-    let Some(transfer) = &loaded.player.transfer else {
+pub fn balance(player: &Player, light: &AtPoints) -> f64 {
+    let Some(transfer) = &player.prepared.transfer else {
         return f64::NAN;
     };
     let (mut absorbed, mut sent) = (DVec3::ZERO, DVec3::ZERO);
@@ -33,11 +34,11 @@ const BALANCE: &str =
     "what closed walls absorb is what falls on them: 2 % of light that does not come evenly";
 
 fn energy(stage: &Stage) -> Measured {
-    let loaded = stage.loaded(room(), &super::stage::quick())?;
-    let light = at_points(stage, &loaded, &[point(LAMP, 1.0)])?;
+    let player = stage.player(room(), &super::stage::quick())?;
+    let light = at_points(stage, &player, &[point(LAMP, 1.0)])?;
     Ok(vec![Measure::new(
         "energy balance",
-        balance(&loaded, &light),
+        balance(&player, &light),
         0.02,
         BALANCE,
     )])
@@ -45,9 +46,9 @@ fn energy(stage: &Stage) -> Measured {
 
 /// Each light where it touches something, in a room of walls 24 m² and block.
 fn contact(stage: &Stage) -> Measured {
-    let loaded = stage.loaded(room(), &coarse())?;
-    let shot = stage.shot(&loaded, SIZE)?;
-    let transfer = loaded.player.transfer.as_ref().ok_or("no points")?;
+    let player = stage.player(room(), &coarse())?;
+    let shot = stage.shot(&player, SIZE)?;
+    let transfer = player.prepared.transfer.as_ref().ok_or("no points")?;
     let middle = transfer.finest.len() / 2;
     let (at, normal) = (transfer.finest.positions[middle], transfer.finest.normals[middle]);
     let spacing = transfer.finest.disk_radius;
@@ -90,14 +91,14 @@ fn contact(stage: &Stage) -> Measured {
     for (name, light) in lights {
         let is_point = matches!(light.kind, LightKind::Point { .. });
         let tracks = [light];
-        let lit = stage.lit(&loaded, &shot, &tracks)?;
+        let lit = stage.lit(&player, &shot, &tracks)?;
         let named = |m: Measure| Measure {
             what: format!("{name}: {}", m.what),
             ..m
         };
         measures.extend(sane(&lit).into_iter().map(named));
         if is_point {
-            let light = at_points(stage, &loaded, &tracks)?;
+            let light = at_points(stage, &player, &tracks)?;
             measures.push(Measure::new(
                 format!("{name}: light on the walls over light sent"),
                 received(&light, flux, area),
@@ -132,7 +133,7 @@ fn two_rooms() -> Scene {
 
 /// A lamp of a thousand million beside a closed room with a lamp of one.
 fn contrast(stage: &Stage) -> Measured {
-    let loaded = stage.loaded(two_rooms(), &super::stage::quick())?;
+    let player = stage.player(two_rooms(), &super::stage::quick())?;
     let bright = LightTrack {
         name: "bright".into(),
         ..point(Vec3::new(-1.0, 0.3, 0.0), 1e9)
@@ -141,13 +142,13 @@ fn contrast(stage: &Stage) -> Measured {
         name: "faint".into(),
         ..point(Vec3::new(1.0, 0.3, 0.0), 1.0)
     };
-    let transfer = loaded.player.transfer.as_ref().ok_or("no points")?;
+    let transfer = player.prepared.transfer.as_ref().ok_or("no points")?;
     let near: Vec<bool> = transfer.finest.positions.iter().map(|p| p.x > 0.0).collect();
     let there =
         |light: &[Vec3]| -> Vec<Vec3> { light.iter().zip(&near).filter(|e| *e.1).map(|e| *e.0).collect() };
-    let alone = at_points(stage, &loaded, std::slice::from_ref(&faint))?;
-    let beside = at_points(stage, &loaded, &[bright.clone(), faint.clone()])?;
-    let dark = at_points(stage, &loaded, std::slice::from_ref(&bright))?;
+    let alone = at_points(stage, &player, std::slice::from_ref(&faint))?;
+    let beside = at_points(stage, &player, &[bright.clone(), faint.clone()])?;
+    let dark = at_points(stage, &player, std::slice::from_ref(&bright))?;
     let lit: Vec<Vec3> = dark
         .indirect
         .iter()
@@ -155,8 +156,8 @@ fn contrast(stage: &Stage) -> Measured {
         .filter(|e| !*e.1)
         .map(|e| *e.0)
         .collect();
-    let shot = stage.shot(&loaded, SIZE)?;
-    let mut measures = sane(&stage.lit(&loaded, &shot, &[bright, faint])?);
+    let shot = stage.shot(&player, SIZE)?;
+    let mut measures = sane(&stage.lit(&player, &shot, &[bright, faint])?);
     measures.extend([
         Measure::new(
             "direct light of the faint lamp beside the bright one",
@@ -186,15 +187,19 @@ fn sun_and_night(stage: &Stage) -> Measured {
         Vec3::new(0.5, 0.8, 0.9),
         Vec3::new(-0.2, -0.3, -0.4),
     );
-    let loaded = stage.loaded(scene, &coarse())?;
-    let shot = stage.shot(&loaded, SIZE)?;
+    let player = stage.player(scene, &coarse())?;
+    let shot = stage.shot(&player, SIZE)?;
     let (day, night) = (sun(Vec3::new(-0.3, -1.0, 0.1), 1e9), sky(1.0));
     let mut measures = Vec::new();
-    let apart = [&day, &night].map(|light| stage.lit(&loaded, &shot, std::slice::from_ref(light)));
+    let apart = [&day, &night].map(|light| stage.lit(&player, &shot, std::slice::from_ref(light)));
     let [by_sun, by_night] = apart;
     let (by_sun, by_night) = (by_sun?, by_night?);
     // The sky first, as when it is alone: a light's rays differ with its number in the list.
-    let both = stage.lit_with(&loaded, &shot, &[night, day], 4, true)?;
+    let settings = FrameSettings {
+        light_layers: true,
+        ..FrameSettings::default()
+    };
+    let both = stage.lit_with(&player, &shot, &[night, day], &settings)?;
     measures.extend(sane(&both));
     measures.extend(sane(&by_night).into_iter().map(|m| Measure {
         what: format!("night alone: {}", m.what),
@@ -228,16 +233,16 @@ fn sun_and_night(stage: &Stage) -> Measured {
 
 /// So many point lights of the same strength in all.
 fn many(stage: &Stage, count: usize, params: &BakeParams, size: usize) -> Measured {
-    let loaded = stage.loaded(room(), params)?;
-    let shot = stage.shot(&loaded, size)?;
-    let one = stage.lit(&loaded, &shot, &[point(LAMP, 1.0)])?;
+    let player = stage.player(room(), params)?;
+    let shot = stage.shot(&player, size)?;
+    let one = stage.lit(&player, &shot, &[point(LAMP, 1.0)])?;
     let tracks: Vec<LightTrack> = (0..count)
         .map(|i| LightTrack {
             name: format!("light {i}"),
             ..point(LAMP, 1.0 / count as f32)
         })
         .collect();
-    let all = stage.lit(&loaded, &shot, &tracks)?;
+    let all = stage.lit(&player, &shot, &tracks)?;
     let mut measures = sane(&all);
     measures.push(Measure::new(
         "direct light against one light",
@@ -256,10 +261,10 @@ fn many(stage: &Stage, count: usize, params: &BakeParams, size: usize) -> Measur
 
 /// One light that shines through a thousand that do not, and no light at all.
 fn few(stage: &Stage) -> Measured {
-    let loaded = stage.loaded(room(), &coarse())?;
-    let shot = stage.shot(&loaded, SIZE)?;
+    let player = stage.player(room(), &coarse())?;
+    let shot = stage.shot(&player, SIZE)?;
     let lamp = point(LAMP, 1.0);
-    let one = stage.lit(&loaded, &shot, std::slice::from_ref(&lamp))?;
+    let one = stage.lit(&player, &shot, std::slice::from_ref(&lamp))?;
     let mut tracks: Vec<LightTrack> = (0..1000)
         .map(|i| LightTrack {
             name: format!("dark {i}"),
@@ -267,16 +272,16 @@ fn few(stage: &Stage) -> Measured {
         })
         .collect();
     tracks.push(lamp);
-    let among_dark = stage.lit(&loaded, &shot, &tracks)?;
-    let none = stage.lit(&loaded, &shot, &[])?;
-    let outside = stage.lit(&loaded, &shot, &[point(Vec3::splat(9.0), 1e6)])?;
-    let lit = |lit: &relight_play::frame::Lit| {
+    let among_dark = stage.lit(&player, &shot, &tracks)?;
+    let none = stage.lit(&player, &shot, &[])?;
+    let outside = stage.lit(&player, &shot, &[point(Vec3::splat(9.0), 1e6)])?;
+    let lit = |lit: &relight_play::frame::light::Lit| {
         (lit.direct.iter().chain(&lit.indirect).chain(&lit.emission))
             .filter(|v| **v != Vec3::ZERO)
             .count()
     };
     let black = spot_that_faces_away();
-    let away = stage.lit(&loaded, &shot, &[black])?;
+    let away = stage.lit(&player, &shot, &[black])?;
     Ok(vec![
         Measure::new(
             "one light among a thousand dark ones",

@@ -1,18 +1,16 @@
 //! Surfaces from mirrors to chalk, and visibility cuts.
 
 use super::case::{Case, Measure, Measured};
+use super::sanity::sane;
 use super::shapes::{LAMP, cuboid, faces, join, matt, panel, point, quad, scene, sky, sphere};
-use super::stage::{SIZE, Stage, TRACED, coarse, mean, quick, sane};
+use super::stage::{SIZE, Stage, TRACED, coarse, mean, quick};
 use glam::{Vec2, Vec3};
 use relight_bake::params::{BakeParams, CutMode, CutParams};
-use relight_play::cuts::own_sites;
-use relight_play::frame::{Distant, LightingSettings, Lit};
-use relight_play::load::Loaded;
-use relight_play::shot::Shot;
+use relight_play::{CutSites, FrameSettings};
+use relight_render::expose::expose;
 use relight_scene::bsdf::hemispherical_albedo;
 use relight_scene::environment::uv_from_direction;
 use relight_scene::light::{EnvironmentMap, LightKind};
-use relight_scene::light_set::{LightRig, SceneEmitters};
 use relight_scene::material::Material;
 use relight_scene::scene::Mesh;
 use relight_scene::traced::{Shading, TracedScene};
@@ -68,8 +66,8 @@ fn white_sphere(stage: &Stage) -> Measured {
                 "no surface makes light; noise of 36,864 paths",
             ));
             // Total reflectances of what the camera sees.
-            let shot = relight_play::shot::expose(&traced, &camera, SIZE, SIZE, 1);
-            let most = (shot.points.iter().flatten())
+            let seen = expose(&traced, &camera, SIZE, SIZE, 1);
+            let most = (seen.points.iter().flatten())
                 .map(|p| f64::from(hemispherical_albedo(p).max_element()))
                 .fold(0.0, f64::max);
             measures.push(Measure::new(
@@ -99,13 +97,13 @@ fn in_a_room(stage: &Stage) -> Measured {
         let asset = stage
             .asset(scene, Shading::Full, &coarse())
             .map_err(|e| e.to_string())?;
-        let loaded = stage.through_file(&asset)?;
-        let shot = stage.shot(&loaded, SIZE)?;
+        let player = stage.through_file(&asset)?;
+        let shot = stage.shot(&player, SIZE)?;
         let tracks = [
             point(LAMP, 1.0),
             panel(Vec3::new(0.0, 0.99, 0.0), Vec2::splat(0.4), 10.0),
         ];
-        let lit = stage.lit(&loaded, &shot, &tracks)?;
+        let lit = stage.lit(&player, &shot, &tracks)?;
         measures.extend(sane(&lit).into_iter().map(|m| Measure {
             what: format!("roughness {roughness}: {}", m.what),
             ..m
@@ -133,9 +131,9 @@ fn reflections(stage: &Stage) -> Measured {
         let traced = TracedScene::new(Arc::new(scene.clone()), Shading::Full).map_err(|e| e.to_string())?;
         let truth = stage.traced_indirect(&traced, &lamp, PATHS)?;
         let asset = (stage.asset(scene, Shading::Full, &quick())).map_err(|e| e.to_string())?;
-        let loaded = stage.through_file(&asset)?;
-        let shot = stage.shot(&loaded, TRACED)?;
-        let lit = stage.lit(&loaded, &shot, &lamp)?;
+        let player = stage.through_file(&asset)?;
+        let shot = stage.shot(&player, TRACED)?;
+        let lit = stage.lit(&player, &shot, &lamp)?;
         // All that the camera sees is the wall.
         let squares: f32 = (lit.indirect.iter().zip(&truth))
             .map(|(found, truth)| (*found - *truth).length_squared())
@@ -158,14 +156,14 @@ fn reflections(stage: &Stage) -> Measured {
 }
 
 /// How light that cuts may make is made.
-const SETTINGS: LightingSettings = LightingSettings {
-    pixel_samples: 256,
-    point_samples: 64,
-    seed: 0,
-    per_light: false,
-    indirect: true,
-    bounce_cuts: None,
-};
+fn many_samples() -> FrameSettings {
+    FrameSettings {
+        pixel_samples: 256,
+        point_samples: 64,
+        illumination_cut: 256,
+        ..FrameSettings::default()
+    }
+}
 
 fn cut_params() -> CutParams {
     CutParams {
@@ -201,18 +199,13 @@ fn cuts(stage: &Stage) -> Measured {
         cuts: Some(cut_params()),
         ..coarse()
     };
-    let loaded = stage.loaded(scene, &params)?;
-    let mut shot = stage.shot(&loaded, SIZE)?;
-    if let Some(cuts) = &loaded.player.cuts {
-        shot.choose_sites();
-        own_sites::give(cuts, &loaded.player.scene, &mut shot);
-    }
-    let emitters = SceneEmitters::new(&loaded.player.scene);
-    let tracks = [sky(1.0)];
-    let rig = LightRig::new(&emitters, &tracks).map_err(|e| e.to_string())?;
-    stage.at("play: shadow rays");
-    let rays = loaded.player.light(&shot, &rig.at(0.0), None, &SETTINGS).0;
-    let by_cuts = by_cuts(stage, &loaded, &shot, &rig);
+    let player = stage.player(scene, &params)?;
+    let camera = player.scene().cameras.first().ok_or("no camera")?.at(0.0);
+    let lit = |sites: Option<CutSites>| {
+        let shot = stage.shot_of(&player, &camera, SIZE, 1, sites);
+        stage.lit_with(&player, &shot, &[sky(1.0)], &many_samples())
+    };
+    let (rays, by_cuts) = (lit(None)?, lit(Some(CutSites::Own))?);
     let mut measures = sane(&by_cuts);
     measures.push(Measure::new(
         "mean direct light against shadow rays",
@@ -229,18 +222,6 @@ fn cuts(stage: &Stage) -> Measured {
     Ok(measures)
 }
 
-/// Lights a shot, environments by visibility cuts.
-fn by_cuts(stage: &Stage, loaded: &Loaded, shot: &Shot, rig: &LightRig) -> Lit {
-    stage.at("play: cuts");
-    let directions = loaded.player.cuts.as_ref().map_or(0, |c| c.lights.leaves()) as u32;
-    let split = rig.split(0, directions).map(Arc::new);
-    let distant = Distant::at(rig, 0.0, |_| split.clone(), 256);
-    loaded
-        .player
-        .light(shot, &rig.at(0.0), Some(&distant), &SETTINGS)
-        .0
-}
-
 /// A level mirror under a sky of stripes that are narrower than the directions of the cuts: each pixel shows what it mirrors.
 fn mirrored_sky(stage: &Stage) -> Measured {
     let plate = plate();
@@ -254,11 +235,9 @@ fn mirrored_sky(stage: &Stage) -> Measured {
         ..coarse()
     };
     let asset = (stage.asset(scene, Shading::Full, &params)).map_err(|e| e.to_string())?;
-    let loaded = stage.through_file(&asset)?;
-    let mut shot = stage.shot(&loaded, SIZE)?;
-    if loaded.player.cuts.is_some() {
-        shot.choose_sites();
-    }
+    let player = stage.through_file(&asset)?;
+    let camera = player.scene().cameras.first().ok_or("no camera")?.at(0.0);
+    let shot = stage.shot_of(&player, &camera, SIZE, 1, Some(CutSites::Around));
     // Two columns of 256, 2.8°, bright and two dark; a direction of 4096 stands for 3.6°.
     let stripes: Vec<f32> = (0..256 * 128)
         .map(|i| if i % 256 / 2 % 2 == 0 { 1.0 } else { 0.1 })
@@ -272,14 +251,11 @@ fn mirrored_sky(stage: &Stage) -> Measured {
     if let LightKind::Environment { map: own, .. } = &mut track.kind {
         *own = Arc::new(map.clone());
     }
-    let tracks = [track];
-    let emitters = SceneEmitters::new(&loaded.player.scene);
-    let rig = LightRig::new(&emitters, &tracks).map_err(|e| e.to_string())?;
-    let lit = by_cuts(stage, &loaded, &shot, &rig);
+    let lit = stage.lit_with(&player, &shot, &[track], &many_samples())?;
     let mirrored = |direction: Vec3| map.at(uv_from_direction(direction * Vec3::new(1.0, -1.0, 1.0)));
-    let seen: Vec<(Vec3, Vec3)> = (0..shot.len())
-        .filter(|&f| shot.hits[f].is_some())
-        .map(|f| (lit.direct[f], mirrored(shot.directions[f])))
+    let seen: Vec<(Vec3, Vec3)> = (0..shot.seen.len())
+        .filter(|&f| shot.seen.hits[f].is_some())
+        .map(|f| (lit.direct[f], mirrored(shot.seen.directions[f])))
         .collect();
     let squares: f32 = seen
         .iter()

@@ -1,12 +1,12 @@
 //! Scenes and lights of all sizes, cameras of all angles, threads of any number: the same light.
 
 use super::case::{Case, Measure, Measured};
+use super::sanity::sane;
 use super::shapes::{LAMP, camera, point, room, scaled};
-use super::stage::{SIZE, Stage, coarse, difference, sane, seeds_apart};
+use super::stage::{SIZE, Stage, coarse, difference, seeds_apart};
 use glam::Vec3;
 use relight_format as format;
-use relight_play::frame::Lit;
-use relight_play::reflections::FIXED_RAYS;
+use relight_play::frame::light::Lit;
 use relight_scene::scene::Scene;
 use relight_scene::traced::Shading;
 
@@ -54,12 +54,12 @@ fn scale(stage: &Stage, factor: f32, exact: bool) -> Measured {
 
 /// The same asset under a lamp of any strength.
 fn intensity(stage: &Stage, factors: &[(f32, f64)]) -> Measured {
-    let loaded = stage.loaded(room(), &coarse())?;
-    let shot = stage.shot(&loaded, SIZE)?;
-    let one = stage.lit(&loaded, &shot, &[point(LAMP, 1.0)])?;
+    let player = stage.player(room(), &coarse())?;
+    let shot = stage.shot(&player, SIZE)?;
+    let one = stage.lit(&player, &shot, &[point(LAMP, 1.0)])?;
     let mut measures = Vec::new();
     for &(factor, bound) in factors {
-        let other = stage.lit(&loaded, &shot, &[point(LAMP, factor)])?;
+        let other = stage.lit(&player, &shot, &[point(LAMP, factor)])?;
         measures.extend(sane(&other).into_iter().map(|m| Measure {
             what: format!("{} at {factor:e}", m.what),
             ..m
@@ -102,9 +102,9 @@ fn threads(stage: &Stage) -> Measured {
                 .asset(room(), Shading::Lambert, &coarse())
                 .map_err(|e| e.to_string())?;
             let bytes = format::write_asset(&asset).map_err(|e| e.to_string())?;
-            let loaded = stage.through_file(&asset)?;
-            let shot = stage.shot(&loaded, SIZE)?;
-            Ok((bytes, stage.lit(&loaded, &shot, &[point(LAMP, 1.0)])?))
+            let player = stage.through_file(&asset)?;
+            let shot = stage.shot(&player, SIZE)?;
+            Ok((bytes, stage.lit(&player, &shot, &[point(LAMP, 1.0)])?))
         })
     };
     let ((bytes, one), (more_bytes, three)) = (run(1)?, run(3)?);
@@ -144,7 +144,7 @@ fn round_trip(stage: &Stage) -> Measured {
 
 /// Cameras that see nearly nothing, nearly everything, from a wall and from within matter.
 fn cameras(stage: &Stage) -> Measured {
-    let loaded = stage.loaded(room(), &coarse())?;
+    let player = stage.player(room(), &coarse())?;
     let mut measures = Vec::new();
     for (name, eye, target, vfov) in [
         ("0.001° wide", Vec3::new(0.5, 0.4, 0.9), Vec3::ZERO, 1e-3),
@@ -155,13 +155,9 @@ fn cameras(stage: &Stage) -> Measured {
         ("upon its own target", Vec3::ZERO, Vec3::ZERO, 70.0),
         ("outside, looking away", Vec3::splat(5.0), Vec3::splat(9.0), 70.0),
     ] {
-        stage.at("play: expose");
         let camera = camera(eye, target, vfov).at(0.0);
-        let mut shot = relight_play::shot::expose(&loaded.player.scene, &camera, SIZE, SIZE, 4);
-        if let Some(transfer) = &loaded.player.transfer {
-            shot.weigh(transfer, &loaded.player.scene, FIXED_RAYS);
-        }
-        let lit = stage.lit(&loaded, &shot, &[point(LAMP, 1.0)])?;
+        let shot = stage.shot_of(&player, &camera, SIZE, 4, None);
+        let lit = stage.lit(&player, &shot, &[point(LAMP, 1.0)])?;
         measures.extend(sane(&lit).into_iter().map(|m| Measure {
             what: format!("{}: {}", name, m.what),
             ..m

@@ -6,23 +6,21 @@ use relight_bake::error::BakeError;
 use relight_bake::params::{BakeParams, Preset};
 use relight_bake::{Progress, bake};
 use relight_format::{self as format, Asset, Limits};
-use relight_play::frame::{LightingSettings, Lit};
-use relight_play::load::{Loaded, from_asset};
-use relight_play::reflections::FIXED_RAYS;
-use relight_play::shot::{Shot, expose};
-use relight_render::layers::{RenderSize, Watch};
+use relight_play::frame::light::Lit;
+use relight_play::open::Parts;
+use relight_play::shot::RelitShot;
+use relight_play::{CutSites, FrameSettings, Player, ShotSettings};
+use relight_render::expose::expose;
+use relight_render::layers::RenderSize;
 use relight_render::path::{PathSettings, render};
+use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
 use relight_scene::light::LightTrack;
 use relight_scene::light_set::{LightSet, SceneEmitters};
 use relight_scene::scene::Scene;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::{Shading, TracedScene};
-use std::path::Path;
-use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
-
-use super::case::Measure;
 
 /// Where a case is, for the message when it fails.
 #[derive(Default)]
@@ -78,16 +76,12 @@ impl Stage {
             width: TRACED,
             height: TRACED,
         };
-        let watch = Watch {
-            cancel: &AtomicBool::new(false),
-            progress: &|_, _| {},
-        };
         let settings = PathSettings {
             spp,
             ..PathSettings::default()
         };
         let camera = scene.scene().cameras[0].at(0.0);
-        render(scene, &lights, &camera, size, &settings, &watch).map_err(|e| e.to_string())
+        render(scene, &lights, &camera, size, &settings, &()).map_err(|e| e.to_string())
     }
 
     /// Indirect light per pixel of [`Stage::traced_with`].
@@ -120,68 +114,72 @@ impl Stage {
     }
 
     /// What a player makes of an asset, by way of the file's bytes.
-    pub fn through_file(&self, asset: &Asset) -> Result<Loaded, String> {
+    pub fn through_file(&self, asset: &Asset) -> Result<Player, String> {
         self.at("format: write");
         let bytes = format::write_asset(asset).map_err(|e| e.to_string())?;
         self.at("format: read");
         let asset = format::read_asset(&bytes, &Limits::default()).map_err(|e| e.to_string())?;
         self.at("play: load");
-        from_asset(asset, format::content_hash(&bytes), Path::new("case"), true).map_err(|e| e.to_string())
+        Player::of_asset(asset, format::content_hash(&bytes), "case", Parts::Whole).map_err(|e| e.to_string())
     }
 
     /// Bakes, writes, reads and loads; all materials matt.
-    pub fn loaded(&self, scene: Scene, params: &BakeParams) -> Result<Loaded, String> {
+    pub fn player(&self, scene: Scene, params: &BakeParams) -> Result<Player, String> {
         let asset = self
             .asset(scene, Shading::Lambert, params)
             .map_err(|e| e.to_string())?;
         self.through_file(&asset)
     }
 
-    /// What the first camera sees.
-    pub fn shot(&self, loaded: &Loaded, size: usize) -> Result<Shot, String> {
+    /// What the first camera sees, for light without visibility cuts.
+    pub fn shot(&self, player: &Player, size: usize) -> Result<RelitShot, String> {
+        let camera = player.scene().cameras.first().ok_or("no camera")?.at(0.0);
+        Ok(self.shot_of(player, &camera, size, 1, None))
+    }
+
+    /// What a camera sees with so many rays a pixel.
+    pub fn shot_of(
+        &self,
+        player: &Player,
+        camera: &Camera,
+        size: usize,
+        samples: u32,
+        sites: Option<CutSites>,
+    ) -> RelitShot {
         self.at("play: expose");
-        let camera = loaded.scene.cameras.first().ok_or("no camera")?.at(0.0);
-        let mut shot = expose(&loaded.player.scene, &camera, size, size, 1);
+        let seen = expose(&player.prepared.scene, camera, size, size, samples);
         self.at("play: weigh");
-        if let Some(transfer) = &loaded.player.transfer {
-            shot.weigh(transfer, &loaded.player.scene, FIXED_RAYS);
-        }
-        Ok(shot)
+        let settings = ShotSettings {
+            sites,
+            ..ShotSettings::default()
+        };
+        player.shot_of(seen, &settings)
     }
 
-    /// Lights a shot with the transfer integrator.
-    pub fn lit(&self, loaded: &Loaded, shot: &Shot, tracks: &[LightTrack]) -> Result<Lit, String> {
-        self.lit_with(loaded, shot, tracks, 4, false)
+    /// Lights a shot.
+    pub fn lit(&self, player: &Player, shot: &RelitShot, tracks: &[LightTrack]) -> Result<Lit, String> {
+        self.lit_with(player, shot, tracks, &FrameSettings::default())
     }
 
-    /// As [`Stage::lit`] with so many rays per point to lights with extent, and layers per light if wanted.
+    /// As [`Stage::lit`] with other settings.
     pub fn lit_with(
         &self,
-        loaded: &Loaded,
-        shot: &Shot,
+        player: &Player,
+        shot: &RelitShot,
         tracks: &[LightTrack],
-        point_samples: u32,
-        per_light: bool,
+        settings: &FrameSettings,
     ) -> Result<Lit, String> {
         self.at("play: light");
-        let emitters = SceneEmitters::new(&loaded.player.scene);
-        let lights = LightSet::new(&emitters, tracks, 0.0).map_err(|e| e.to_string())?;
-        let settings = LightingSettings {
-            pixel_samples: 8,
-            point_samples,
-            seed: 0,
-            per_light,
-            indirect: loaded.player.transfer.is_some(),
-            bounce_cuts: None,
-        };
-        Ok(loaded.player.light(shot, &lights, None, &settings).0)
+        let lights = player.lights(tracks).map_err(|e| e.to_string())?;
+        let lit = player.light(shot, &lights, 0.0, settings, &());
+        lit.map(|lit| lit.0).map_err(|e| e.to_string())
     }
 
     /// Bakes a scene and lights what its camera sees.
     pub fn picture(&self, scene: Scene, params: &BakeParams, tracks: &[LightTrack]) -> Result<Lit, String> {
-        let loaded = self.loaded(scene, params)?;
-        let shot = self.shot(&loaded, SIZE)?;
-        self.lit(&loaded, &shot, tracks)
+        let player = self.player(scene, params)?;
+        let shot = self.shot(&player, SIZE)?;
+        self.lit(&player, &shot, tracks)
     }
 }
 
@@ -194,21 +192,25 @@ pub struct AtPoints {
 }
 
 /// Irradiance at the finest points, which stand for equal areas.
-pub fn at_points(stage: &Stage, loaded: &Loaded, tracks: &[LightTrack]) -> Result<AtPoints, String> {
+pub fn at_points(stage: &Stage, player: &Player, tracks: &[LightTrack]) -> Result<AtPoints, String> {
     stage.at("play: direct light at the points");
-    let transfer = loaded.player.transfer.as_ref().ok_or("the asset has no points")?;
-    let emitters = SceneEmitters::new(&loaded.player.scene);
+    let transfer = player
+        .prepared
+        .transfer
+        .as_ref()
+        .ok_or("the asset has no points")?;
+    let emitters = SceneEmitters::new(&player.prepared.scene);
     let lights = LightSet::new(&emitters, tracks, 0.0).map_err(|e| e.to_string())?;
     let mut direct = vec![Vec3::ZERO; transfer.finest.len()];
-    let points: &[Option<SurfaceHit>] = &loaded.player.points;
+    let points: &[Option<SurfaceHit>] = &player.prepared.points;
     for light in 0..lights.len() {
         let mut own = vec![Vec3::ZERO; direct.len()];
         relight_render::lighting::irradiance_at(
-            &loaded.player.scene,
+            &player.prepared.scene,
             &lights,
             light,
             points,
-            loaded.player.footprint(),
+            player.prepared.footprint(),
             4,
             0,
             &mut own,
@@ -255,36 +257,4 @@ pub fn seeds_apart(
     };
     let other = stage.picture(scene(), &other, tracks)?;
     Ok(2.0 * difference(&other.indirect, &plain.indirect))
-}
-
-/// That all light is finite, that light which is a sum of positive parts is nowhere negative, and that the negative
-/// parts of indirect light, which differences between levels may leave, are small.
-pub fn sane(lit: &Lit) -> Vec<Measure> {
-    let all = || lit.emission.iter().chain(&lit.direct).chain(&lit.indirect);
-    let broken = all().filter(|v| !v.is_finite()).count();
-    let negative = lit
-        .emission
-        .iter()
-        .chain(&lit.direct)
-        .filter(|v| v.min_element() < 0.0)
-        .count();
-    let sum = |sign: f64| -> f64 {
-        let parts = lit
-            .indirect
-            .iter()
-            .map(|v| (v.as_dvec3() * sign).max(DVec3::ZERO));
-        parts.sum::<DVec3>().element_sum()
-    };
-    let (below, above) = (sum(-1.0), sum(1.0));
-    let share = if above > 0.0 { below / above } else { below };
-    vec![
-        Measure::none("not finite", broken, "every value must be a number"),
-        Measure::none("negative direct light", negative, "a sum of non-negative parts"),
-        Measure::new(
-            "negative indirect light",
-            share,
-            1e-3,
-            "share of all: what the final clamp at zero may add, below a tenth of the error",
-        ),
-    ]
 }

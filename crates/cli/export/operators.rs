@@ -4,7 +4,7 @@ use super::files::{Folder, check_size};
 use super::report::Facts;
 use anyhow::{anyhow, bail};
 use relight_format::Asset;
-use relight_play::load::{load_operators, matrix};
+use relight_play::open::{load_operators, matrix};
 use std::path::Path;
 
 /// Irradiance of a surface over radiosity of others.

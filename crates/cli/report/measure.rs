@@ -3,13 +3,14 @@
 
 use super::reference::{LAYERS, Reference};
 use super::settings::Setting;
-use super::{Task, cache, parsed};
+use super::{Task, cache};
 use crate::bake::{self, BakeArgs, Job};
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::options::parsed;
 use crate::output;
-use crate::play::{self, Pace};
-use crate::session::median;
+use crate::play::{self, FrameReport, Pace};
+use crate::statistics::median;
 use relight_scene::image::Layers;
 use relight_scene::image::metrics::{Comparison, compare};
 use relight_scene::image::{Limits, read_exr, write_atomically};
@@ -74,7 +75,7 @@ pub struct Measured {
     /// Milliseconds a frame (mean over the frames), one per repetition.
     pub milliseconds: Vec<f64>,
     /// Stages of a frame, likewise.
-    pub stages: BTreeMap<String, Vec<f64>>,
+    pub stages: BTreeMap<&'static str, Vec<f64>>,
     /// Milliseconds of what a standing camera needs once.
     pub once: Vec<f64>,
     /// By the names of [`LAYERS`]; those that the integrator makes.
@@ -142,7 +143,7 @@ impl Measured {
         let stages: Map<String, Value> = self
             .stages
             .iter()
-            .map(|(name, values)| (name.clone(), median(values.iter().copied()).into()))
+            .map(|(name, values)| ((*name).to_owned(), median(values.iter().copied()).into()))
             .collect();
         let layers: Map<String, Value> = self
             .errors
@@ -337,27 +338,18 @@ fn play_once(runs: &Runs, one: &mut Measured, console: &Console) -> Result<(), F
     // Not the references' seed: they must not share random numbers.
     let played = play::play(&args, task.seed ^ 1, &console.silent(), Pace::OneByOne, |_, _| {})?;
     one.peak_memory = one.peak_memory.max(output::peak_memory_bytes());
-    let frames = played["frames"].as_array().map_or(&[][..], Vec::as_slice);
-    let mean =
-        |name: &str| frames.iter().filter_map(|f| f[name].as_f64()).sum::<f64>() / frames.len().max(1) as f64;
+    let share = 1.0 / played.frames.len().max(1) as f64;
+    let mut sums: BTreeMap<&'static str, f64> = BTreeMap::new();
+    for (name, value) in played.frames.iter().flat_map(FrameReport::entries) {
+        *sums.entry(name).or_default() += value;
+    }
+    let mean = |name: &str| sums.get(name).copied().unwrap_or(0.0) * share;
     // Writing the picture costs the same for all and is no part of making light.
     one.milliseconds.push(mean("total") - mean("write"));
-    for name in frames
-        .iter()
-        .filter_map(Value::as_object)
-        .flat_map(Map::keys)
-        .filter(|n| *n != "frame")
-    {
-        let values = one.stages.entry(name.clone()).or_default();
-        if values.len() < one.milliseconds.len() {
-            values.push(mean(name));
-        }
+    for name in sums.keys() {
+        one.stages.entry(name).or_default().push(mean(name));
     }
-    let once = played["once_per_shot"].as_object();
-    let once = once.into_iter().flatten().filter(|(name, _)| *name != "load");
-    // The sum of nothing is −0.
-    one.once
-        .push(once.filter_map(|(_, ms)| ms.as_f64()).sum::<f64>() + 0.0);
+    one.once.push(played.once_per_shot.of_shot());
     Ok(())
 }
 

@@ -6,7 +6,7 @@ use super::measure::Measured;
 use super::plot::Plot;
 use super::reference::Reference;
 use crate::failure::Failure;
-use crate::session::median;
+use crate::statistics::median;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use relight_scene::image::{
@@ -255,11 +255,7 @@ fn stages(page: &mut String, measured: &[Measured]) {
     ];
     let timed = |name: &str| !COUNTS.contains(&name) && !name.contains("per_fragment");
     let of = |m: &Measured, name: &str| m.stages.get(name).map(|v| median(v.iter().copied()));
-    let all = names(
-        measured
-            .iter()
-            .map(|m| m.stages.keys().map(String::as_str).collect()),
-    );
+    let all = names(measured.iter().map(|m| m.stages.keys().copied().collect()));
     let (times, counts): (Vec<&str>, Vec<&str>) = all.into_iter().partition(|name| timed(name));
     let rows = |columns: Vec<&str>| {
         let of_columns = |m: &Measured| columns.iter().map(|name| of(m, name)).collect::<Vec<_>>();

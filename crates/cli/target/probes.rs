@@ -1,34 +1,29 @@
 //! Windows of images from other viewpoints than the cameras', path-traced in two halves that tell their own noise.
 
-use crate::choice::splits;
 use crate::console::Console;
 use crate::failure::Failure;
-use crate::play::ILLUMINATION_CUT;
-use crate::session::{FIXED_SPP, PIXEL_LIGHT_SAMPLES, POINT_LIGHT_SAMPLES};
-use crate::signals;
+use crate::signals::{self, Signals};
 use glam::{Vec2, Vec3};
 use relight_bake::params::BakeParams;
 use relight_bake::points::viewpoints::in_open_space;
 use relight_format::{self as format, Asset, Limits};
-use relight_play::cuts::Lights;
-use relight_play::frame::{Distant, LightingSettings};
-use relight_play::load::from_asset;
-use relight_play::reflections::FIXED_RAYS;
-use relight_play::shot::{Shot, expose};
-use relight_render::layers::{RenderSize, Watch};
+use relight_play::camera::camera_of;
+use relight_play::open::Parts;
+use relight_play::shot::STANDING_SAMPLES;
+use relight_play::{CutSites, FrameSettings, Lights, Player, ShotSettings};
+use relight_render::expose::expose;
+use relight_render::exposure::Exposure;
+use relight_render::layers::RenderSize;
 use relight_render::path::{self, PathSettings};
-use relight_scene::camera::{Camera, CameraTrack};
+use relight_scene::camera::Camera;
 use relight_scene::image::FloatImage;
 use relight_scene::image::metrics::relmse;
-use relight_scene::light::LightTrack;
-use relight_scene::light_set::{LightRig, SceneEmitters};
 use relight_scene::rays::Ray;
 use relight_scene::scene::Scene;
-use relight_scene::sequence::{Sequence, SequenceCamera};
+use relight_scene::sequence::Sequence;
 use relight_scene::surface::Surfaces;
 use relight_scene::traced::{Shading, TracedScene};
 use relight_transport::random::Stream;
-use std::path::Path;
 use std::sync::Arc;
 
 /// Windows that see something in their middle: many, so that they hold what images hold.
@@ -59,7 +54,7 @@ const MOST: u32 = 256;
 const STAGE: u32 = 12;
 
 /// Where probes look from.
-pub struct Places {
+pub struct Viewpoints {
     scene: TracedScene,
     /// Frame and camera of each window.
     windows: Vec<(u32, Camera)>,
@@ -69,7 +64,7 @@ pub struct Places {
     seen: f32,
 }
 
-impl Places {
+impl Viewpoints {
     /// Other viewpoints near those of the camera that `play` takes by itself, or, without one, in open space.
     ///
     /// # Errors
@@ -79,10 +74,11 @@ impl Places {
         shading: Shading,
         lights: Option<&Sequence>,
         params: &BakeParams,
-    ) -> Result<Places, Failure> {
+    ) -> Result<Viewpoints, Failure> {
         let traced = TracedScene::new(scene.clone(), shading)?;
         let frames = lights.map_or(scene.sequence.frames, |s| s.frames).max(1);
-        let track = played(scene, lights);
+        // That which `play` takes by itself: errors of several cameras together would be those of the darkest room that any sees.
+        let track = camera_of(scene, lights.unwrap_or(&scene.sequence), None).ok();
         let open = in_open_space(&traced, params.seed).0.unwrap_or(Vec3::ZERO);
         let mut windows = Vec::new();
         let mut seen = 0;
@@ -109,7 +105,7 @@ impl Places {
             Some(track) => track.at(0.0).position,
             None => open,
         };
-        Ok(Places {
+        Ok(Viewpoints {
             scene: traced,
             lamp,
             seen: seen as f32 / windows.len() as f32,
@@ -136,16 +132,6 @@ fn uniform_sphere(u: Vec2) -> Vec3 {
     let (sin, cos) = (u.y * std::f32::consts::TAU).sin_cos();
     let r = (1.0 - z * z).max(0.0).sqrt();
     Vec3::new(r * cos, z, r * sin)
-}
-
-/// The camera that `play` takes by itself: the sequence's, else the scene's first. Errors of several cameras together would
-/// be those of the darkest room that any sees.
-fn played<'a>(scene: &'a Scene, lights: Option<&'a Sequence>) -> Option<&'a CameraTrack> {
-    match &lights.unwrap_or(&scene.sequence).camera {
-        Some(SequenceCamera::Own(track)) => Some(track),
-        Some(SequenceCamera::Node(name)) => scene.cameras.iter().find(|track| track.name == *name),
-        None => scene.cameras.first(),
-    }
 }
 
 fn two(s: &mut Stream) -> Vec2 {
@@ -196,7 +182,7 @@ pub struct Estimate {
 
 /// Windows with their references.
 pub struct Probes {
-    places: Places,
+    viewpoints: Viewpoints,
     sequence: Sequence,
     /// Mean of two halves, all windows one below the other.
     reference: FloatImage,
@@ -210,7 +196,7 @@ impl Probes {
     /// # Errors
     /// A signal asks to stop; a light cannot be sampled.
     pub fn trace(
-        places: Places,
+        viewpoints: Viewpoints,
         sequence: &Sequence,
         params: &BakeParams,
         target: f64,
@@ -219,14 +205,14 @@ impl Probes {
         let mut halves: [Vec<[f64; 3]>; 2] = Default::default();
         // Pixels that see nothing add no noise but count in the mean: the more there are, the noisier the others may be, and
         // the more they are of what is sought.
-        let most = MOST as f32 * places.seen.recip().sqrt();
+        let most = MOST as f32 * viewpoints.seen.recip().sqrt();
         let mut spp = 0;
         let (mut reference, mut floor);
         loop {
             let more = spp.max(FIRST_PASS);
             for (half, sum) in halves.iter_mut().enumerate() {
                 let seed = format::content_hash(format!("{} {half} {spp}", params.seed).as_bytes());
-                let image = path_traced(&places, sequence, more, params.bounces, seed)?;
+                let image = path_traced(&viewpoints, sequence, more, params.bounces, seed)?;
                 sum.resize(image.len(), [0.0; 3]);
                 for (sum, pixel) in sum.iter_mut().zip(image) {
                     for k in 0..3 {
@@ -259,7 +245,7 @@ impl Probes {
             }
         }
         Ok(Probes {
-            places,
+            viewpoints,
             sequence: sequence.clone(),
             reference,
             floor,
@@ -288,48 +274,35 @@ impl Probes {
 
     /// Indirect light of all windows.
     fn relit(&self, asset: Asset) -> Result<Vec<[f32; 3]>, Failure> {
-        let loaded = from_asset(asset, 0, Path::new("the new asset"), true)?;
-        let player = &loaded.player;
+        let player = Player::of_asset(asset, 0, "the new asset", Parts::Whole)?;
         // Emission may have been left out: what shines does so in the scene as it was.
-        let emitters = SceneEmitters::new(&self.places.scene);
-        let rig = LightRig::new(&emitters, &self.sequence.lights)?;
-        let cuts = player.cuts.as_ref().map(|cuts| &cuts.lights);
-        let surface = matches!(cuts, Some(Lights::Surface(_)));
-        let by_directions = matches!(cuts, Some(Lights::Directions(_)))
-            && self.sequence.lights.iter().any(LightTrack::is_distant);
-        let most = ILLUMINATION_CUT as usize;
-        let settings = LightingSettings {
-            pixel_samples: PIXEL_LIGHT_SAMPLES,
-            point_samples: POINT_LIGHT_SAMPLES,
-            seed: 0,
-            per_light: false,
-            indirect: true,
-            bounce_cuts: surface.then_some(most),
+        let directions = player.prepared.directions();
+        let lights = Lights::new(&self.viewpoints.scene, &self.sequence.lights, directions)?;
+        let shot_settings = ShotSettings {
+            sites: Some(CutSites::Around),
+            ..ShotSettings::default()
         };
         let mut pixels = vec![[0.0; 3]; self.reference.pixels.len()];
-        for frame in self.places.frames() {
-            let of_frame: Vec<usize> = (0..self.places.windows.len())
-                .filter(|&i| self.places.windows[i].0 == frame)
+        for frame in self.viewpoints.frames() {
+            let of_frame: Vec<usize> = (0..self.viewpoints.windows.len())
+                .filter(|&i| self.viewpoints.windows[i].0 == frame)
                 .collect();
-            let shots = of_frame.iter().map(|&i| {
-                let camera = &self.places.windows[i].1;
-                expose(&player.scene, camera, WINDOW.width, WINDOW.height, FIXED_SPP)
-            });
-            let mut shot = Shot::default();
-            shots.for_each(|more| shot.append(more));
-            if let Some(transfer) = &player.transfer {
-                shot.weigh(transfer, &player.scene, FIXED_RAYS);
+            let mut seen = Exposure::default();
+            for &i in &of_frame {
+                let camera = &self.viewpoints.windows[i].1;
+                let scene = &player.prepared.scene;
+                seen.append(expose(
+                    scene,
+                    camera,
+                    WINDOW.width,
+                    WINDOW.height,
+                    STANDING_SAMPLES,
+                ));
             }
-            if player.cuts.is_some() && (surface || by_directions) {
-                shot.choose_sites();
-            }
-            let lights = rig.at(frame.into());
-            let distant = by_directions.then(|| {
-                let parts = splits(&rig, &loaded, self.sequence.lights.len());
-                Distant::at(&rig, frame.into(), |light| parts[light].clone(), most)
-            });
-            let (lit, _) = player.light(&shot, &lights, distant.as_ref(), &settings);
-            let light = shot.resolve(&lit.indirect);
+            let shot = player.shot_of(seen, &shot_settings);
+            let settings = FrameSettings::default();
+            let (lit, _) = player.light(&shot, &lights, frame.into(), &settings, &())?;
+            let light = shot.seen.resolve(&lit.indirect);
             let count = WINDOW.width * WINDOW.height;
             for (at, &i) in of_frame.iter().enumerate() {
                 for k in 0..count {
@@ -351,20 +324,15 @@ fn image_of(pixels: Vec<[f32; 3]>) -> FloatImage {
 
 /// Indirect light of all windows.
 fn path_traced(
-    places: &Places,
+    viewpoints: &Viewpoints,
     sequence: &Sequence,
     spp: u32,
     bounces: Option<u32>,
     seed: u64,
 ) -> Result<Vec<[f32; 3]>, Failure> {
-    let emitters = SceneEmitters::new(&places.scene);
-    let rig = LightRig::new(&emitters, &sequence.lights)?;
-    let watch = Watch {
-        cancel: signals::stop_flag(),
-        progress: &|_, _| {},
-    };
+    let lights = Lights::new(&viewpoints.scene, &sequence.lights, 0)?;
     let mut pixels = Vec::new();
-    for (i, (frame, camera)) in places.windows.iter().enumerate() {
+    for (i, (frame, camera)) in viewpoints.windows.iter().enumerate() {
         let settings = PathSettings {
             spp,
             // T to the N is N + 1 reflections.
@@ -373,8 +341,8 @@ fn path_traced(
             seed: format::content_hash(format!("{seed} {i}").as_bytes()),
             light_layers: false,
         };
-        let lights = rig.at((*frame).into());
-        let layers = path::render(&places.scene, &lights, camera, WINDOW, &settings, &watch)
+        let lights = lights.at((*frame).into());
+        let layers = path::render(&viewpoints.scene, &lights, camera, WINDOW, &settings, &Signals)
             .map_err(|_| signals::failure())?;
         pixels.extend(layers.rgb("indirect").unwrap_or_default().pixels);
     }

@@ -10,10 +10,9 @@
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use relight_play::frame::Player;
-use relight_play::load::load;
-use relight_play::shot::expose;
 use relight_play::transfer::Transfer;
+use relight_play::{Player, PreparedScene};
+use relight_render::expose::expose;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_between, ray_from};
 use relight_transport::basis::NearestPoint;
 use relight_transport::pyramid::VectorIrradiance;
@@ -21,7 +20,7 @@ use relight_transport::random::Stream;
 use relight_transport::sampling::{Frame, cosine_hemisphere, r2};
 
 /// Green radiosity, up to the lamp's intensity, of a place lit by a lamp.
-fn lit(player: &Player, hit: &SurfaceHit, lamp: Vec3) -> f32 {
+fn lit(player: &PreparedScene, hit: &SurfaceHit, lamp: Vec3) -> f32 {
     let way = lamp - hit.position;
     let direction = way.normalize_or_zero();
     let cosine = hit.normal.dot(direction);
@@ -41,7 +40,7 @@ struct Received {
 }
 
 struct Scene<'a> {
-    player: &'a Player,
+    player: &'a PreparedScene,
     transfer: &'a Transfer,
     nearest: NearestPoint<'a>,
     lamp: Vec3,
@@ -119,10 +118,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         return Err("usage: one_bounce ASSET.relight X Y Z RAYS".into());
     };
     let lamp = Vec3::new(x.parse()?, y.parse()?, z.parse()?);
-    let loaded = load(asset.as_ref(), true)?;
-    let player = &loaded.player;
+    let opened = Player::open(asset)?;
+    let player = &opened.prepared;
     let transfer = player.transfer.as_ref().ok_or("the asset has no operators")?;
-    let camera = loaded.scene.cameras.first().ok_or("the scene has no camera")?;
+    let camera = opened.scene().cameras.first().ok_or("the scene has no camera")?;
     let found = |hit: &&SurfaceHit| hit.primitive != u32::MAX;
     let at_points: Vec<f32> = (player.points.par_iter())
         .map(|hit| {
@@ -148,8 +147,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         of_cluster,
         answered: transfer.of_radiosity(&radiosity),
     };
-    let shot = expose(&player.scene, &camera.at(0.0), 240, 135, 1);
-    let hits: Vec<SurfaceHit> = shot.hits.iter().flatten().copied().collect();
+    let seen = expose(&player.scene, &camera.at(0.0), 240, 135, 1);
+    let hits: Vec<SurfaceHit> = seen.hits.iter().flatten().copied().collect();
     let weighed = |received: Received, answered: f32, albedo: f32| {
         [received.exact, received.points, received.clusters, answered].map(|v| f64::from(v * albedo))
     };

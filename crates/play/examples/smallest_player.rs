@@ -1,40 +1,35 @@
-//! The smallest player: loads an asset and lights what its first camera sees with the scene's own lights.
+//! The smallest player: an asset and a lighting sequence to an OpenEXR frame, as `relight play` makes it.
 //!
-//! `cargo run --release -p relight-play --example smallest_player -- ASSET.relight`
+//! `cargo run --release -p relight-play --example smallest_player -- ASSET.relight SEQ.json FRAME.exr`
 
-use glam::Vec3;
-use relight_play::frame::LightingSettings;
-use relight_play::load::load;
-use relight_play::reflections::FIXED_RAYS;
-use relight_play::shot::expose;
-use relight_scene::light_set::{LightRig, SceneEmitters};
+use relight_play::scene::image::{ExrHeader, write_exr};
+use relight_play::scene::sequence::read_sequence;
+use relight_play::{FrameSettings, Player, ShotSettings};
+use std::error::Error;
+use std::path::Path;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let path = std::env::args()
-        .nth(1)
-        .ok_or("usage: smallest_player ASSET.relight")?;
-    let loaded = load(path.as_ref(), true)?;
-    let player = &loaded.player;
-    let camera = loaded.scene.cameras.first().ok_or("the scene has no camera")?;
-    let emitters = SceneEmitters::new(&player.scene);
-    let rig = LightRig::new(&emitters, &loaded.scene.sequence.lights)?;
-    let mut shot = expose(&player.scene, &camera.at(0.0), 160, 90, 4);
-    if let Some(transfer) = &player.transfer {
-        shot.weigh(transfer, &player.scene, FIXED_RAYS);
-    }
-    let settings = LightingSettings {
-        pixel_samples: 4,
-        point_samples: 4,
-        seed: 0,
-        per_light: false,
-        indirect: true,
-        bounce_cuts: None,
+/// Relights the first frame of a sequence.
+pub fn relight(asset: &Path, lights: &Path, output: &Path) -> Result<(), Box<dyn Error>> {
+    let player = Player::open(asset)?;
+    let sequence = read_sequence(lights)?;
+    let camera = player.camera(&sequence, None)?;
+    let lights = player.lights(&sequence.lights)?;
+    let size = ShotSettings {
+        width: 160,
+        height: 90,
+        ..ShotSettings::default()
     };
-    let (lit, _) = player.light(&shot, &rig.at(0.0), None, &settings);
-    let mean = |fragments: &[Vec3]| {
-        let pixels = shot.resolve(fragments);
-        pixels.iter().sum::<Vec3>() / pixels.len() as f32
-    };
-    println!("direct {}, indirect {}", mean(&lit.direct), mean(&lit.indirect));
+    let shot = player.shot(&camera.at(0.0), &size)?;
+    let frame = player.frame(&shot, &lights, 0.0, &FrameSettings::default())?;
+    write_exr(output, &frame.layers, &ExrHeader::new(), true)?;
+    println!("{}", frame.choice);
     Ok(())
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match arguments.as_slice() {
+        [asset, lights, output] => relight(asset.as_ref(), lights.as_ref(), output.as_ref()),
+        _ => Err("usage: smallest_player ASSET.relight SEQ.json FRAME.exr".into()),
+    }
 }

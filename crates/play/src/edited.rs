@@ -8,17 +8,19 @@
 //! sampled once a pixel. All its frames are, so that none differs from the others. A material whose edits are
 //! constant is averaged as ever.
 
-use crate::cuts::{Lights, reflectances};
-use crate::frame::Player;
-use crate::load::Loaded;
+use crate::cuts::CutLights;
+use crate::cuts::lights::reflectances;
+use crate::prepared::PreparedScene;
 use crate::reflections::MOVING_RAYS;
-use crate::shot::Shot;
+use crate::shot::RelitShot;
 use rayon::prelude::*;
+use relight_format::Provenance;
 use relight_format::layout::setting;
+use relight_render::exposure::Exposure;
 use relight_scene::json::error::JsonError;
-use relight_scene::material_edits::{MaterialEdits, read_material_edits};
+use relight_scene::material_edits::MaterialEdits;
 use relight_scene::shading::ShadingPoint;
-use relight_scene::traced::TracedSceneError;
+use relight_scene::traced::{TracedScene, TracedSceneError};
 use std::path::{Path, PathBuf};
 
 /// Why materials cannot be edited.
@@ -46,28 +48,31 @@ pub enum EditError {
     },
 }
 
-/// Material edits of a loaded asset, applied frame by frame.
-pub struct Editor {
+/// Material edits of a player, applied frame by frame.
+pub(crate) struct Edited {
     edits: MaterialEdits,
-    /// The asset's file, for messages.
-    asset: PathBuf,
     /// Per material whether it changes from frame to frame.
     moves: Vec<bool>,
+    /// Materials that edits before these have touched, and that these may not touch.
+    stale: Vec<bool>,
     /// Whether the edits have been applied before.
     begun: bool,
 }
 
-impl Editor {
-    /// Reads edits for an asset and checks that it can take them; changes nothing yet.
-    ///
-    /// # Errors
-    /// [`EditError`].
-    pub fn new(file: &Path, asset: &Path, loaded: &Loaded) -> Result<Editor, EditError> {
-        if loaded.provenance.lambert {
-            return Err(EditError::Lambert { file: asset.into() });
+impl Edited {
+    /// Checks that an asset can take edits; changes nothing yet. `file`: the asset's, for messages; `before`: the edits that these
+    /// replace.
+    pub fn new(
+        edits: MaterialEdits,
+        file: &Path,
+        provenance: &Provenance,
+        materials: usize,
+        before: Option<&Edited>,
+    ) -> Result<Edited, EditError> {
+        if provenance.lambert {
+            return Err(EditError::Lambert { file: file.into() });
         }
-        let edits = read_material_edits(file, &loaded.scene)?;
-        let is = |name, value| loaded.provenance.setting(name) == Some(value);
+        let is = |name, value| provenance.setting(name) == Some(value);
         if is(setting::SOLUTION, setting::BAKED)
             && let Some(error) = edits.refuse_reflectance(
                 "this asset was baked with --solution, which fixes how much every surface reflects; bake without \
@@ -84,14 +89,14 @@ impl Editor {
         {
             return Err(error.into());
         }
-        let moves = (0..loaded.scene.materials.len() as u32)
-            .map(|i| edits.moves(i))
-            .collect();
-        Ok(Editor {
-            edits,
-            asset: asset.into(),
-            moves,
+        let touched = |before: &Edited, i: u32| before.stale[i as usize] || before.edits.touches(i);
+        Ok(Edited {
+            moves: (0..materials as u32).map(|i| edits.moves(i)).collect(),
+            stale: (0..materials as u32)
+                .map(|i| before.is_some_and(|before| touched(before, i)))
+                .collect(),
             begun: false,
+            edits,
         })
     }
 
@@ -100,61 +105,48 @@ impl Editor {
         self.moves.contains(&true)
     }
 
-    /// Gives the player the materials of a frame, and the transfer the reflectances that they make.
-    ///
-    /// # Errors
-    /// A texture that an edit names is damaged.
-    pub fn apply(&mut self, frame: f64, player: &mut Player) -> Result<(), EditError> {
+    /// Gives the scene the materials of a frame, and the transfer the reflectances that they make. Whether anything
+    /// changed.
+    pub fn apply(&mut self, time: f64, prepared: &mut PreparedScene, file: &Path) -> Result<bool, EditError> {
         if self.begun && !self.moves() {
-            return Ok(());
+            return Ok(false);
         }
-        let materials = self.edits.at(frame, &player.scene.scene().materials);
-        player
-            .scene
-            .set_materials(materials)
-            .map_err(|source| EditError::Texture {
-                file: self.asset.clone(),
-                source,
-            })?;
-        let all = !self.begun;
-        self.begun = true;
-        let wanted =
-            |index: u32| self.edits.touches(index) && (all || self.moves.get(index as usize) == Some(&true));
-        let Player {
+        let PreparedScene {
             scene,
             transfer,
             points,
             cuts,
-        } = player;
+        } = prepared;
+        let materials = self.edits.at(time, &scene.scene().materials);
+        scene
+            .set_materials(materials)
+            .map_err(|source| EditError::Texture {
+                file: file.to_path_buf(),
+                source,
+            })?;
+        let all = !self.begun;
+        self.begun = true;
+        let is = |flags: &[bool], index: u32| flags.get(index as usize) == Some(&true);
+        let wanted = |index: u32| {
+            (self.edits.touches(index) && (all || is(&self.moves, index))) || (all && is(&self.stale, index))
+        };
         if let Some(transfer) = transfer {
             let mut albedo = std::mem::take(&mut transfer.albedo);
             reflectances(scene, points, &mut albedo, wanted);
             transfer.set_albedo(albedo);
         }
-        if let Some(Lights::Surface(samples)) = cuts.as_mut().map(|c| &mut c.lights) {
+        if let Some(CutLights::Surface(samples)) = cuts.as_mut().map(|c| &mut c.lights) {
             reflectances(scene, &samples.hits, &mut samples.albedo, wanted);
         }
-        Ok(())
+        Ok(true)
     }
 
-    /// Evaluates the fragments of materials that move again, with the materials that the player has now, and, if the shot was
-    /// weighed, what follows from them.
-    pub fn reshade(&self, player: &Player, shot: &mut Shot) {
-        if !self.moves() {
-            return;
-        }
-        let scene = &player.scene;
+    /// Evaluates the fragments of materials that move again, with the materials that the scene has now.
+    pub fn reshade(&self, scene: &TracedScene, seen: &mut Exposure) {
         let moved = |point: &ShadingPoint| self.moves.get(point.material as usize) == Some(&true);
-        let Shot {
-            points,
-            hits,
-            directions,
-            ..
-        } = &mut *shot;
-        points
-            .par_iter_mut()
-            .zip(&*hits)
-            .zip(&*directions)
+        (seen.points.par_iter_mut())
+            .zip(&seen.hits)
+            .zip(&seen.directions)
             .with_min_len(256)
             .for_each(|((point, hit), direction)| {
                 if let (Some(point), Some(hit)) = (point, hit)
@@ -167,10 +159,15 @@ impl Editor {
                     *point = again;
                 }
             });
-        let Some(transfer) = player.transfer.as_ref().filter(|_| !shot.albedo.is_empty()) else {
+    }
+
+    /// As [`Edited::reshade`] of a shot, with what follows from it.
+    pub fn refresh(&self, prepared: &PreparedScene, shot: &mut RelitShot) {
+        self.reshade(&prepared.scene, &mut shot.seen);
+        let Some(transfer) = &prepared.transfer else {
             return;
         };
-        shot.weigh_lobes(transfer, scene, MOVING_RAYS);
+        shot.weigh_lobes(transfer, &prepared.scene, MOVING_RAYS);
         let bends = (0u32..)
             .zip(&self.moves)
             .any(|(i, &m)| m && self.edits.moves_normals(i));

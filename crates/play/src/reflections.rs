@@ -14,6 +14,7 @@ use crate::reconstruct::functions_at;
 use crate::transfer::Transfer;
 use glam::Vec3;
 use rayon::prelude::*;
+use relight_render::exposure::Sighted;
 use relight_render::sampler::Sampler;
 use relight_scene::bsdf;
 use relight_scene::shading::ShadingPoint;
@@ -88,9 +89,6 @@ pub fn rays(point: &ShadingPoint, wo: Vec3, most: u32) -> u32 {
         .max(1)
 }
 
-/// Where a lobe's ray starts: surface, BRDF, and unit direction to the eye.
-pub type Start = (SurfaceHit, ShadingPoint, Vec3);
-
 /// What the finest points get: direct and indirect irradiance together, then indirect alone.
 fn sent(direct: Option<&[Vec3]>, indirect: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
     let indirect: Vec<Vec3> = indirect.collect();
@@ -104,9 +102,9 @@ fn sent(direct: Option<&[Vec3]>, indirect: impl Iterator<Item = Vec3>) -> Vec<Ve
 
 impl Lobes {
     /// Appends a fragment's lobe, which takes `rays`, or more if they see the sky.
-    fn push(&mut self, follower: &mut Follower, (fragment, rays): (u32, u32), starts: &[Start], most: u32) {
+    fn push(&mut self, follower: &mut Follower, (fragment, rays): (u32, u32), starts: &[Sighted], most: u32) {
         let narrow_below = NARROW * most as f32 / FIXED_RAYS as f32;
-        let narrow = (starts.iter()).all(|(_, point, _)| bsdf::width_facing(point) <= narrow_below);
+        let narrow = (starts.iter()).all(|start| bsdf::width_facing(&start.point) <= narrow_below);
         let first = self.sky.len();
         let mut cast = 0;
         for start in starts.iter().cycle() {
@@ -138,7 +136,7 @@ impl Reflections {
         transfer: &Transfer,
         rays: &[u32],
         most: u32,
-        starts_of: impl Fn(usize) -> Vec<Start> + Sync,
+        starts_of: impl Fn(usize) -> Vec<Sighted> + Sync,
     ) -> Reflections {
         let fragments: Vec<u32> = (0u32..).zip(rays).filter(|f| *f.1 > 0).map(|f| f.0).collect();
         if fragments.is_empty() {
@@ -237,7 +235,12 @@ struct Follower<'a> {
 impl Follower<'_> {
     /// Follows a lobe's ray over glossy surfaces until it ends on one that is not. Returns the direction of one that meets no
     /// surface, and how much of the light from there it takes to the eye.
-    fn follow(&mut self, (mut hit, mut point, mut wo): Start, mut sampler: Sampler) -> Option<(Vec3, Vec3)> {
+    fn follow(&mut self, start: Sighted, mut sampler: Sampler) -> Option<(Vec3, Vec3)> {
+        let Sighted {
+            mut hit,
+            mut point,
+            view: mut wo,
+        } = start;
         let mut throughput = Vec3::ONE;
         let mut blur = 0.0;
         for surface in 1..=MOST_SURFACES {

@@ -9,7 +9,7 @@
 //! * `virtual`: the same for COUNT virtual lights;
 //! * `reconstruction`: reconstruction cuts against lightcuts with the same eye rays;
 //! * `trees`: time and memory of building, and cuts by trees of exact and of windowed search;
-//! * `doubt`: errors and nodes for limits on the doubt (see `LightcutSettings::doubt`).
+//! * `uncertainty`: errors and nodes for limits on the uncertainty (see `LightcutSettings::uncertainty`).
 //! * `bounds`: tightness of the bounds of random nodes at what the camera sees.
 //!
 //! `-- panels` prints a sequence of 72 rectangular lamps for data/atrium.glb, the studies' interior.
@@ -19,7 +19,7 @@
 
 use glam::Vec3;
 use relight_render::brute::{self, PointsSettings};
-use relight_render::layers::{RenderSize, Watch};
+use relight_render::layers::RenderSize;
 use relight_render::lightcuts::{self, EyeRays, LightcutSettings};
 use relight_render::many_lights::{PointLights, PointSettings};
 use relight_scene::bsdf::Viewed;
@@ -35,7 +35,6 @@ use relight_transport::light_clusters::{BuildSettings, LightClusters, build};
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// Seconds that this process has computed for, all threads together: what others do on the machine does not count. Where
@@ -73,7 +72,7 @@ impl Clock {
 /// Light evaluations that every light at every pixel may take: some seconds.
 const BUDGET: f64 = 2e7;
 
-/// Trees that the errors of [`Study::doubt`] are means of.
+/// Trees that the errors of [`Study::uncertainty`] are means of.
 const SEEDS: u64 = 4;
 
 struct Study<'a> {
@@ -81,7 +80,6 @@ struct Study<'a> {
     lights: &'a LightSet<'a>,
     camera: Camera,
     size: RenderSize,
-    watch: Watch<'a>,
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -100,7 +98,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let traced = TracedScene::new(Arc::new(scene), Shading::Full)?;
     let emitters = SceneEmitters::new(&traced);
     let lights = LightSet::new(&emitters, &sequence.lights, 0.0)?;
-    let cancel = AtomicBool::new(false);
     let it = Study {
         scene: &traced,
         lights: &lights,
@@ -108,10 +105,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         size: RenderSize {
             width: width.parse()?,
             height: height.parse()?,
-        },
-        watch: Watch {
-            cancel: &cancel,
-            progress: &|_, _| {},
         },
     };
     let counts: Vec<u32> = rest.iter().map(|n| n.parse()).collect::<Result<_, _>>()?;
@@ -121,7 +114,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "reconstruction" => it.reconstruction(&counts),
         "trees" => it.trees(&counts),
         "bounds" => it.bounds(&counts),
-        "doubt" => it.doubt(&counts),
+        "uncertainty" => it.uncertainty(&counts),
         _ => Err("no such study".into()),
     }
 }
@@ -146,14 +139,17 @@ impl Study<'_> {
 
     fn scaling(&self, counts: &[u32], virtuals: bool) -> Result<(), Box<dyn Error>> {
         println!(
-            "| lights | doubt | build s | cuts s | nodes | rays | limited | image for all | cuts µs/px | all µs/px | × | \
+            "| lights | uncertainty | build s | cuts s | nodes | rays | limited | image for all | cuts µs/px | all µs/px | × | \
              packets × | rays of all | Ward µs/px | Ward rays | within 2 % | mean error | rms |"
         );
         println!("{}", "| --- ".repeat(18) + "|");
-        let both = [f32::INFINITY, LightcutSettings::default().doubt];
-        for (&count, doubt) in counts.iter().flat_map(|count| both.map(|doubt| (count, doubt))) {
+        let both = [f32::INFINITY, LightcutSettings::default().uncertainty];
+        for (&count, uncertainty) in counts
+            .iter()
+            .flat_map(|count| both.map(|uncertainty| (count, uncertainty)))
+        {
             let settings = LightcutSettings {
-                doubt,
+                uncertainty,
                 ..Self::settings()
             };
             let points = self.points(count, virtuals);
@@ -193,7 +189,7 @@ impl Study<'_> {
                         &self.camera,
                         small,
                         &settings,
-                        &self.watch,
+                        &(),
                     )?;
                     Ok((start.seconds() * 1e6 / pixels, found))
                 };
@@ -212,7 +208,7 @@ impl Study<'_> {
             let error = Difference::between(&image, &reference);
             let full_pixels = (self.size.width * self.size.height) as f64;
             println!(
-                "| {} | {doubt} | {built:.2} | {seconds:.2} | {:.0} | {:.0} | {:.2} % | {}x{} | {cuts:.1} | {all:.1} | {:.1} | {:.1} | {:.0} | \
+                "| {} | {uncertainty} | {built:.2} | {seconds:.2} | {:.0} | {:.0} | {:.2} % | {}x{} | {cuts:.1} | {all:.1} | {:.1} | {:.1} | {:.0} | \
                  {ward:.1} | {:.0} | {:.2} % | {:+.3} % | {:.3} % |",
                 points.len(),
                 full.nodes as f64 / full_pixels,
@@ -247,7 +243,7 @@ impl Study<'_> {
             &self.camera,
             size,
             settings,
-            &self.watch,
+            &(),
         )?)
     }
 
@@ -328,7 +324,7 @@ impl Study<'_> {
                     self.size,
                     &settings,
                     EyeRays { least: 5, most },
-                    &self.watch,
+                    &(),
                 )?;
                 let seconds = start.seconds();
                 let error = metrics::relmse(
@@ -353,8 +349,8 @@ impl Study<'_> {
         Ok(())
     }
 
-    fn doubt(&self, counts: &[u32]) -> Result<(), Box<dyn Error>> {
-        println!("| lights | doubt | nodes/px | rays/px | s | within 2 % | mean error | rms |");
+    fn uncertainty(&self, counts: &[u32]) -> Result<(), Box<dyn Error>> {
+        println!("| lights | uncertainty | nodes/px | rays/px | s | within 2 % | mean error | rms |");
         println!("{}", "| --- ".repeat(8) + "|");
         let pixels = (self.size.width * self.size.height) as f64;
         for &count in counts {
@@ -376,11 +372,11 @@ impl Study<'_> {
                 &self.camera,
                 self.size,
                 &settings,
-                &self.watch,
+                &(),
             )?;
-            for doubt in [f32::INFINITY, 0.1, 0.05, 0.025, 0.0125] {
+            for uncertainty in [f32::INFINITY, 0.1, 0.05, 0.025, 0.0125] {
                 let settings = LightcutSettings {
-                    doubt,
+                    uncertainty,
                     ..Self::settings()
                 };
                 let [mut nodes, mut rays, mut within, mut mean, mut squares] = [0.0; 5];
@@ -396,7 +392,7 @@ impl Study<'_> {
                 }
                 let n = SEEDS as f64;
                 println!(
-                    "| {} | {doubt} | {:.0} | {:.0} | {:.2} | {:.2} % | {:+.3} % | {:.3} % |",
+                    "| {} | {uncertainty} | {:.0} | {:.0} | {:.2} | {:.2} % | {:+.3} % | {:.3} % |",
                     points.len(),
                     nodes / n,
                     rays / n,

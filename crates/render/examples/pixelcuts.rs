@@ -9,7 +9,7 @@
 //! sweeps out.
 
 use relight_render::brute::{self, PointsSettings};
-use relight_render::layers::{RenderSize, Watch};
+use relight_render::layers::RenderSize;
 use relight_render::many_lights::{PointLights, PointSettings};
 use relight_render::pixelcuts::{self, PixelcutsSettings, PixelcutsStats};
 use relight_scene::gltf::{ImportOptions, import};
@@ -20,7 +20,6 @@ use relight_scene::traced::{Shading, TracedScene};
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -71,11 +70,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         rayon::current_num_threads()
     );
 
-    let cancel = AtomicBool::new(false);
-    let watch = Watch {
-        cancel: &cancel,
-        progress: &|_, _| {},
-    };
     let brute = |packets| -> Result<(Layers, f64), Box<dyn Error>> {
         let started = Instant::now();
         let settings = PointsSettings {
@@ -84,8 +78,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             light_layers: false,
             packets,
         };
-        let (layers, rays) =
-            brute::render_points(&traced, &lights, &points, &camera, size, &settings, &watch)?;
+        let (layers, rays) = brute::render_points(&traced, &lights, &points, &camera, size, &settings, &())?;
         let seconds = started.elapsed().as_secs_f64();
         let per_pixel = rays as f64 / (size.width * size.height) as f64;
         println!("brute force, packets {packets}: {seconds:.2} s, {per_pixel:.1} shadow rays per pixel");
@@ -96,7 +89,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut table = Vec::new();
     let mut run = |what: String, settings: PixelcutsSettings| -> Result<Layers, Box<dyn Error>> {
         let started = Instant::now();
-        let (layers, stats) = pixelcuts::render(&traced, &lights, &points, &camera, size, &settings, &watch)?;
+        let (layers, stats) = pixelcuts::render(&traced, &lights, &points, &camera, size, &settings, &())?;
         table.push((
             what,
             started.elapsed().as_secs_f64(),

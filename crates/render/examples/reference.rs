@@ -10,7 +10,7 @@
 //! error of both; and NAME.exr.
 
 use glam::{Affine3A, Vec3, Vec4};
-use relight_render::layers::{RenderSize, Watch};
+use relight_render::layers::RenderSize;
 use relight_render::path::{self, PathSettings};
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::image::{
@@ -27,7 +27,6 @@ use serde_json::Value;
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// The references: README of their folder.
@@ -85,11 +84,6 @@ fn compare(name: &str, references: &Path, scenes: &Path, out: &Path, spp: u32) -
     let emitters = SceneEmitters::new(&traced);
     let lights = LightSet::new(&emitters, &sequence.lights, 0.0)?;
 
-    let cancel = AtomicBool::new(false);
-    let watch = Watch {
-        cancel: &cancel,
-        progress: &|_, _| {},
-    };
     let started = Instant::now();
     let mut halves = Vec::new();
     for seed in 0..2 {
@@ -99,7 +93,7 @@ fn compare(name: &str, references: &Path, scenes: &Path, out: &Path, spp: u32) -
             seed,
             light_layers: false,
         };
-        halves.push(path::render(&traced, &lights, &camera, size, &settings, &watch)?);
+        halves.push(path::render(&traced, &lights, &camera, size, &settings, &())?);
     }
     let seconds = started.elapsed().as_secs_f64();
 

@@ -5,10 +5,11 @@
 //! lightcuts and pixelcuts.
 
 use crate::direct::direct_sample;
-use crate::layers::{Cancelled, RenderSize, Watch, render_tiles};
+use crate::layers::{RenderSize, render_tiles};
 use crate::many_lights::{PointLights, clamp_limit, clamped};
 use crate::path::{eye_ray, see};
 use crate::sampler::Sampler;
+use crate::watch::{Cancelled, Watch};
 use glam::{DVec3, Vec3};
 use relight_scene::bsdf::Viewed;
 use relight_scene::camera::Camera;
@@ -53,7 +54,7 @@ pub fn render(
     camera: &Camera,
     size: RenderSize,
     settings: &BruteSettings,
-    watch: &Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<Layers, Cancelled> {
     render_tiles(
         size,
@@ -125,7 +126,7 @@ pub fn render_points(
     camera: &Camera,
     size: RenderSize,
     settings: &PointsSettings,
-    watch: &Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<(Layers, u64), Cancelled> {
     let shadow_rays = AtomicU64::new(0);
     let layers = render_tiles(

@@ -2,12 +2,12 @@
 //!
 //! A pixel is a function of its place, so that the image does not depend on the number of threads.
 
+use crate::watch::{Cancelled, Watch};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use relight_scene::image::{BEAUTY, Layers};
 use relight_scene::light_set::LightSet;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use thiserror::Error;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Size of an image in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,20 +16,6 @@ pub struct RenderSize {
     pub width: usize,
     /// Rows.
     pub height: usize,
-}
-
-/// Rendering was stopped from outside; there is no image.
-#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-#[error("rendering was stopped")]
-pub struct Cancelled;
-
-/// How far rendering is, and whether it shall stop.
-#[derive(Clone, Copy)]
-pub struct Watch<'a> {
-    /// Set to true, it stops the rendering within a tile's time.
-    pub cancel: &'a AtomicBool,
-    /// Called from worker threads after every tile with (tiles done, tiles in all).
-    pub progress: &'a (dyn Fn(usize, usize) + Sync),
 }
 
 /// Sums over the samples of one pixel, f64.
@@ -115,7 +101,7 @@ pub(crate) fn render_tiles(
     lights: &LightSet<'_>,
     light_layers: bool,
     samples: u32,
-    watch: &Watch<'_>,
+    watch: &dyn Watch,
     pixel: impl Fn(usize, usize, &mut PixelSum) + Sync,
 ) -> Result<Layers, Cancelled> {
     let block = |_: &mut (), tile: &Tile, sums: &mut [PixelSum]| {
@@ -161,7 +147,7 @@ pub(crate) fn render_blocks<S>(
     size: RenderSize,
     lights: &LightSet<'_>,
     light_layers: bool,
-    watch: &Watch<'_>,
+    watch: &dyn Watch,
     state: impl Fn() -> S + Sync + Send,
     block: impl Fn(&mut S, &Tile, &mut [PixelSum]) + Sync,
 ) -> Result<Layers, Cancelled> {
@@ -172,7 +158,7 @@ pub(crate) fn render_blocks<S>(
     let tiles: Vec<Vec<f32>> = (0..columns * rows)
         .into_par_iter()
         .map_init(state, |state, tile| {
-            if watch.cancel.load(Ordering::Relaxed) {
+            if watch.stopped() {
                 return Vec::new();
             }
             let tile = Tile::new(tile, columns, size);
@@ -182,11 +168,11 @@ pub(crate) fn render_blocks<S>(
             for sums in &sums {
                 finish(sums, &mut values);
             }
-            (watch.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, columns * rows);
+            watch.advance_to(done.fetch_add(1, Ordering::Relaxed) + 1, columns * rows);
             values
         })
         .collect();
-    if watch.cancel.load(Ordering::Relaxed) {
+    if watch.stopped() {
         return Err(Cancelled);
     }
 

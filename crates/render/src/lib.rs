@@ -8,6 +8,9 @@
 
 pub mod brute;
 pub mod direct;
+pub mod edges;
+pub mod expose;
+pub mod exposure;
 pub mod layers;
 pub mod lightcuts;
 pub mod lighting;
@@ -18,3 +21,5 @@ pub mod sampler;
 pub mod sum;
 #[cfg(test)]
 mod test_scenes;
+pub mod views;
+pub mod watch;

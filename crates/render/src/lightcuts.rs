@@ -22,10 +22,11 @@ mod sights;
 mod tightness;
 
 use crate::direct::light_met;
-use crate::layers::{Cancelled, PixelSum, RenderSize, Watch, render_blocks};
+use crate::layers::{PixelSum, RenderSize, render_blocks};
 use crate::many_lights::PointLights;
 use crate::path::{eye_ray, see};
 use crate::sampler::Sampler;
+use crate::watch::{Cancelled, Watch};
 pub use blocks::{EyeRays, render as render_reconstructed};
 use cut::Cut;
 use glam::Vec3;
@@ -55,7 +56,7 @@ pub struct LightcutSettings {
     pub error_ratio: f32,
     /// Most change that a node's parents make expect, in units of `error_ratio`; infinite as in the paper, which minds
     /// the bounds alone, and takes a cluster to be as visible as its representative.
-    pub doubt: f32,
+    pub uncertainty: f32,
     /// Most nodes of a cut: reached in the dark only, where errors are not visible (section 3).
     pub max_nodes: usize,
     /// Images with different seeds are independent.
@@ -65,12 +66,12 @@ pub struct LightcutSettings {
 }
 
 impl Default for LightcutSettings {
-    /// The paper's, but for the doubt: docs/notebook/lightcuts.md has what other values cost and give.
+    /// The paper's, but for the uncertainty: docs/notebook/lightcuts.md has what other values cost and give.
     fn default() -> Self {
         LightcutSettings {
             spp: 4,
             error_ratio: 0.02,
-            doubt: 0.025,
+            uncertainty: 0.025,
             max_nodes: 1000,
             seed: 0,
             light_layers: false,
@@ -120,14 +121,14 @@ pub fn render(
     camera: &Camera,
     size: RenderSize,
     settings: &LightcutSettings,
-    watch: &Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<(Layers, LightcutStats), Cancelled> {
     let lit = Lit {
         scene,
         points,
         clusters,
         error_ratio: settings.error_ratio,
-        doubt: settings.doubt,
+        uncertainty: settings.uncertainty,
         max_nodes: settings.max_nodes.max(1),
     };
     let sums_of = Counters::default();

@@ -4,6 +4,7 @@
 //! the reflection join in, weighted by the balance heuristic (Veach 1997, 9.2.2).
 
 use crate::direct::{light_met, shadow_ray};
+use crate::exposure::Exposure;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::bsdf;
@@ -73,10 +74,11 @@ impl<'a> Samples<'a> {
     pub fn of_pixels(
         lights: &'a LightSet<'a>,
         light: usize,
-        (places, samples): (usize, u32),
+        places: usize,
+        samples: u32,
         seed: u64,
     ) -> Samples<'a> {
-        Samples::new(lights, light, (places, samples), (STAGE_PIXELS, seed))
+        Samples::new(lights, light, places, samples, STAGE_PIXELS, seed)
     }
 
     /// So many for each place; one of lights without extent.
@@ -94,8 +96,10 @@ impl<'a> Samples<'a> {
     fn new(
         lights: &'a LightSet<'a>,
         light: usize,
-        (places, samples): (usize, u32),
-        (stage, seed): (u32, u64),
+        places: usize,
+        samples: u32,
+        stage: u32,
+        seed: u64,
     ) -> Samples<'a> {
         let worthwhile = places.saturating_mul(samples as usize) > 2 * DRAWN;
         let drawn = if lights.is_distant(light) && worthwhile {
@@ -314,7 +318,7 @@ pub fn irradiance_at(
             hits[place].as_ref().map_or(0.0, cosine) * FRAC_1_PI
         },
     };
-    let samples = Samples::new(lights, light, (hits.len(), samples), (STAGE_POINTS, seed));
+    let samples = Samples::new(lights, light, hits.len(), samples, STAGE_POINTS, seed);
     add_light(
         scene,
         &samples,
@@ -332,16 +336,38 @@ pub fn own_run(place: usize) -> (usize, u32) {
     (place, 0)
 }
 
-/// Adds to `out` the radiance that each place (hits, shading points, unit vectors to their viewers) sends towards its viewer
-/// after one reflection of one light. `run_of` says whose sequence a place's samples are taken from ([`own_run`] for its own), and
+/// Places that reflect light towards whoever sees them. All slices are as long.
+#[derive(Clone, Copy)]
+pub struct Receivers<'a> {
+    /// Where they are; `None`: nowhere, and dark.
+    pub hits: &'a [Option<SurfaceHit>],
+    /// How they reflect.
+    pub points: &'a [Option<ShadingPoint>],
+    /// Unit directions to their viewers.
+    pub views: &'a [Vec3],
+}
+
+impl<'a> Receivers<'a> {
+    /// The fragments of an exposure; `views` are its own ([`Exposure::views`]).
+    pub fn of(seen: &'a Exposure, views: &'a [Vec3]) -> Receivers<'a> {
+        Receivers {
+            hits: &seen.hits,
+            points: &seen.points,
+            views,
+        }
+    }
+}
+
+/// Adds to `out` the radiance that each receiver sends towards its viewer after one reflection of one light. `run_of` says whose sequence a place's samples are taken from ([`own_run`] for its own), and
 /// from which on. Returns what they met on their way to each.
 pub fn reflected_at(
     scene: &TracedScene,
     samples: &Samples,
-    (hits, points, views): (&[Option<SurfaceHit>], &[Option<ShadingPoint>], &[Vec3]),
+    receivers: &Receivers,
     run_of: impl Fn(usize) -> (usize, u32) + Sync,
     out: &mut [Vec3],
 ) -> Vec<Met> {
+    let Receivers { hits, points, views } = *receivers;
     let is_above = |place: usize, direction: Vec3| {
         points[place].as_ref().is_some_and(|point| {
             point.shading_normal.dot(direction) > 0.0 && point.geometric_normal.dot(direction) > 0.0

@@ -9,8 +9,9 @@
 //! cut by the BRDF.
 
 use crate::direct::{direct_sample, light_met};
-use crate::layers::{Cancelled, PixelSum, RenderSize, Watch, render_tiles};
+use crate::layers::{PixelSum, RenderSize, render_tiles};
 use crate::sampler::Sampler;
+use crate::watch::{Cancelled, Watch};
 use glam::{Vec2, Vec3};
 use relight_scene::bsdf;
 use relight_scene::camera::Camera;
@@ -66,7 +67,7 @@ pub fn render(
     camera: &Camera,
     size: RenderSize,
     settings: &PathSettings,
-    watch: &Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<Layers, Cancelled> {
     let tracer = Tracer {
         scene,

@@ -24,10 +24,11 @@ mod shade;
 mod tests;
 mod view;
 
-use crate::layers::{Cancelled, RenderSize, Watch, render_tiles};
+use crate::layers::{RenderSize, render_tiles};
 use crate::many_lights::{PointLights, clamp_limit};
 use crate::path::{eye_ray, met};
 use crate::sampler::Sampler;
+use crate::watch::{Cancelled, Watch};
 use glam::Vec3;
 use incident::{Gather, Job, Place};
 use rayon::prelude::*;
@@ -37,7 +38,6 @@ use relight_scene::light_set::LightSet;
 use relight_scene::traced::TracedScene;
 use relight_transport::random::mix;
 use relight_transport::sh::MAX_DEGREE;
-use std::sync::atomic::Ordering;
 use std::time::Instant;
 use view::View;
 
@@ -151,7 +151,7 @@ pub fn render(
     camera: &Camera,
     size: RenderSize,
     settings: &PixelcutsSettings,
-    watch: &Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<(Layers, PixelcutsStats), Cancelled> {
     let mut stats = PixelcutsStats::default();
     let mut clock = Instant::now();
@@ -304,12 +304,4 @@ mod stage {
 fn lap(clock: &mut Instant, sum: &mut f64) {
     *sum += clock.elapsed().as_secs_f64() * 1e3;
     *clock = Instant::now();
-}
-
-/// Whether rendering shall stop.
-fn stopped(watch: &Watch<'_>) -> Result<(), Cancelled> {
-    if watch.cancel.load(Ordering::Relaxed) {
-        return Err(Cancelled);
-    }
-    Ok(())
 }

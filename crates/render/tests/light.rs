@@ -3,8 +3,9 @@
 
 use glam::{Affine3A, Vec3};
 use relight_render::brute::{self, BruteSettings};
-use relight_render::layers::{Cancelled, RenderSize, Watch};
+use relight_render::layers::RenderSize;
 use relight_render::path::{self, PathSettings};
+use relight_render::watch::{Cancelled, Watch};
 use relight_scene::animated::Animated;
 use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::image::Layers;
@@ -16,7 +17,6 @@ use relight_scene::sequence::Sequence;
 use relight_scene::traced::{Shading, TracedScene};
 use std::f64::consts::PI;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 const SIZE: RenderSize = RenderSize {
     width: 16,
@@ -180,13 +180,8 @@ fn area_lights() -> Vec<LightTrack> {
     ]
 }
 
-fn watched<R>(call: impl FnOnce(&Watch<'_>) -> Result<R, Cancelled>) -> R {
-    let cancel = AtomicBool::new(false);
-    call(&Watch {
-        cancel: &cancel,
-        progress: &|_, _| {},
-    })
-    .unwrap()
+fn watched<R>(call: impl FnOnce(&dyn Watch) -> Result<R, Cancelled>) -> R {
+    call(&()).unwrap()
 }
 
 fn path_traced(
@@ -567,13 +562,14 @@ fn an_empty_scene_shows_the_sky_and_a_cancelled_one_nothing() {
 
     let emitters = SceneEmitters::new(&scene);
     let lights = LightSet::new(&emitters, &tracks, 0.0).unwrap();
-    let cancel = AtomicBool::new(true);
-    let watch = Watch {
-        cancel: &cancel,
-        progress: &|_, _| {},
-    };
+    struct Stopped;
+    impl Watch for Stopped {
+        fn stopped(&self) -> bool {
+            true
+        }
+    }
     assert_eq!(
-        path::render(&scene, &lights, &view, SIZE, &settings(1), &watch),
+        path::render(&scene, &lights, &view, SIZE, &settings(1), &Stopped),
         Err(Cancelled)
     );
 }

@@ -2,12 +2,13 @@
 
 use glam::{Affine3A, DVec3, Vec3};
 use relight_render::brute::{self, PointsSettings};
-use relight_render::layers::{RenderSize, Watch};
+use relight_render::layers::RenderSize;
 use relight_render::lightcuts::{
     self, EyeRays, LightcutSettings, LightcutStats, ReconstructionStats, bound_tightness,
 };
 use relight_render::many_lights::{PointLights, PointSettings};
 use relight_render::path::{self, PathSettings};
+use relight_render::watch::Watch;
 use relight_scene::animated::Animated;
 use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::image::{Layers, metrics};
@@ -18,7 +19,6 @@ use relight_scene::scene::{Instance, Mesh, Scene};
 use relight_scene::sequence::Sequence;
 use relight_scene::traced::{Shading, TracedScene};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 const SIZE: RenderSize = RenderSize {
     width: 24,
@@ -177,16 +177,11 @@ impl Run {
         }
     }
 
-    fn with<T>(&self, run: impl FnOnce(&LightSet<'_>, &PointLights, &Watch<'_>) -> T) -> T {
+    fn with<T>(&self, run: impl FnOnce(&LightSet<'_>, &PointLights, &dyn Watch) -> T) -> T {
         let emitters = SceneEmitters::new(&self.scene);
         let lights = LightSet::new(&emitters, &self.tracks, 0.0).unwrap();
         let points = PointLights::new(&self.scene, &lights, &self.points);
-        let cancel = AtomicBool::new(false);
-        let watch = Watch {
-            cancel: &cancel,
-            progress: &|_, _| {},
-        };
-        run(&lights, &points, &watch)
+        run(&lights, &points, &())
     }
 
     fn cuts(&self) -> (Layers, LightcutStats) {

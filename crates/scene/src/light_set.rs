@@ -98,22 +98,21 @@ pub struct LightHit {
 /// much as [`crate::rays::shadow_ray_to_point`] stops short of a light.
 const TOUCHING: f64 = 1.0 / (1u32 << 17) as f64;
 
-/// Lights over time together with what can be prepared once for all frames.
-pub struct LightRig<'a> {
-    tracks: &'a [LightTrack],
-    emitters: &'a dyn Emitters,
+/// What lights over time need that does not change from frame to frame. Clones share it.
+#[derive(Clone)]
+pub struct PreparedLights {
     /// Per light its environment sampler, if it is an environment that is not black.
     samplers: Vec<Option<Arc<EnvironmentSampler>>>,
     /// Per light its emissive triangles, if it is of that kind.
     tables: Vec<Option<Arc<EmissiveTable>>>,
 }
 
-impl<'a> LightRig<'a> {
+impl PreparedLights {
     /// Prepares lights for a scene. Maps that several lights share are prepared once.
     ///
     /// # Errors
     /// An `emissive` light names a material that does not emit.
-    pub fn new(emitters: &'a dyn Emitters, tracks: &'a [LightTrack]) -> Result<LightRig<'a>, LightSetError> {
+    pub fn new(emitters: &dyn Emitters, tracks: &[LightTrack]) -> Result<PreparedLights, LightSetError> {
         let all = emitters.emissive_triangles();
         let names = emitters.material_names();
         let name_of = |material: u32| names.get(material as usize).map_or("", String::as_str);
@@ -153,18 +152,44 @@ impl<'a> LightRig<'a> {
                 _ => None,
             });
         }
-        Ok(LightRig {
+        Ok(PreparedLights { samplers, tables })
+    }
+}
+
+/// Lights over time together with what can be prepared once for all frames.
+pub struct LightRig<'a> {
+    tracks: &'a [LightTrack],
+    emitters: &'a dyn Emitters,
+    prepared: PreparedLights,
+}
+
+impl<'a> LightRig<'a> {
+    /// Prepares lights for a scene ([`PreparedLights::new`]).
+    ///
+    /// # Errors
+    /// An `emissive` light names a material that does not emit.
+    pub fn new(emitters: &'a dyn Emitters, tracks: &'a [LightTrack]) -> Result<LightRig<'a>, LightSetError> {
+        let prepared = PreparedLights::new(emitters, tracks)?;
+        Ok(LightRig::with(emitters, tracks, prepared))
+    }
+
+    /// Lights that were prepared before, of these tracks and emitters.
+    pub fn with(
+        emitters: &'a dyn Emitters,
+        tracks: &'a [LightTrack],
+        prepared: PreparedLights,
+    ) -> LightRig<'a> {
+        LightRig {
             tracks,
             emitters,
-            samplers,
-            tables,
-        })
+            prepared,
+        }
     }
 
     /// The two parts of an environment's map for `directions` even directions (see [`Split`]); `None` for other lights
     /// and black maps. Costs a pass over the map: keep it.
     pub fn split(&self, light: usize, directions: u32) -> Option<Split> {
-        match (&self.tracks[light].kind, &self.samplers[light]) {
+        match (&self.tracks[light].kind, &self.prepared.samplers[light]) {
             (LightKind::Environment { map, .. }, Some(sampler)) => Some(Split::new(map, sampler, directions)),
             _ => None,
         }
@@ -270,7 +295,7 @@ impl<'a> LightRig<'a> {
                 scale,
                 rotation_deg,
                 ..
-            } => match &self.samplers[i] {
+            } => match &self.prepared.samplers[i] {
                 Some(sampler) => Shape::Environment(Environment {
                     map: map.clone(),
                     sampler: sampler.clone(),
@@ -313,7 +338,7 @@ impl<'a> LightRig<'a> {
                     },
                 }
             }
-            LightKind::Emissive { scale, .. } => match &self.tables[i] {
+            LightKind::Emissive { scale, .. } => match &self.prepared.tables[i] {
                 Some(table) => Shape::Emissive {
                     table: table.clone(),
                     scale: positive(scale.at(frame)),

@@ -1,7 +1,8 @@
 //! Environments that turn, fade and brighten, as cuts take them. Truth: the dense sum over maps that were turned and
 //! scaled pixel by pixel.
 
-use super::illumination::{Cells, Illumination};
+use super::cells::Cells;
+use super::illumination::Illumination;
 use super::shade::{Fragments, shade};
 use super::tests::{LIGHTS, World, cuts, dense, fragments, world};
 use glam::Vec3;

@@ -5,11 +5,12 @@
 //! what it gets of even light, it looks for itself at the lights that they disagree about, from the ends of its rays, so
 //! that its cut is a mean over what its pixel covers.
 
+use super::lights::{Directions, VisibilityCuts};
+use super::node_view::NodeView;
 use super::sites::{FragmentSites, SITES};
-use super::{Directions, NodeView, VisibilityCuts};
-use crate::shot::Shot;
 use glam::Vec3;
 use rayon::prelude::*;
+use relight_render::exposure::Exposure;
 use relight_scene::rays::Ray;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::TracedScene;
@@ -36,21 +37,30 @@ const SIGMA: f32 = 2.0;
 /// Fragments that look one after the other.
 const TASK: usize = 64;
 
-/// Gives fragments of a shot whose sites disagree sites of their own. Nothing where lights are not directions.
-pub fn give(cuts: &VisibilityCuts, scene: &TracedScene, shot: &mut Shot) {
+/// `sites` of the fragments that a camera sees, with some of their own where they disagree. As they are where lights are not
+/// directions.
+pub fn with_own(
+    cuts: &VisibilityCuts,
+    scene: &TracedScene,
+    seen: &Exposure,
+    mut sites: FragmentSites,
+) -> FragmentSites {
     let Some(directions) = cuts.directions() else {
-        return;
+        return sites;
     };
     if directions.tree.height < FIRST_HEIGHT {
-        return;
+        return sites;
     }
-    let places = disagreeing(cuts, directions, shot);
+    let places = disagreeing(cuts, directions, seen, &sites);
     let leaves = cuts.lights.leaves();
     let parts: Vec<SiteCuts> = (places.par_chunks(TASK))
         .map_init(
             || Looker {
                 cuts,
                 directions,
+                scene,
+                seen,
+                sites: &sites,
                 sampler: Sampler::new(leaves, false),
                 selector: Selector::default(),
                 sigma: SIGMA * (leaves as f32 / 32_768.0).sqrt(),
@@ -61,7 +71,7 @@ pub fn give(cuts: &VisibilityCuts, scene: &TracedScene, shot: &mut Shot) {
             |looker, places| {
                 let mut part = SiteCuts::default();
                 for &place in places {
-                    looker.look(scene, shot, place, &mut part);
+                    looker.look(place, &mut part);
                 }
                 part
             },
@@ -77,11 +87,12 @@ pub fn give(cuts: &VisibilityCuts, scene: &TracedScene, shot: &mut Shot) {
     }
     let first = cuts.cuts.sites() as u32;
     for (k, place) in (0..).zip(places) {
-        let (sites, weights) = (&mut shot.sites.sites[place], &mut shot.sites.weights[place]);
+        let (sites, weights) = (&mut sites.sites[place], &mut sites.weights[place]);
         (*sites, *weights) = ([u32::MAX; SITES], [0.0; SITES]);
         (sites[0], weights[0]) = (first + k, 1.0);
     }
-    shot.sites.own = own;
+    sites.own = own;
+    sites
 }
 
 /// Calls `visit` with each node of the merged cut of a fragment's sites, its interpolated visibility, and by how much the
@@ -100,15 +111,19 @@ fn interpolated(
     });
 }
 
-/// Places in the order of the shot's [`FragmentSites`] whose fragments look for themselves, rising.
-fn disagreeing(cuts: &VisibilityCuts, directions: &Directions, shot: &Shot) -> Vec<usize> {
-    let sites = &shot.sites;
+/// Places in the order of `sites` whose fragments look for themselves, rising.
+fn disagreeing(
+    cuts: &VisibilityCuts,
+    directions: &Directions,
+    seen: &Exposure,
+    sites: &FragmentSites,
+) -> Vec<usize> {
     let height = cuts.lights.height();
     let even: Vec<(f32, f32)> = (0..sites.order.len())
         .into_par_iter()
         .with_min_len(256)
         .map(|place| {
-            let Some(hit) = shot.hits[sites.order[place] as usize] else {
+            let Some(hit) = seen.hits[sites.order[place] as usize] else {
                 return (0.0, 0.0);
             };
             let (mut gets, mut about) = (0.0, 0.0);
@@ -138,6 +153,9 @@ fn disagreeing(cuts: &VisibilityCuts, directions: &Directions, shot: &Shot) -> V
 struct Looker<'a> {
     cuts: &'a VisibilityCuts,
     directions: &'a Directions,
+    scene: &'a TracedScene,
+    seen: &'a Exposure,
+    sites: &'a FragmentSites,
     sampler: Sampler,
     selector: Selector,
     sigma: f32,
@@ -150,13 +168,13 @@ struct Looker<'a> {
 
 impl Looker<'_> {
     /// Appends the cut of the fragment in `place`.
-    fn look(&mut self, scene: &TracedScene, shot: &Shot, place: usize, out: &mut SiteCuts) {
-        let fragment = shot.sites.order[place] as usize;
-        let hits = shot.places_of(scene, fragment);
-        self.interpolate(&shot.sites, place);
+    fn look(&mut self, place: usize, out: &mut SiteCuts) {
+        let fragment = self.sites.order[place] as usize;
+        let hits = self.seen.places_of(self.scene, fragment);
+        self.interpolate(place);
         let leaves = self.cuts.lights.leaves();
         let mut sight = FragmentSight {
-            scene,
+            scene: self.scene,
             hits: &hits,
             leaves: &self.directions.tree.views[leaves..],
             rays: &mut self.rays,
@@ -181,11 +199,11 @@ impl Looker<'_> {
     }
 
     /// Finds what the sites of the fragment in `place` agree about.
-    fn interpolate(&mut self, sites: &FragmentSites, place: usize) {
+    fn interpolate(&mut self, place: usize) {
         let (nodes, unsettled) = (&mut self.nodes, &mut self.unsettled);
         nodes.clear();
         unsettled.clear();
-        interpolated(self.cuts, sites, place, |node, seen, off| {
+        interpolated(self.cuts, self.sites, place, |node, seen, off| {
             nodes.push((node, seen));
             if off > ALIKE {
                 let first = node.first() >> FIRST_HEIGHT;
@@ -273,8 +291,9 @@ impl Sight for FragmentSight<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::{FragmentSight, NodeView};
+    use super::FragmentSight;
     use crate::cuts::illumination::Illumination;
+    use crate::cuts::node_view::NodeView;
     use crate::cuts::shade::shade;
     use crate::cuts::tests::{HalfRoof, LIGHTS};
     use glam::Vec3;
@@ -308,7 +327,7 @@ mod tests {
     #[test]
     fn the_sides_of_a_fold_look_as_often_as_light_counts_for_them() {
         let roof = HalfRoof::new(false);
-        let hit = roof.shot.hits.iter().flatten().next().unwrap();
+        let hit = roof.seen.hits.iter().flatten().next().unwrap();
         let side = |lean: f32| SurfaceHit {
             normal: Vec3::new(lean, 0.8, 0.0),
             ..*hit

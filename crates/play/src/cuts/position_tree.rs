@@ -1,6 +1,6 @@
 //! Surface samples as the leaves of a light tree: where its nodes are, seen from a fragment.
 
-use super::{NodeView, radii};
+use super::node_view::{NodeView, radii};
 use glam::{DVec3, Vec3};
 use relight_transport::light_tree::sums;
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2};

@@ -7,9 +7,10 @@
 //! and light is read at those small nodes, too; the paper takes one direction per node, or a fixed number.
 
 use super::illumination::Illumination;
+use super::lights::{CutLights, SurfaceSamples, VisibilityCuts};
+use super::position_tree;
 use super::sites::{FragmentSites, SITES};
-use super::uneven::doubts::{Doubt, Doubter, Place, matt_part};
-use super::{Lights, SurfaceSamples, VisibilityCuts, position_tree};
+use super::uneven::uncertain::{ShadedFragment, Uncertain, UncertaintyFinder, matt_part};
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::bsdf::{self, Incident, Lobe};
@@ -35,7 +36,7 @@ pub struct Shaded {
     /// Radiance that each fragment reflects towards its viewer. Fragments without sites get none.
     pub radiance: Vec<Vec3>,
     /// Uneven cells of the light that may be partly hidden, fragment by fragment.
-    pub doubts: Vec<Doubt>,
+    pub uncertain: Vec<Uncertain>,
     /// What it took.
     pub stats: ShadeStats,
 }
@@ -100,14 +101,14 @@ pub fn shade(cuts: &VisibilityCuts, light: &Illumination, fragments: &Fragments)
                 shaded.radiance.push(radiance);
                 if !light.uneven.is_empty() {
                     let matt = narrow.then(|| matt_part(point, view));
-                    let place = Place {
+                    let place = ShadedFragment {
                         fragment,
                         point: matt.as_ref().unwrap_or(point),
                         view,
                         weights,
                         radiance,
                     };
-                    merged.doubt(light, sites[i], &place, &mut shaded.doubts);
+                    merged.find_uncertain(light, sites[i], &place, &mut shaded.uncertain);
                 }
             }
             shaded
@@ -123,7 +124,7 @@ pub fn shade(cuts: &VisibilityCuts, light: &Illumination, fragments: &Fragments)
             merged_nodes: tasks.iter().map(|task| task.stats.merged_nodes).sum(),
             fragments: tasks.iter().map(|task| task.stats.fragments).sum(),
         },
-        doubts: tasks.into_iter().flat_map(|task| task.doubts).collect(),
+        uncertain: tasks.into_iter().flat_map(|task| task.uncertain).collect(),
     }
 }
 
@@ -193,7 +194,7 @@ struct Merged {
     slots: Vec<u32>,
     /// Visibility of the node from each site.
     seen: [Vec<f32>; SITES],
-    /// [`super::NodeView`] of each node, its direction being in `whole`.
+    /// [`super::node_view::NodeView`] of each node, its direction being in `whole`.
     lengths: Vec<f32>,
     radii: Vec<f32>,
     /// Middles (x, y, z), spreads and radii of nodes of surface samples, see [`position_tree::PositionTree`].
@@ -204,8 +205,8 @@ struct Merged {
     whole: Columns,
     /// Parts of nodes that are too wide for the fragment at hand.
     split: Columns,
-    doubter: Doubter,
-    /// Whether `doubter` has looked these nodes up.
+    finder: UncertaintyFinder,
+    /// Whether `finder` has looked these nodes up.
     looked_up: bool,
 }
 
@@ -240,18 +241,24 @@ impl Merged {
         self.spread_out(cuts, light, lit);
     }
 
-    /// Appends the uneven cells of the light about which a fragment between `sites` is in doubt.
+    /// Appends the uneven cells of the light that are uncertain for a fragment between `sites`.
     #[inline(never)]
-    fn doubt(&mut self, light: &Illumination, sites: [u32; SITES], place: &Place, out: &mut Vec<Doubt>) {
+    fn find_uncertain(
+        &mut self,
+        light: &Illumination,
+        sites: [u32; SITES],
+        place: &ShadedFragment,
+        out: &mut Vec<Uncertain>,
+    ) {
         let Some(stakes) = light.uneven.stakes(place) else {
             return;
         };
         if !self.looked_up {
             let found = self.found[..self.slots.len()].iter().copied();
-            self.doubter.look_up(&light.uneven, sites, found);
+            self.finder.look_up(&light.uneven, sites, found);
             self.looked_up = true;
         }
-        self.doubter.doubts(&light.uneven, place, &stakes, out);
+        self.finder.find(&light.uneven, place, &stakes, out);
     }
 
     /// Fills the columns for the first `n` nodes that were found.
@@ -271,7 +278,7 @@ impl Merged {
         let (lengths, radii) = (sized(&mut self.lengths, n), sized(&mut self.radii, n));
         match &cuts.lights {
             // Distant lights look the same from everywhere.
-            Lights::Directions(_) => {
+            CutLights::Directions(_) => {
                 for i in 0..n {
                     let view = light.views[found[i].0 as usize];
                     [x[i], y[i], z[i]] = view.direction.to_array();
@@ -280,7 +287,7 @@ impl Merged {
                 }
             }
             // Others are looked at from each fragment.
-            Lights::Surface(SurfaceSamples { tree, .. }) => {
+            CutLights::Surface(SurfaceSamples { tree, .. }) => {
                 let [x, y, z, spreads, wide] = self.near.each_mut().map(|column| sized(column, n));
                 for i in 0..n {
                     let slot = found[i].0 as usize;
@@ -386,7 +393,7 @@ fn overlaps(lobe: &Lobe, direction: Vec3, radius: f32) -> bool {
 
 /// Which nodes are too wide for a fragment.
 struct Splitter<'a> {
-    lights: &'a Lights,
+    lights: &'a CutLights,
     light: &'a Illumination,
     /// Where the fragment is.
     from: Vec3,
@@ -420,14 +427,14 @@ impl Splitter<'_> {
 }
 
 fn reflected(
-    lights: &Lights,
+    lights: &CutLights,
     light: &Illumination,
     merged: &mut Merged,
     point: &ShadingPoint,
     view: Vec3,
     weights: &[f32; SITES],
 ) -> Vec3 {
-    if let Lights::Surface(_) = lights {
+    if let CutLights::Surface(_) = lights {
         merged.look_from(point.position);
     }
     merged.interpolate(weights);
@@ -437,8 +444,8 @@ fn reflected(
         from: point.position,
         lobe: NO_LOBE,
         widest: match lights {
-            Lights::Directions(_) => f32::INFINITY,
-            Lights::Surface(_) => WIDEST,
+            CutLights::Directions(_) => f32::INFINITY,
+            CutLights::Surface(_) => WIDEST,
         },
     };
     if point.lambert {
@@ -451,8 +458,10 @@ fn reflected(
     }
     // A lobe narrower than the lights would fall between them: it is widened to theirs.
     let grain = match lights {
-        Lights::Directions(directions) => directions.tree.views[lights.leaves()].radius,
-        Lights::Surface(samples) => bsdf::lobe(point, view).map_or(0.0, |lobe| merged.grain(samples, &lobe)),
+        CutLights::Directions(directions) => directions.tree.views[lights.leaves()].radius,
+        CutLights::Surface(samples) => {
+            bsdf::lobe(point, view).map_or(0.0, |lobe| merged.grain(samples, &lobe))
+        }
     };
     let point = bsdf::at_least_as_wide(point, grain);
     // None where it is matt by its parameters, or seen from below its horizon.

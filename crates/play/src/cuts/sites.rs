@@ -1,6 +1,6 @@
 //! Between which sites a fragment interpolates visibility.
 
-use super::VisibilityCuts;
+use super::lights::VisibilityCuts;
 use rayon::prelude::*;
 use relight_transport::cuts::{Cut, SiteCuts};
 use relight_transport::sparse::{SparseMatrix, row};

@@ -1,16 +1,19 @@
 //! Truth: the dense sum over all lights in f64, with visibility interpolated between the sites.
 
 use super::illumination::Illumination;
+use super::position_tree::PositionTree;
 use super::shade::{Fragments, irradiance_at_sites, shade};
 use super::sites::{FragmentSites, SITES};
 use super::*;
-use crate::shot::{Shot, expose};
 use crate::test_scenes::{camera, level, matt, quad, traced};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
+use relight_render::expose::expose;
+use relight_render::exposure::Exposure;
 use relight_scene::bsdf;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::SurfaceHit;
-use relight_transport::cuts::Selector;
+use relight_scene::traced::TracedScene;
+use relight_transport::cuts::{Selector, SiteCuts};
 use relight_transport::light_tree::{Features, order, sphere_direction};
 use relight_transport::random::Stream;
 
@@ -109,7 +112,7 @@ pub(super) fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
     };
     VisibilityCuts {
         cuts,
-        lights: Lights::Surface(samples),
+        lights: CutLights::Surface(samples),
     }
 }
 
@@ -258,7 +261,7 @@ fn nodes_of_near_lights_are_split_where_they_are_wide() {
 #[test]
 fn the_flux_of_all_cells_is_that_of_the_sphere() {
     let world = world();
-    let cells = illumination::Cells::new(&world.lights);
+    let cells = cells::Cells::new(&world.lights);
     let flux = cells.flux(&cells.parts(|d| Vec3::new(1.0, 1.0 + d.y, 2.0)));
     let total: DVec3 = flux.iter().map(|f| f.as_dvec3()).sum();
     let expected = DVec3::new(1.0, 1.0, 2.0) * 4.0 * std::f64::consts::PI;
@@ -288,7 +291,8 @@ fn an_illumination_cut_is_a_cut_of_the_size_asked_for() {
 /// exact cuts.
 pub(super) struct HalfRoof {
     pub(super) scene: TracedScene,
-    pub(super) shot: Shot,
+    pub(super) seen: Exposure,
+    pub(super) sites: FragmentSites,
     pub(super) cuts: VisibilityCuts,
     views: Vec<Vec3>,
 }
@@ -308,7 +312,7 @@ impl HalfRoof {
         );
         let scene = traced(vec![level(100.0, 0.0, 0), roof], vec![matt(0.5, 0.0)]);
         let camera = camera(Vec3::new(0.0, 0.8, 2.0), Vec3::ZERO, 40.0);
-        let mut shot = expose(&scene, &camera, 16, 16, 1);
+        let seen = expose(&scene, &camera, 16, 16, 1);
         let directions = world().lights;
         let (mut all, mut selector) = (SiteCuts::default(), Selector::default());
         all.offsets.push(0);
@@ -323,22 +327,24 @@ impl HalfRoof {
             all.offsets.push(all.heights.len() as u32);
         }
         let cuts = VisibilityCuts::of_directions(all, &directions);
-        for f in 0..shot.len() as u32 {
-            let Some(hit) = shot.hits[f as usize] else {
+        let mut sites = FragmentSites::default();
+        for f in 0..seen.len() as u32 {
+            let Some(hit) = seen.hits[f as usize] else {
                 continue;
             };
             let right = (0.25 * hit.position.x + 0.5).clamp(0.0, 1.0);
-            shot.sites.order.push(f);
-            shot.sites.sites.push([0, 1, u32::MAX]);
-            shot.sites.weights.push([1.0 - right, right, 0.0]);
+            sites.order.push(f);
+            sites.sites.push([0, 1, u32::MAX]);
+            sites.weights.push([1.0 - right, right, 0.0]);
         }
         if own {
-            own_sites::give(&cuts, &scene, &mut shot);
+            sites = own_sites::with_own(&cuts, &scene, &seen, sites);
         }
-        let views = shot.directions.iter().map(|d| -*d).collect();
+        let views = seen.views();
         HalfRoof {
             scene,
-            shot,
+            seen,
+            sites,
             cuts,
             views,
         }
@@ -346,8 +352,8 @@ impl HalfRoof {
 
     pub(super) fn fragments(&self) -> Fragments<'_> {
         Fragments {
-            sites: &self.shot.sites,
-            points: &self.shot.points,
+            sites: &self.sites,
+            points: &self.seen.points,
             views: &self.views,
             narrow: &[],
             matt: true,
@@ -356,9 +362,9 @@ impl HalfRoof {
 
     /// Where each fragment between the sites is (x), and its irradiance over π.
     pub(super) fn between_the_sites(&self, radiance: &[Vec3]) -> Vec<(f32, f32)> {
-        (self.shot.sites.order.iter())
+        (self.sites.order.iter())
             .filter_map(|&f| {
-                let x = self.shot.hits[f as usize]?.position.x;
+                let x = self.seen.hits[f as usize]?.position.x;
                 (x.abs() < 1.5).then_some((x, radiance[f as usize].x / 0.5))
             })
             .collect()

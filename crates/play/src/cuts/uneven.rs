@@ -1,16 +1,16 @@
 //! Edges of lamps finer than the directions: cells across which light is uneven, which are asked part by part.
 //!
 //! A direction's visibility counts for its whole cell. Where a cell holds both the edge of a lamp and the edge of what stands
-//! before it, the product of the means is not the mean of the product. So cells across which light is uneven, and about
-//! which shading is in doubt, get rays of their own: Σ f_p (V_p − V) is what their visibility V left out, for the
+//! before it, the product of the means is not the mean of the product. So cells across which light is uneven, and
+//! whose visibility is uncertain, get rays of their own: Σ f_p (V_p − V) is what their visibility V left out, for the
 //! flux f_p of each part. Where no light is uneven nothing is asked.
 //!
-//! Shading finds the [`doubts`] on its way; [`UnevenCells::resolve`] casts the rays.
+//! Shading finds the [`uncertain`] cells on its way; [`UnevenCells::resolve`] casts the rays.
 
-pub mod doubts;
+pub mod uncertain;
 
-use super::Directions;
-use super::illumination::Cells;
+use super::cells::Cells;
+use super::lights::Directions;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::environment::luminance;
@@ -33,7 +33,7 @@ pub struct UnevenCells {
     /// Per leaf, and for one more, how many leaves before it are asked for: those of the cells and around them.
     asked_before: Vec<u32>,
     /// By [`Node::slot`] whether the node holds any of those: a bit each. Most nodes do not, which this tells sooner (without it
-    /// and with [`super::shade`]'s search for doubts inlined, shading under a sky took 4 % longer).
+    /// and with [`super::shade`]'s search for uncertain cells inlined, shading under a sky took 4 % longer).
     holds_asked: Vec<u64>,
     /// Radius of a cell, radians.
     radius: f32,
@@ -58,10 +58,10 @@ struct Uneven {
     /// Its direction and those around.
     around: Bits,
     /// Its parts that hold light.
-    parts: Vec<Part>,
+    parts: Vec<CellPart>,
 }
 
-struct Part {
+struct CellPart {
     /// Unit direction to its middle.
     direction: Vec3,
     /// Flux on a perpendicular surface, RGB, W/m².
@@ -173,12 +173,12 @@ fn out_of_place(cells: &Cells, leaf: u32, parts: &[Vec3]) -> f32 {
     0.5 * own.iter().map(off).sum::<f32>()
 }
 
-fn lit_parts(cells: &Cells, leaf: u32, parts: &[Vec3]) -> Vec<Part> {
+fn lit_parts(cells: &Cells, leaf: u32, parts: &[Vec3]) -> Vec<CellPart> {
     let mut sum = 0.0;
     let lit = |&part: &u32| {
         let flux = parts[part as usize];
         sum += luminance(flux);
-        (luminance(flux) > 0.0).then(|| Part {
+        (luminance(flux) > 0.0).then(|| CellPart {
             direction: cells.direction(part),
             flux,
             sum,

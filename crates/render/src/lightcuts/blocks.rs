@@ -11,10 +11,11 @@ use super::lit::Lit;
 use super::sample::{MOST_SAMPLES, ReconstructionStats, Sample, Traversal};
 use super::sights::Sights;
 use super::{LightcutSettings, View, add, follow_mirrors};
-use crate::layers::{Cancelled, PixelSum, RenderSize, TILE, Tile, Watch, render_blocks};
+use crate::layers::{PixelSum, RenderSize, TILE, Tile, render_blocks};
 use crate::many_lights::PointLights;
 use crate::path::{eye_ray, see};
 use crate::sampler::Sampler;
+use crate::watch::{Cancelled, Watch};
 use glam::{Vec2, Vec3};
 use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
@@ -66,7 +67,7 @@ pub fn render(
     size: RenderSize,
     settings: &LightcutSettings,
     eye_rays: EyeRays,
-    watch: &Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<(Layers, ReconstructionStats), Cancelled> {
     let image = Image {
         lit: Lit {
@@ -74,7 +75,7 @@ pub fn render(
             points,
             clusters,
             error_ratio: settings.error_ratio,
-            doubt: settings.doubt,
+            uncertainty: settings.uncertainty,
             max_nodes: settings.max_nodes.max(1),
         },
         lights,

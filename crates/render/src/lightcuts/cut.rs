@@ -11,15 +11,15 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 impl Lit<'_> {
-    /// What a refinement changed says how far the estimate was off: half of that is the doubt about each of the two
-    /// children, or a third of the doubt about their parent. Where [`Lit::mean_among`] will say how much of a node is seen,
-    /// shadows are no reason to doubt.
-    fn spread_doubt(&self, parent: &CutNode, a: &mut CutNode, b: &mut CutNode) {
+    /// What a refinement changed says how far the estimate was off: half of that is the uncertainty of each of the two
+    /// children, or a third of the uncertainty of their parent. Where [`Lit::mean_among`] will say how much of a node is seen,
+    /// shadows make nothing uncertain.
+    fn spread_uncertainty(&self, parent: &CutNode, a: &mut CutNode, b: &mut CutNode) {
         let change = |of: fn(Term) -> Vec3| {
             let [before, a, b] = [&*parent, a, b].map(|n| self.estimate(n.node, n.term.with(of(n.term))));
             0.5 * (a + b - before).abs().max_element()
         };
-        let inherited = parent.doubt / FORGOTTEN;
+        let inherited = parent.uncertainty / FORGOTTEN;
         let open = change(|term| term.radiance).max(inherited);
         let closed = if a.sight.closed || b.sight.closed {
             change(|term| term.unshadowed).max(if parent.sight.closed { inherited } else { 0.0 })
@@ -28,9 +28,9 @@ impl Lit<'_> {
         };
         for child in [a, b] {
             if child.error > 0.0 {
-                let weight = if child.sight.closed { SEEN_DOUBT } else { 1.0 };
-                child.doubt = if child.sight.closed { closed } else { open };
-                child.error = child.error.max(weight * child.doubt / self.doubt);
+                let weight = if child.sight.closed { SEEN_UNCERTAINTY } else { 1.0 };
+                child.uncertainty = if child.sight.closed { closed } else { open };
+                child.error = child.error.max(weight * child.uncertainty / self.uncertainty);
             }
         }
     }
@@ -39,10 +39,10 @@ impl Lit<'_> {
 /// A node of a cut.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CutNode {
-    /// Upper bound of the error in the largest channel, or the doubt by as much as it counts more; 0 of single lights.
+    /// Upper bound of the error in the largest channel, or the uncertainty by as much as it counts more; 0 of single lights.
     pub error: f32,
     /// What the error may really be (see [`Cut::choose`]).
-    doubt: f32,
+    uncertainty: f32,
     pub node: u32,
     /// Place among the roots.
     pub root: u32,
@@ -93,9 +93,9 @@ struct Above {
     hidden_by: Option<u32>,
 }
 
-/// How much the doubt about a node counts whose sight is closed: the mean over its parts errs by less.
-const SEEN_DOUBT: f32 = 0.1;
-/// What is left of the doubt about a node for its children, at least: less than the half that their light is, so that a
+/// How much the uncertainty of a node counts whose sight is closed: the mean over its parts errs by less.
+const SEEN_UNCERTAINTY: f32 = 0.1;
+/// What is left of the uncertainty of a node for its children, at least: less than the half that their light is, so that a
 /// disagreement long ago is forgotten.
 const FORGOTTEN: f32 = 3.0;
 
@@ -120,7 +120,7 @@ impl Cut {
     ///
     /// Deviation: the paper counts on errors of clusters that are independent and mostly far below their bounds. Where
     /// shadows' edges cross many clusters they are not, and a sixth of an interior's pixels erred by over 2 %. So a node
-    /// is also refined if its doubt ([`Lit::spread_doubt`]) exceeds `doubt` times the error ratio, and where few triangles
+    /// is also refined if its uncertainty ([`Lit::spread_uncertainty`]) exceeds `uncertainty` times the error ratio, and where few triangles
     /// lie between a cluster and the receiver (`sights`), they say how much of it is seen.
     pub fn choose(
         &mut self,
@@ -168,7 +168,7 @@ impl Cut {
                 };
                 self.look(lit, receiver, sights, child, top.root, above, shadow_rays)
             });
-            lit.spread_doubt(&top, &mut a, &mut b);
+            lit.spread_uncertainty(&top, &mut a, &mut b);
             self.put(lit, a);
             self.put(lit, b);
             let total = self.total.max_element();
@@ -217,7 +217,7 @@ impl Cut {
         }
         let mut looked = CutNode {
             error: 0.0,
-            doubt: 0.0,
+            uncertainty: 0.0,
             node,
             root,
             sight: Sight::OPEN,

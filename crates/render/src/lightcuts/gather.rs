@@ -7,6 +7,7 @@ use super::cut::Cut;
 use super::lit::{Lit, Receiver};
 use super::sights::Sights;
 use super::{LightcutSettings, LightcutStats, trees};
+use crate::lighting::Receivers;
 use crate::many_lights::{PointLights, PointSettings};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -21,7 +22,7 @@ use std::f32::consts::PI;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Crossover(u64);
 
-/// At points of the basis, whose cuts have no doubt.
+/// At points of the basis, whose cuts have no limit on uncertainty.
 pub const AT_POINTS: Crossover = Crossover(350);
 /// At pixels.
 pub const AT_PIXELS: Crossover = Crossover(400);
@@ -79,9 +80,9 @@ impl ManyLights {
         hits: &[Option<SurfaceHit>],
         footprint: f32,
     ) -> (Vec<Vec3>, LightcutStats) {
-        // Without doubt, as in the paper: a sender averages some hundreds of points.
+        // Without a limit on uncertainty, as in the paper: a sender averages some hundreds of points.
         let settings = LightcutSettings {
-            doubt: f32::INFINITY,
+            uncertainty: f32::INFINITY,
             ..LightcutSettings::default()
         };
         self.gather(scene, &settings, hits.len(), |place, light| {
@@ -95,13 +96,8 @@ impl ManyLights {
 
     /// Radiance that each shading point sends towards its viewer after one reflection: as
     /// [`crate::lighting::reflected_at`].
-    pub fn reflected_at(
-        &self,
-        scene: &TracedScene,
-        hits: &[Option<SurfaceHit>],
-        points: &[Option<ShadingPoint>],
-        views: &[Vec3],
-    ) -> (Vec<Vec3>, LightcutStats) {
+    pub fn reflected_at(&self, scene: &TracedScene, receivers: &Receivers) -> (Vec<Vec3>, LightcutStats) {
+        let Receivers { hits, points, views } = *receivers;
         self.gather(scene, &LightcutSettings::default(), hits.len(), |place, light| {
             let (hit, point) = (hits[place].as_ref()?, points[place].as_ref()?);
             Some(light(&Receiver::new(hit, point, views[place])))
@@ -121,7 +117,7 @@ impl ManyLights {
             points: &self.points,
             clusters: &self.clusters,
             error_ratio: settings.error_ratio,
-            doubt: settings.doubt,
+            uncertainty: settings.uncertainty,
             max_nodes: settings.max_nodes,
         };
         let mut out = vec![Vec3::ZERO; places];

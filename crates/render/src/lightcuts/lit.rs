@@ -82,7 +82,7 @@ pub(crate) struct Lit<'a> {
     pub points: &'a PointLights,
     pub clusters: &'a LightClusters,
     pub error_ratio: f32,
-    pub doubt: f32,
+    pub uncertainty: f32,
     pub max_nodes: usize,
 }
 

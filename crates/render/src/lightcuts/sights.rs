@@ -79,10 +79,10 @@ pub(crate) struct Sights {
 }
 
 impl Sights {
-    /// Forgets all; from now on receivers at `places` ask. Without a limit on the doubt, as in the paper, all sights are
+    /// Forgets all; from now on receivers at `places` ask. Without a limit on the uncertainty, as in the paper, all sights are
     /// open.
     pub fn begin<'h>(&mut self, lit: &Lit<'_>, places: impl Iterator<Item = &'h SurfaceHit> + Clone) {
-        self.start = (lit.doubt < f32::INFINITY).then(|| ShaftStart::around(places.map(ray_end)));
+        self.start = (lit.uncertainty < f32::INFINITY).then(|| ShaftStart::around(places.map(ray_end)));
         self.parts.clear();
         self.places.clear();
         self.places

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::brute::{self, PointsSettings};
-use crate::layers::{RenderSize, Watch};
+use crate::layers::RenderSize;
 use crate::path::{self, PathSettings};
 use crate::test_scenes::*;
 use glam::DVec3;
@@ -12,7 +12,6 @@ use relight_scene::light::{LightKind, LightTrack};
 use relight_scene::light_set::SceneEmitters;
 use relight_scene::material::{AlphaMode, Material};
 use relight_transport::random::Stream;
-use std::sync::atomic::AtomicBool;
 
 /// A floor, and over it a small plate that emits on both sides and lets a quarter of all rays pass.
 pub(crate) fn stage() -> TracedScene {
@@ -52,34 +51,24 @@ fn rendered_with(
     let emitters = SceneEmitters::new(scene);
     let lights = LightSet::new(&emitters, tracks, 0.0).unwrap();
     let points = PointLights::new(scene, &lights, settings);
-    let cancel = AtomicBool::new(false);
-    let watch = Watch {
-        cancel: &cancel,
-        progress: &|_, _| {},
-    };
     let how = PointsSettings {
         spp,
         seed: 3,
         light_layers: false,
         packets: true,
     };
-    let (layers, _) = brute::render_points(scene, &lights, &points, view, SIZE, &how, &watch).unwrap();
+    let (layers, _) = brute::render_points(scene, &lights, &points, view, SIZE, &how, &()).unwrap();
     layers
 }
 
 fn path_traced(scene: &TracedScene, tracks: &[LightTrack], view: &Camera, spp: u32) -> Layers {
     let emitters = SceneEmitters::new(scene);
     let lights = LightSet::new(&emitters, tracks, 0.0).unwrap();
-    let cancel = AtomicBool::new(false);
-    let watch = Watch {
-        cancel: &cancel,
-        progress: &|_, _| {},
-    };
     let settings = PathSettings {
         spp,
         ..PathSettings::default()
     };
-    path::render(scene, &lights, view, SIZE, &settings, &watch).unwrap()
+    path::render(scene, &lights, view, SIZE, &settings, &()).unwrap()
 }
 
 pub(crate) fn mean(layers: &Layers, name: &str) -> f64 {

@@ -1,10 +1,10 @@
 //! Incident light at all points by cuts of pixel trees.
 
 use super::view::{Point, View};
-use super::{PixelcutsStats, REFINED, group, lap, stage, stopped};
+use super::{PixelcutsStats, REFINED, group, lap, stage};
 use crate::direct::reflected;
-use crate::layers::{Cancelled, Watch};
 use crate::many_lights::{PointLights, clamped};
+use crate::watch::{Cancelled, Watch, go_on};
 use glam::{Mat3, Quat, Vec3};
 use rayon::prelude::*;
 use relight_scene::bsdf::bounds::ReflectionBound;
@@ -37,7 +37,7 @@ pub(super) struct Gather<'a> {
     /// What is asked of each of the view's points.
     pub places: Vec<Place>,
     pub seed: u64,
-    pub watch: &'a Watch<'a>,
+    pub watch: &'a dyn Watch,
 }
 
 /// What sending asks of a point, in one place: points are visited at random.
@@ -129,7 +129,7 @@ impl Gather<'_> {
                 row.resize(pixels.len() * stride, 0.0f32);
                 incident.resize(pixels.len() * stride, 0.0);
                 for batch in own.chunks((BATCH / job.clusters as usize).max(1)) {
-                    stopped(self.watch)?;
+                    go_on(self.watch)?;
                     let sent: Vec<Sent> = batch
                         .par_iter()
                         .map_init(Vec::new, |cut, &light| self.send(job, &tree, light, cut))

@@ -10,7 +10,6 @@ use crate::test_scenes::{
 use relight_scene::light::{LightKind, LightTrack};
 use relight_scene::light_set::SceneEmitters;
 use relight_scene::material::Material;
-use std::sync::atomic::AtomicBool;
 
 /// A closed room with a table in it.
 fn hall() -> TracedScene {
@@ -63,20 +62,12 @@ impl Lit<'_> {
     fn watched<R>(
         &self,
         tracks: &[LightTrack],
-        call: impl FnOnce(&LightSet<'_>, &PointLights, &Watch<'_>) -> R,
+        call: impl FnOnce(&LightSet<'_>, &PointLights, &dyn Watch) -> R,
     ) -> R {
         let emitters = SceneEmitters::new(self.scene);
         let lights = LightSet::new(&emitters, tracks, 0.0).unwrap();
         let points = PointLights::new(self.scene, &lights, &self.points);
-        let cancel = AtomicBool::new(false);
-        call(
-            &lights,
-            &points,
-            &Watch {
-                cancel: &cancel,
-                progress: &|_, _| {},
-            },
-        )
+        call(&lights, &points, &())
     }
 }
 

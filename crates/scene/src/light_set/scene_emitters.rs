@@ -12,15 +12,15 @@ const TEXTURE_SAMPLES: u32 = 64;
 /// on it has some chance.
 const SMALLEST_SHARE: f32 = 0.01;
 
-/// The emissive triangles of a [`TracedScene`]. Unlit materials are no lights and are left out.
-pub struct SceneEmitters<'a> {
-    scene: &'a TracedScene,
+/// The emissive triangles of a [`TracedScene`], of which it keeps a clone. Unlit materials are no lights and are left out.
+pub struct SceneEmitters {
+    scene: TracedScene,
     triangles: Vec<EmissiveTriangle>,
 }
 
-impl<'a> SceneEmitters<'a> {
+impl SceneEmitters {
     /// Collects them; triangles without area or with vertices that are not finite emit nothing.
-    pub fn new(scene: &'a TracedScene) -> SceneEmitters<'a> {
+    pub fn new(scene: &TracedScene) -> SceneEmitters {
         let mut triangles = Vec::new();
         for &primitive in scene.emissive_triangles() {
             let material = scene.material(primitive);
@@ -41,7 +41,10 @@ impl<'a> SceneEmitters<'a> {
                 double_sided: material.double_sided,
             });
         }
-        SceneEmitters { scene, triangles }
+        SceneEmitters {
+            scene: scene.clone(),
+            triangles,
+        }
     }
 }
 
@@ -62,7 +65,7 @@ fn mean_emission(scene: &TracedScene, primitive: u32) -> Vec3 {
     (sum / f64::from(TEXTURE_SAMPLES)).as_vec3()
 }
 
-impl Emitters for SceneEmitters<'_> {
+impl Emitters for SceneEmitters {
     fn emissive_triangles(&self) -> &[EmissiveTriangle] {
         &self.triangles
     }

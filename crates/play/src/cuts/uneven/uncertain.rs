@@ -1,11 +1,11 @@
 //! Which uneven cells may be partly hidden from a fragment, and the rays that settle it.
 
-use super::{BLOCK, Bits, Part, UnevenCells};
+use super::{BLOCK, Bits, CellPart, UnevenCells};
 use crate::cuts::sites::SITES;
-use crate::shot::Shot;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_render::direct::reflected;
+use relight_render::exposure::Exposure;
 use relight_render::sampler::Sampler;
 use relight_scene::bsdf;
 use relight_scene::bsdf::bounds::ReflectionBound;
@@ -16,7 +16,7 @@ use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::TracedScene;
 use std::ops::Range;
 
-/// Visibility this near to 0 or to 1 leaves no doubt.
+/// Visibility this near to 0 or to 1 is certain.
 const SURE: f32 = 0.05;
 
 /// A cell is asked where what is out of place in it makes up this share of what the fragment reflects.
@@ -29,7 +29,7 @@ const PER_RAY: f32 = 0.02;
 /// Most rays of a cell: as many as it has parts.
 const MOST_RAYS: f32 = 16.0;
 
-/// Cells that are fewer than so many of their radii above the horizon are in doubt because of it, and count for little.
+/// Cells that are fewer than so many of their radii above the horizon are uncertain because of it, and count for little.
 const HORIZON: f32 = 3.0;
 
 /// A fragment that reflects less than so much of what the mean one does counts as if it reflected that.
@@ -37,7 +37,7 @@ const FAINT: f32 = 0.1;
 
 /// A cell that may be partly hidden from a fragment.
 #[derive(Clone, Copy, Debug)]
-pub struct Doubt {
+pub struct Uncertain {
     fragment: u32,
     cell: u32,
     /// Visibility that the cell was given.
@@ -47,7 +47,7 @@ pub struct Doubt {
 }
 
 /// A fragment that was shaded.
-pub struct Place<'a> {
+pub struct ShadedFragment<'a> {
     /// Which it is.
     pub fragment: u32,
     /// What of its reflection cuts shade.
@@ -70,7 +70,7 @@ pub struct Stakes {
 
 impl UnevenCells {
     /// From what on a cell matters at a place; `None` where none can.
-    pub fn stakes(&self, place: &Place) -> Option<Stakes> {
+    pub fn stakes(&self, place: &ShadedFragment) -> Option<Stakes> {
         let least = LEAST * luminance(place.radiance);
         // Most of a flux that is reflected, whatever its direction.
         let most = luminance(ReflectionBound::new(place.point, place.view).bound(|_| (1.0, 0.0)));
@@ -81,28 +81,36 @@ impl UnevenCells {
         })
     }
 
-    /// Adds to the `radiance` of the fragments what shading left out where it was in doubt; `doubts` in order of fragments.
+    /// Adds to the `radiance` of the fragments what shading left out where it was uncertain; `uncertain` in order of fragments.
     /// Returns the number of rays that it took.
-    pub fn resolve(&self, scene: &TracedScene, shot: &Shot, doubts: &[Doubt], radiance: &mut [Vec3]) -> u64 {
-        let fragments: Vec<&[Doubt]> = doubts.chunk_by(|a, b| a.fragment == b.fragment).collect();
+    pub fn resolve(
+        &self,
+        scene: &TracedScene,
+        seen: &Exposure,
+        narrow: &[bool],
+        uncertain: &[Uncertain],
+        radiance: &mut [Vec3],
+    ) -> u64 {
+        let fragments: Vec<&[Uncertain]> = uncertain.chunk_by(|a, b| a.fragment == b.fragment).collect();
         let sum: f64 = radiance.iter().map(|r| f64::from(luminance(*r))).sum();
         let faint = FAINT * (sum / radiance.len().max(1) as f64) as f32;
         let resolver = || Resolver {
             cells: self,
             scene,
-            shot,
+            seen,
+            narrow,
             rays: Vec::new(),
             terms: Vec::new(),
             occluded: Vec::new(),
         };
         let left_out: Vec<(Vec3, usize)> = (fragments.par_iter().with_min_len(16))
-            .map_init(resolver, |resolver, doubts| {
-                let whole = luminance(radiance[doubts[0].fragment as usize]).max(faint);
-                (resolver.left_out(doubts, whole), resolver.rays.len())
+            .map_init(resolver, |resolver, uncertain| {
+                let whole = luminance(radiance[uncertain[0].fragment as usize]).max(faint);
+                (resolver.left_out(uncertain, whole), resolver.rays.len())
             })
             .collect();
-        for (doubts, (left_out, _)) in fragments.iter().zip(&left_out) {
-            let radiance = &mut radiance[doubts[0].fragment as usize];
+        for (uncertain, (left_out, _)) in fragments.iter().zip(&left_out) {
+            let radiance = &mut radiance[uncertain[0].fragment as usize];
             *radiance = (*radiance + *left_out).max(Vec3::ZERO);
         }
         left_out.iter().map(|(_, rays)| *rays as u64).sum()
@@ -129,19 +137,19 @@ pub fn matt_part(point: &ShadingPoint, wo: Vec3) -> ShadingPoint {
     }
 }
 
-/// Finds the cells about which shading is in doubt.
+/// Finds the cells that are uncertain.
 #[derive(Default)]
-pub struct Doubter {
+pub struct UncertaintyFinder {
     /// Which of the directions that are asked for are lit for some site, and which are dark for some: a bit each.
     lit: Vec<u64>,
     dark: Vec<u64>,
-    /// Cells about which the sites are in doubt, rising.
+    /// Cells about which the sites are uncertain, rising.
     cells: Vec<u32>,
     /// What the sites see of each of those.
     seen: Vec<[f32; SITES]>,
 }
 
-impl Doubter {
+impl UncertaintyFinder {
     /// Looks the directions that are asked for up in the merged cut of `sites`, whose nodes (as slots) come from left to right with
     /// the visibility from each. Nodes may be missing, which are dark.
     pub fn look_up(
@@ -206,7 +214,13 @@ impl Doubter {
     }
 
     /// Appends the cells that matter at a place between these sites.
-    pub fn doubts(&self, uneven: &UnevenCells, place: &Place, stakes: &Stakes, out: &mut Vec<Doubt>) {
+    pub fn find(
+        &self,
+        uneven: &UnevenCells,
+        place: &ShadedFragment,
+        stakes: &Stakes,
+        out: &mut Vec<Uncertain>,
+    ) {
         let within = HORIZON * uneven.radius;
         for (&i, seen) in self.cells.iter().zip(&self.seen) {
             let cell = &uneven.cells[i as usize];
@@ -217,7 +231,7 @@ impl Doubter {
             }
             let at_stake = luminance(reflected(place.point, place.view, cell.direction)) * cell.out_of_place;
             if at_stake > stakes.least {
-                out.push(Doubt {
+                out.push(Uncertain {
                     fragment: place.fragment,
                     cell: i,
                     seen: place.weights.iter().zip(seen).map(|(w, v)| w * v).sum(),
@@ -232,7 +246,9 @@ impl Doubter {
 struct Resolver<'a> {
     cells: &'a UnevenCells,
     scene: &'a TracedScene,
-    shot: &'a Shot,
+    seen: &'a Exposure,
+    /// Whether something else shades each fragment's lobe; empty: of none.
+    narrow: &'a [bool],
     rays: Vec<Ray>,
     /// What each ray adds if it is not occluded, and how much of that was taken to be seen.
     terms: Vec<(Vec3, f32)>,
@@ -241,24 +257,24 @@ struct Resolver<'a> {
 
 impl Resolver<'_> {
     /// What shading left out of the radiance of one fragment, which is `whole` (luminance).
-    fn left_out(&mut self, doubts: &[Doubt], whole: f32) -> Vec3 {
+    fn left_out(&mut self, uncertain: &[Uncertain], whole: f32) -> Vec3 {
         self.rays.clear();
         self.terms.clear();
-        let f = doubts[0].fragment as usize;
-        let (Some(_), Some(point)) = (&self.shot.hits[f], &self.shot.points[f]) else {
+        let f = uncertain[0].fragment as usize;
+        let (Some(_), Some(point)) = (&self.seen.hits[f], &self.seen.points[f]) else {
             return Vec3::ZERO;
         };
-        let wo = -self.shot.directions[f];
-        let point = match self.shot.reflections.narrow.get(f) {
+        let wo = -self.seen.directions[f];
+        let point = match self.narrow.get(f) {
             Some(true) => matt_part(point, wo),
             _ => *point,
         };
         let mut places = Vec::new();
-        for doubt in doubts.iter().filter(|doubt| doubt.at_stake > LEAST * whole) {
+        for cell in uncertain.iter().filter(|cell| cell.at_stake > LEAST * whole) {
             if places.is_empty() {
-                places = self.shot.places_of(self.scene, f);
+                places = self.seen.places_of(self.scene, f);
             }
-            self.aim(doubt, (&point, wo), &places, doubt.at_stake / whole);
+            self.aim(cell, (&point, wo), &places, cell.at_stake / whole);
         }
         self.occluded.clear();
         self.occluded.resize(self.rays.len(), false);
@@ -270,13 +286,19 @@ impl Resolver<'_> {
 
     /// Aims rays at the parts of a cell, as many at each as its flux is worth, evenly spread, from the fragment's places in turn.
     /// `share`: how much of the fragment's radiance is at stake.
-    fn aim(&mut self, doubt: &Doubt, (point, wo): (&ShadingPoint, Vec3), places: &[SurfaceHit], share: f32) {
-        let parts = &self.cells.cells[doubt.cell as usize].parts;
-        let Some(Part { sum: all, .. }) = parts.last() else {
+    fn aim(
+        &mut self,
+        cell: &Uncertain,
+        (point, wo): (&ShadingPoint, Vec3),
+        places: &[SurfaceHit],
+        share: f32,
+    ) {
+        let parts = &self.cells.cells[cell.cell as usize].parts;
+        let Some(CellPart { sum: all, .. }) = parts.last() else {
             return;
         };
         let rays = (share / PER_RAY).powi(2).ceil().min(MOST_RAYS);
-        let start = Sampler::new(0, doubt.fragment.into(), doubt.cell).next_1d();
+        let start = Sampler::new(0, cell.fragment.into(), cell.cell).next_1d();
         for k in 0..rays as u32 {
             let at = (k as f32 + start) / rays * all;
             let part = &parts[parts.partition_point(|part| part.sum < at).min(parts.len() - 1)];
@@ -285,7 +307,7 @@ impl Resolver<'_> {
             if adds != Vec3::ZERO {
                 let place = &places[self.rays.len() % places.len()];
                 self.rays.push(ray_from(place, part.direction));
-                self.terms.push((adds, doubt.seen));
+                self.terms.push((adds, cell.seen));
             }
         }
     }
@@ -319,8 +341,13 @@ mod tests {
             let light = Illumination::of_parts(directions, &parts, LIGHTS as usize);
             let mut shaded = shade(&roof.cuts, &light, &roof.fragments());
             if resolved {
-                let rays =
-                    (light.uneven).resolve(&roof.scene, &roof.shot, &shaded.doubts, &mut shaded.radiance);
+                let rays = (light.uneven).resolve(
+                    &roof.scene,
+                    &roof.seen,
+                    &[],
+                    &shaded.uncertain,
+                    &mut shaded.radiance,
+                );
                 assert!(rays > 0);
             }
             let whole = 0.5 * (TO.sin() - FROM.sin());
@@ -356,8 +383,8 @@ mod tests {
         let uneven = UnevenCells::new(directions, &parts, &flux);
         assert!(uneven.cells.len() > 3 * BLOCK);
         let height = cuts.lights.height();
-        let mut doubter = Doubter::default();
-        let mut doubts = 0;
+        let mut finder = UncertaintyFinder::default();
+        let mut uncertain = 0;
         for sites in [[0, 1, 2], [3, 4, u32::MAX], [5, u32::MAX, u32::MAX], [6, 7, 8]] {
             let mut nodes: Vec<(u32, [f32; SITES])> = Vec::new();
             let used = sites.iter().filter(|s| **s != u32::MAX).count();
@@ -372,7 +399,7 @@ mod tests {
                     nodes.push((node.slot(height) as u32, seen));
                 }
             });
-            doubter.look_up(&uneven, sites, nodes.into_iter());
+            finder.look_up(&uneven, sites, nodes.into_iter());
             let sees = |leaf: u32, k: usize| world.seen[sites[k] as usize][leaf as usize];
             let expected: Vec<u32> = (0..)
                 .zip(&uneven.cells)
@@ -387,14 +414,17 @@ mod tests {
                 })
                 .map(|(i, _)| i)
                 .collect();
-            assert_eq!(doubter.cells, expected);
-            for (&i, seen) in doubter.cells.iter().zip(&doubter.seen) {
+            assert_eq!(finder.cells, expected);
+            for (&i, seen) in finder.cells.iter().zip(&finder.seen) {
                 let leaf = uneven.cells[i as usize].leaf;
                 assert!((0..used).all(|k| seen[k] == sees(leaf, k)));
             }
-            doubts += expected.len();
+            uncertain += expected.len();
         }
-        assert!(doubts > 20 && doubts < 4 * uneven.cells.len(), "{doubts}");
+        assert!(
+            uncertain > 20 && uncertain < 4 * uneven.cells.len(),
+            "{uncertain}"
+        );
     }
 
     #[test]

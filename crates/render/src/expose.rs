@@ -1,9 +1,9 @@
-//! Exposing a shot: the rays of each pixel, and which of them share a fragment.
+//! Exposing: the rays of each pixel, and which of them share a fragment.
 //!
 //! A pixel gets a few rays; where they, or those of a pixel beside it, meet several things, it gets more. What covers a sliver of a
 //! pixel can be most of its light: under lamps in a dark hall a fiftieth of a pixel was as bright as the whole image's mean.
 
-use super::{RayEnd, Shot};
+use crate::exposure::{Exposure, RayEnd};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::bsdf;
@@ -53,11 +53,11 @@ type Seen = Option<(SurfaceHit, ShadingPoint)>;
 
 /// Casts `samples` primary rays per pixel and groups them; [`FINER`] times as many where a pixel, or one beside it, sees several
 /// things. Deterministic: the same sub-pixel pattern in every pixel.
-pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize, samples: u32) -> Shot {
+pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize, samples: u32) -> Exposure {
     if samples <= 1 {
         return expose_centres(scene, camera, width, height);
     }
-    let exposure = Exposure {
+    let exposing = Exposing {
         scene,
         camera,
         width,
@@ -66,23 +66,23 @@ pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize,
         samples: samples as usize,
         footprint: 2.0 * camera.tan_half_vfov / height as f32,
     };
-    let bands: Vec<Shot> = (0..height.div_ceil(BAND))
+    let bands: Vec<Exposure> = (0..height.div_ceil(BAND))
         .into_par_iter()
-        .map(|band| exposure.band(band * BAND..height.min((band + 1) * BAND)))
+        .map(|band| exposing.band(band * BAND..height.min((band + 1) * BAND)))
         .collect();
-    let mut shot = Shot {
+    let mut whole = Exposure {
         eye: camera.position,
-        ..exposure.empty(height)
+        ..exposing.empty(height)
     };
     for band in bands {
-        shot.push_pixels(&band, 0..width * band.height);
+        whole.push_pixels(&band, 0..width * band.height);
     }
-    shot.offsets.push(shot.coverage.len() as u32);
-    shot
+    whole.offsets.push(whole.coverage.len() as u32);
+    whole
 }
 
 /// What pixels are exposed with.
-struct Exposure<'a> {
+struct Exposing<'a> {
     scene: &'a TracedScene,
     camera: &'a Camera,
     width: usize,
@@ -95,9 +95,9 @@ struct Exposure<'a> {
     footprint: f32,
 }
 
-impl Exposure<'_> {
+impl Exposing<'_> {
     /// Some rows of pixels.
-    fn band(&self, rows: Range<usize>) -> Shot {
+    fn band(&self, rows: Range<usize>) -> Exposure {
         let around = rows.start.saturating_sub(1)..self.height.min(rows.end + 1);
         let mut coarse = self.empty(around.len());
         let (first, ends) = (&self.pattern[..self.samples], ENDS);
@@ -121,18 +121,18 @@ impl Exposure<'_> {
         band
     }
 
-    /// A shot as wide, to which pixels are appended.
-    fn empty(&self, height: usize) -> Shot {
-        Shot {
+    /// An exposure as wide, to which pixels are appended.
+    fn empty(&self, height: usize) -> Exposure {
+        Exposure {
             width: self.width,
             height,
             end_offsets: vec![0],
-            ..Shot::default()
+            ..Exposure::default()
         }
     }
 
     /// Appends the fragments of a pixel by rays through some places in it, about `ends` of which are kept.
-    fn append_pixel(&self, (x, y): (usize, usize), (places, ends): (&[Vec2], f32), to: &mut Shot) {
+    fn append_pixel(&self, (x, y): (usize, usize), (places, ends): (&[Vec2], f32), to: &mut Exposure) {
         let corner = Vec2::new(x as f32, y as f32);
         let size = Vec2::new(self.width as f32, self.height as f32);
         let sample = |&place: &Vec2| {
@@ -150,30 +150,30 @@ impl Exposure<'_> {
     }
 
     /// Whether a pixel, or it together with one of those around it, has fragments of several things.
-    fn sees_several(&self, shot: &Shot, (x, y): (usize, usize)) -> bool {
-        let own = shot.fragments_of(y * shot.width + x);
-        let seen = |f: usize| shot.hits[f].zip(shot.points[f]);
+    fn sees_several(&self, of: &Exposure, (x, y): (usize, usize)) -> bool {
+        let own = of.fragments_of(y * of.width + x);
+        let seen = |f: usize| of.hits[f].zip(of.points[f]);
         let beside = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
         own.len() > 1
-            || beside(y, shot.height).any(|y| {
-                let row = beside(x, shot.width).map(|x| y * shot.width + x);
-                row.flat_map(|pixel| shot.fragments_of(pixel))
+            || beside(y, of.height).any(|y| {
+                let row = beside(x, of.width).map(|x| y * of.width + x);
+                row.flat_map(|pixel| of.fragments_of(pixel))
                     .any(|f| !are_alike(&seen(own.start), &seen(f), self.footprint))
             })
     }
 }
 
 /// [`expose`] by one ray through each pixel's centre: every pixel is one fragment.
-fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: usize) -> Shot {
+fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: usize) -> Exposure {
     let size = Vec2::new(width as f32, height as f32);
     let count = width * height;
-    let mut shot = Shot {
+    let mut whole = Exposure {
         width,
         height,
         offsets: (0..=count as u32).collect(),
         coverage: vec![1.0; count],
         eye: camera.position,
-        ..Shot::default()
+        ..Exposure::default()
     };
     (0..count)
         .into_par_iter()
@@ -182,12 +182,12 @@ fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: us
             let corner = Vec2::new((pixel % width) as f32, (pixel / width) as f32);
             camera.direction(corner + 0.5, size)
         })
-        .collect_into_vec(&mut shot.directions);
-    (shot.directions.par_iter())
+        .collect_into_vec(&mut whole.directions);
+    (whole.directions.par_iter())
         .with_min_len(256)
         .map(|&direction| seen_along(scene, camera, direction).unzip())
-        .unzip_into_vecs(&mut shot.hits, &mut shot.points);
-    shot
+        .unzip_into_vecs(&mut whole.hits, &mut whole.points);
+    whole
 }
 
 /// What a camera's ray meets.
@@ -233,7 +233,7 @@ fn are_alike(a: &Seen, b: &Seen, footprint: f32) -> bool {
     }
 }
 
-fn append_fragments(pixel: &[Sample], ends: f32, row: &mut Shot) {
+fn append_fragments(pixel: &[Sample], ends: f32, row: &mut Exposure) {
     let groups = pixel.iter().map(|s| s.group).max().map_or(0, |g| g + 1);
     for g in 0..groups {
         let members: Vec<&Sample> = pixel.iter().filter(|s| s.group == g).collect();
@@ -297,7 +297,7 @@ mod tests {
         let scene = traced(vec![level(1.0, 0.0, 0)], vec![matt(0.5, 0.0)]);
         // Turned a little so that no edge follows the pixels.
         let eye = camera(Vec3::new(1.5, 3.0, 0.6), Vec3::new(0.1, 0.0, 0.05), 50.0);
-        let shot = expose(&scene, &eye, SIZE, SIZE, 16);
+        let seen = expose(&scene, &eye, SIZE, SIZE, 16);
         let parts = 64;
         (0..SIZE * SIZE)
             .map(|pixel| {
@@ -310,9 +310,9 @@ mod tests {
                     at.x.abs() <= 1.0 && at.z.abs() <= 1.0
                 };
                 let covered = (0..parts * parts).filter(on_square).count();
-                let shown = shot.fragments_of(pixel).filter(|&f| shot.hits[f].is_some());
+                let shown = seen.fragments_of(pixel).filter(|&f| seen.hits[f].is_some());
                 (
-                    shown.map(|f| shot.coverage[f]).sum(),
+                    shown.map(|f| seen.coverage[f]).sum(),
                     covered as f32 / (parts * parts) as f32,
                 )
             })

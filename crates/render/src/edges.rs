@@ -5,10 +5,11 @@
 //! cross a fragment if light is occluded from it or one of its neighbours, and not from all of them; those few are lit anew, so
 //! that a frame costs hardly more.
 
-use crate::shot::{ENDS, Shot};
+use crate::expose::ENDS;
+use crate::exposure::{Exposure, Sighted};
+use crate::lighting::{DARK, LIT, Met, Receivers, Samples, reflected_at};
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_render::lighting::{DARK, LIT, Met, Samples, reflected_at};
 use relight_scene::traced::TracedScene;
 
 /// Fragments that are lit together: what they take stays in fast memory.
@@ -16,19 +17,13 @@ const TASK: usize = 64;
 
 /// Lights the fragments anew that an edge of a light's shadows may cross. `reflected`: what each sends towards the eye of it; `met`:
 /// what its samples met on their way there.
-pub(crate) fn smooth(
-    scene: &TracedScene,
-    shot: &Shot,
-    samples: &Samples,
-    met: &[Met],
-    reflected: &mut [Vec3],
-) {
+pub fn smooth(scene: &TracedScene, seen: &Exposure, samples: &Samples, met: &[Met], reflected: &mut [Vec3]) {
     // A light without extent has one sample at each end: a pixel has few that count.
     let of_pixel = if samples.is_delta() { ENDS } else { f32::INFINITY };
-    let crossed = crossed(shot, met, of_pixel);
+    let crossed = crossed(seen, met, of_pixel);
     let lit: Vec<Vec3> = crossed
         .par_chunks(TASK)
-        .flat_map_iter(|fragments| lit_at_ends(scene, shot, samples, fragments, of_pixel))
+        .flat_map_iter(|fragments| lit_at_ends(scene, seen, samples, fragments, of_pixel))
         .collect();
     for (fragment, lit) in crossed.into_iter().zip(lit) {
         reflected[fragment] = lit;
@@ -38,7 +33,7 @@ pub(crate) fn smooth(
 /// Means over their rays' ends, of which a pixel has about `of_pixel`, of what fragments send towards the eye of a light.
 fn lit_at_ends(
     scene: &TracedScene,
-    shot: &Shot,
+    seen: &Exposure,
     samples: &Samples,
     fragments: &[usize],
     of_pixel: f32,
@@ -49,8 +44,8 @@ fn lit_at_ends(
     let mut runs: Vec<(usize, u32)> = Vec::new();
     for &f in fragments {
         starts.push(hits.len());
-        let ends = shot.reflecting_at_ends(scene, f).take(shot.ends_for(f, of_pixel));
-        for (k, (hit, point, view)) in (0..).zip(ends) {
+        let ends = seen.sighted_ends(scene, f).take(seen.ends_for(f, of_pixel));
+        for (k, Sighted { hit, point, view }) in (0..).zip(ends) {
             hits.push(Some(hit));
             points.push(Some(point));
             views.push(view);
@@ -61,7 +56,11 @@ fn lit_at_ends(
     reflected_at(
         scene,
         samples,
-        (&hits, &points, &views),
+        &Receivers {
+            hits: &hits,
+            points: &points,
+            views: &views,
+        },
         |end| runs[end],
         &mut own,
     );
@@ -73,19 +72,19 @@ fn lit_at_ends(
 
 /// The fragments of pixels that are lit beside such that are not, and the other way round, if several of their ends can
 /// tell more than they have told.
-fn crossed(shot: &Shot, met: &[Met], of_pixel: f32) -> Vec<usize> {
-    let (width, height) = (shot.width, shot.height);
+fn crossed(seen: &Exposure, met: &[Met], of_pixel: f32) -> Vec<usize> {
+    let (width, height) = (seen.width, seen.height);
     let pixels: Vec<Met> = (0..width * height)
         .into_par_iter()
         .with_min_len(1024)
         .map(|pixel| {
-            let of = |f: usize| match (shot.hits[f].is_some(), met[f]) {
+            let of = |f: usize| match (seen.hits[f].is_some(), met[f]) {
                 (false, _) => 0,
                 // It faces away.
                 (true, 0) => DARK,
                 (true, met) => met,
             };
-            shot.fragments_of(pixel).fold(0, |all, f| all | of(f))
+            seen.fragments_of(pixel).fold(0, |all, f| all | of(f))
         })
         .collect();
     (0..width * height)
@@ -101,8 +100,8 @@ fn crossed(shot: &Shot, met: &[Met], of_pixel: f32) -> Vec<usize> {
             ];
             let around = (beside.into_iter().flatten()).fold(pixels[pixel], |all, other| all | pixels[other]);
             let is_crossed = around == LIT | DARK;
-            shot.fragments_of(pixel)
-                .filter(move |&f| is_crossed && shot.ends_for(f, of_pixel) > 1)
+            seen.fragments_of(pixel)
+                .filter(move |&f| is_crossed && seen.ends_for(f, of_pixel) > 1)
         })
         .collect()
 }
@@ -110,9 +109,9 @@ fn crossed(shot: &Shot, met: &[Met], of_pixel: f32) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shot::expose;
+    use crate::expose::expose;
+    use crate::lighting::own_run;
     use crate::test_scenes::{camera, level, matt, panel, sun, traced};
-    use relight_render::lighting::own_run;
     use relight_scene::light_set::{LightRig, NoEmitters};
 
     const SIZE: usize = 24;
@@ -127,15 +126,15 @@ mod tests {
         let lights = rig.at(0.0);
         // From the side, turned a little so that no edge follows the pixels.
         let eye = camera(Vec3::new(4.0, 2.0, 1.0), Vec3::new(1.4, 0.0, 0.15), 25.0);
-        let shot = expose(&scene, &eye, SIZE, SIZE, samples);
-        let views: Vec<Vec3> = shot.directions.iter().map(|d| -*d).collect();
-        let mut out = vec![Vec3::ZERO; shot.len()];
-        let samples = Samples::of_pixels(&lights, 0, (shot.len(), 1), 0);
-        let places = (&shot.hits[..], &shot.points[..], &views[..]);
-        let met = reflected_at(&scene, &samples, places, own_run, &mut out);
+        let seen = expose(&scene, &eye, SIZE, SIZE, samples);
+        let views = seen.views();
+        let mut out = vec![Vec3::ZERO; seen.len()];
+        let samples = Samples::of_pixels(&lights, 0, seen.len(), 1, 0);
+        let receivers = Receivers::of(&seen, &views);
+        let met = reflected_at(&scene, &samples, &receivers, own_run, &mut out);
         let full = out.iter().map(|v| v.x).fold(0.0, f32::max);
-        smooth(&scene, &shot, &samples, &met, &mut out);
-        let found = shot.resolve(&out);
+        smooth(&scene, &seen, &samples, &met, &mut out);
+        let found = seen.resolve(&out);
         (0..SIZE * SIZE)
             .map(|pixel| {
                 let parts = 32;
@@ -183,20 +182,20 @@ mod tests {
         let rig = LightRig::new(&NoEmitters, &tracks).unwrap();
         let lights = rig.at(0.0);
         let eye = camera(Vec3::new(3.0, 2.5, 1.0), Vec3::new(0.0, 0.0, 0.1), 40.0);
-        let shot = expose(&scene, &eye, SIZE, SIZE, 16);
-        let views: Vec<Vec3> = shot.directions.iter().map(|d| -*d).collect();
-        let places = (&shot.hits[..], &shot.points[..], &views[..]);
+        let seen = expose(&scene, &eye, SIZE, SIZE, 16);
+        let views = seen.views();
+        let receivers = Receivers::of(&seen, &views);
         let lit = |samples: u32| {
-            let samples = Samples::of_pixels(&lights, 0, (shot.len(), samples), 0);
-            let mut out = vec![Vec3::ZERO; shot.len()];
-            let met = reflected_at(&scene, &samples, places, own_run, &mut out);
+            let samples = Samples::of_pixels(&lights, 0, seen.len(), samples, 0);
+            let mut out = vec![Vec3::ZERO; seen.len()];
+            let met = reflected_at(&scene, &samples, &receivers, own_run, &mut out);
             let rough = out.clone();
-            smooth(&scene, &shot, &samples, &met, &mut out);
+            smooth(&scene, &seen, &samples, &met, &mut out);
             (met, rough, out)
         };
         let (met, rough, smoothed) = lit(8);
         let (.., truth) = lit(1024);
-        let penumbra: Vec<usize> = (0..shot.len()).filter(|&f| met[f] == LIT | DARK).collect();
+        let penumbra: Vec<usize> = (0..seen.len()).filter(|&f| met[f] == LIT | DARK).collect();
         assert!(penumbra.len() > SIZE, "{}", penumbra.len());
         let error = |found: &[Vec3]| {
             let squares: f32 = penumbra

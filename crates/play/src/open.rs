@@ -1,18 +1,16 @@
-//! An asset, ready to be lit.
+//! Opening an asset: from its file to a scene that can be lit.
 
 use crate::convert;
-use crate::cuts::{Lights, SurfaceSamples, VisibilityCuts};
-use crate::frame::Player;
+use crate::cuts::{CutLights, SurfaceSamples, VisibilityCuts};
+use crate::prepared::PreparedScene;
 use crate::snap::snapped;
 use crate::transfer::Transfer;
 use glam::Vec3;
 use relight_format::layout::{Kind, setting};
 use relight_format::{self as format, Asset, FormatError, Limits, Provenance};
-use relight_scene::camera::CameraTrack;
 use relight_scene::json::error::JsonError;
-use relight_scene::light::LightKind;
 use relight_scene::scene::Scene;
-use relight_scene::sequence::{Sequence, camera_to_json, stage_from_json};
+use relight_scene::sequence::{Sequence, stage_from_json};
 use relight_scene::traced::{Shading, TracedScene, TracedSceneError};
 use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::cuts::SiteCuts;
@@ -24,9 +22,9 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Why an asset cannot be played.
+/// Why an asset cannot be opened.
 #[derive(Debug, thiserror::Error)]
-pub enum LoadError {
+pub enum OpenError {
     /// The file cannot be read, is damaged, or needs a newer relight.
     #[error("{}: {source}", file.display())]
     Format {
@@ -61,45 +59,14 @@ pub enum LoadError {
     },
 }
 
-/// Why an asset cannot play a sequence: the bake left out what it needs.
-#[derive(Debug, thiserror::Error)]
-pub enum LeftOutError {
-    /// The scene's own lights were left out.
-    #[error(
-        "the scene's own lights were left out of this asset, because it was baked with --lights: give a sequence \
-         with --lights, or bake with --keep lights to keep them"
-    )]
-    OwnLights,
-    /// The scene has no lights.
-    #[error("the scene in this asset has no lights of its own: give a sequence with --lights")]
-    NoLights,
-    /// What the camera sees was not refined.
-    #[error(
-        "this asset was baked with --cameras-only for other cameras than {0:?}: bake without --cameras-only, or with \
-         --lights for a sequence that has this camera"
-    )]
-    Camera(String),
-    /// Emission of materials was left out.
-    #[error(
-        "light {0:?} lets materials shine, but their emission was left out of this asset, because it was baked \
-         with --lights for a sequence without an `emissive` light: bake with --keep emission, or with this sequence"
-    )]
-    Emission(String),
-}
-
-/// An asset as a player sees it.
-pub struct Loaded {
+/// An asset that was opened.
+pub(crate) struct Opened {
     /// Surfaces and operators.
-    pub player: Player,
-    /// The scene: cameras, own lights.
-    pub scene: Arc<Scene>,
+    pub prepared: PreparedScene,
     /// Where the asset came from.
     pub provenance: Provenance,
     /// What the bake expects of its errors, if it said.
     pub estimates: Option<format::Estimates>,
-    /// Identifies the file's content: the header's hash, which covers the table's checksum, which covers
-    /// those of all sections.
-    pub hash: u64,
 }
 
 /// What the reference integrators need.
@@ -122,28 +89,29 @@ const WHOLE: [Kind; 13] = [
     Kind::Cuts,
 ];
 
-/// Reads what is needed of an asset and prepares it. With `with_operators` false the operators are left alone, as the reference
-/// integrators need none.
-///
-/// # Errors
-/// [`LoadError`].
-pub fn load(path: &Path, with_operators: bool) -> Result<Loaded, LoadError> {
-    let in_format = |source| LoadError::Format {
-        file: path.to_path_buf(),
-        source,
-    };
-    let kinds = if with_operators { &WHOLE[..] } else { &SCENE };
-    let asset = format::read_parts(path, &Limits::default(), kinds).map_err(in_format)?;
-    let hash = asset_hash(path).map_err(in_format)?;
-    from_asset(asset, hash, path, with_operators)
+/// Which parts of an asset are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parts {
+    /// All that light needs.
+    Whole,
+    /// The scene alone: [`crate::Integrator::Traced`] needs no operators, and they are most of the file.
+    Scene,
 }
 
-/// [`load`] of what has been read already, or was never in a file: `path` is for messages, `hash` identifies the
-/// content.
-///
-/// # Errors
-/// [`LoadError`], all but `Format`.
-pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) -> Result<Loaded, LoadError> {
+/// Reads what is wanted of an asset.
+pub(crate) fn read(path: &Path, parts: Parts) -> Result<Asset, OpenError> {
+    let kinds = match parts {
+        Parts::Whole => &WHOLE[..],
+        Parts::Scene => &SCENE,
+    };
+    format::read_parts(path, &Limits::default(), kinds).map_err(|source| OpenError::Format {
+        file: path.to_path_buf(),
+        source,
+    })
+}
+
+/// Prepares what was read; `path` is for messages.
+pub(crate) fn opened(asset: Asset, path: &Path, parts: Parts) -> Result<Opened, OpenError> {
     let file = || path.to_path_buf();
     let Asset {
         provenance,
@@ -166,7 +134,7 @@ pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) ->
         "" => Ok((Vec::new(), Sequence::default())),
         json => stage_from_json(json),
     }
-    .map_err(|source| LoadError::Stage { file: file(), source })?;
+    .map_err(|source| OpenError::Stage { file: file(), source })?;
     let scene = Arc::new(Scene {
         meshes: convert::meshes(geometry.meshes),
         instances: geometry.instances.iter().map(convert::instance).collect(),
@@ -181,10 +149,10 @@ pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) ->
     } else {
         Shading::Full
     };
-    let traced = TracedScene::new(scene.clone(), shading)
-        .map_err(|source| LoadError::Scene { file: file(), source })?;
-    let transfer = if with_operators && !points.is_empty() {
-        let mismatch = |message| LoadError::Mismatch {
+    let traced =
+        TracedScene::new(scene, shading).map_err(|source| OpenError::Scene { file: file(), source })?;
+    let transfer = if parts == Parts::Whole && !points.is_empty() {
+        let mismatch = |message| OpenError::Mismatch {
             file: file(),
             message,
         };
@@ -203,12 +171,10 @@ pub fn from_asset(asset: Asset, hash: u64, path: &Path, with_operators: bool) ->
     // Without points nothing is indirect, nor are there cuts.
     let cuts = (light_tree.zip(cuts).zip(transfer.as_ref()))
         .map(|((tree, cuts), transfer)| visibility(tree, cuts, &traced, transfer));
-    Ok(Loaded {
-        player: Player::new(traced, transfer, cuts),
-        scene,
+    Ok(Opened {
+        prepared: PreparedScene::new(traced, transfer, cuts),
         provenance,
         estimates,
-        hash,
     })
 }
 
@@ -225,11 +191,11 @@ const OPERATORS: [Kind; 6] = [
 /// The operators of an asset alone, which need no scene; `None` where it has no points.
 ///
 /// # Errors
-/// [`LoadError`].
-pub fn load_operators(path: &Path) -> Result<Option<Transfer>, LoadError> {
+/// [`OpenError`].
+pub fn load_operators(path: &Path) -> Result<Option<Transfer>, OpenError> {
     let file = || path.to_path_buf();
     let asset = format::read_parts(path, &Limits::default(), &OPERATORS)
-        .map_err(|source| LoadError::Format { file: file(), source })?;
+        .map_err(|source| OpenError::Format { file: file(), source })?;
     if asset.points.is_empty() {
         return Ok(None);
     }
@@ -242,7 +208,7 @@ pub fn load_operators(path: &Path) -> Result<Option<Transfer>, LoadError> {
         solution: asset.solution,
     };
     let prepared = prepared(&asset.provenance, operators);
-    prepared.map(Some).map_err(|message| LoadError::Mismatch {
+    prepared.map(Some).map_err(|message| OpenError::Mismatch {
         file: file(),
         message,
     })
@@ -409,7 +375,7 @@ fn visibility(
             let samples = SurfaceSamples::new(scene, area, &positions, hits, unit, unfound);
             VisibilityCuts {
                 cuts,
-                lights: Lights::Surface(samples),
+                lights: CutLights::Surface(samples),
             }
         }
     }
@@ -427,41 +393,4 @@ pub fn matrix(stored: format::WeightRows) -> Result<SparseMatrix, String> {
 
 fn vectors(values: &[[f32; 3]]) -> Vec<Vec3> {
     values.iter().copied().map(Vec3::from).collect()
-}
-
-/// Checks that an asset was baked for a camera.
-///
-/// # Errors
-/// [`LeftOutError::Camera`].
-pub fn check_camera(provenance: &Provenance, camera: &CameraTrack) -> Result<(), LeftOutError> {
-    let hash = format::content_hash(camera_to_json(camera).as_bytes());
-    match provenance.setting(setting::CAMERAS_ONLY) {
-        Some(known) if !known.split(' ').any(|known| known == format!("{hash:016x}")) => {
-            Err(LeftOutError::Camera(camera.name.clone()))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Checks that an asset has kept what a sequence needs; `None`: the scene's own lights.
-///
-/// # Errors
-/// [`LeftOutError`], naming the option that keeps it.
-pub fn check_kept(loaded: &Loaded, sequence: Option<&Sequence>) -> Result<(), LeftOutError> {
-    let left_out = |name| loaded.provenance.setting(name) == Some(setting::LEFT_OUT);
-    let Some(sequence) = sequence else {
-        return match () {
-            () if left_out(setting::OWN_LIGHTS) => Err(LeftOutError::OwnLights),
-            () if loaded.scene.sequence.lights.is_empty() => Err(LeftOutError::NoLights),
-            () => Ok(()),
-        };
-    };
-    let emissive = sequence
-        .lights
-        .iter()
-        .find(|light| matches!(light.kind, LightKind::Emissive { .. }));
-    match emissive {
-        Some(light) if left_out(setting::EMISSION) => Err(LeftOutError::Emission(light.name.clone())),
-        _ => Ok(()),
-    }
 }

@@ -1,0 +1,367 @@
+//! Options of `relight play`.
+
+use crate::failure::Failure;
+use crate::frames::{self, FrameRange, Pattern};
+use crate::options::parsed;
+use clap::{Args, ValueEnum};
+use relight_play::frame::settings::ILLUMINATION_CUT;
+use relight_play::{FrameSettings, Integrator, Tracer};
+use relight_render::lightcuts::LightcutSettings;
+use relight_render::many_lights::PointSettings;
+use relight_render::pixelcuts::PixelcutsSettings;
+use relight_scene::image::BEAUTY;
+use std::path::{Path, PathBuf};
+
+/// Relight an asset for a sequence of lights and write OpenEXR frames.
+///
+/// beauty = emission (light seen directly) + direct (one reflection) + indirect (two and more). Each frame is
+/// written, complete or not at all, while the next one is lit.
+#[derive(Args)]
+#[command(after_help = "\
+The JSON of --json: frames, an array of {frame, total, direct_points, bounces, transfer, flatten, direct_pixels,
+reconstruct, resolve, write} in milliseconds (brute and path: {frame, total, render, write}); total is what the frame adds
+to the run, which is less than its parts where the frame before is written beside it; once_per_shot, what
+is done once: load, expose, weigh (with a moving camera expose and weigh are in the frames). Over lights without
+extent a frame also has points (milliseconds), lights, virtual_lights and shadow_rays_per_pixel; with lightcuts also
+tree and light (milliseconds), tree_bytes, nodes_per_pixel, limited_cuts_per_pixel (with --reconstruction on
+eye_rays_per_pixel, samples_per_pixel, shadow_rays_per_reconstruction_cut); with pixelcuts also
+nodes_per_pixel, exact_lights, and in milliseconds eye, exact, estimate, trees, cuts, scatter, shade and resolve. With --materials a
+frame also has edit, the milliseconds of evaluating changed materials again.
+
+Models and parameters for --materials: metallic_roughness (metallic, roughness, metallic_roughness_texture),
+lambert, phong (specular, specular_texture, exponent or roughness), ward (specular, specular_texture, roughness or
+roughness_u and roughness_v, rotation_deg); all: base_color, base_color_texture, normal_texture, normal_scale,
+bump_texture with bump_scale (metres), emission.")]
+pub struct PlayArgs {
+    /// Asset to play.
+    #[arg(value_name = "ASSET.relight")]
+    pub asset: PathBuf,
+    /// Lighting sequence; without it the scene's own lights play.
+    #[arg(long, value_name = "SEQ.json")]
+    pub lights: Option<PathBuf>,
+    /// Material edits: models and parameters, with keys where they change from frame to frame, of the asset's
+    /// materials by name; no new bake (see data/table_materials.json).
+    #[arg(long, value_name = "EDITS.json")]
+    pub materials: Option<PathBuf>,
+    /// Frames to write: #### or %04d stands for the frame number.
+    #[arg(short, long, value_name = "out/frame_####.exr", value_parser = frames::parse_pattern)]
+    pub output: Pattern,
+    /// How to make light: transfer (the asset's operators), cuts (as the asset's visibility cuts were baked: direct
+    /// light of environments, or one bounce of indirect light; other direct light by shadow rays), brute (every light
+    /// with its own shadow rays; direct light only, or, with --area-samples or --vpls, all light of these points), lightcuts
+    /// (the same points with a bounded error, by clusters of lights), pixelcuts (the same points, each sent to clusters of
+    /// pixels: fast and without sharp shadows of many lights), path (a path tracer, the reference), or auto (cuts where the asset
+    /// has them: environments, or the first bounce at surfaces that are not matt; transfer for other indirect light;
+    /// path without points).
+    #[arg(long, value_enum, default_value_t = IntegratorName::Auto)]
+    pub integrator: IntegratorName,
+    /// Size of the image in pixels; keeps the camera's vertical field of view [default: 360 high, of the camera's
+    /// aspect ratio].
+    #[arg(long, value_name = "WxH", value_parser = frames::parse_size)]
+    pub size: Option<(usize, usize)>,
+    /// Camera of the scene by name [default: the sequence's, else the scene's first].
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+    /// Frames to play, from 0, both ends included, every Nth [default: all of the sequence].
+    #[arg(long, value_name = "A-BxN", value_parser = frames::parse_range)]
+    pub frames: Option<FrameRange>,
+    /// Layers to write, with commas between them; lights stands for one layer per light, light.NAME.
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [LayerName::Beauty, LayerName::Direct, LayerName::Indirect])]
+    pub layers: Vec<LayerName>,
+    /// Write a PNG preview of the beauty beside each frame (Khronos PBR Neutral).
+    #[arg(long)]
+    pub png: bool,
+    /// Exposure of the previews: 2^EV times the image.
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_hyphen_values = true)]
+    pub exposure: f32,
+    /// Write 32-bit floats instead of half precision.
+    #[arg(long)]
+    pub float: bool,
+    /// Most nodes of the illumination cut, by which an environment, or what surfaces reflect, is taken with visibility
+    /// cuts.
+    #[arg(long, value_name = "N", default_value_t = ILLUMINATION_CUT as u32, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    pub illumination_cut: u32,
+    /// Samples per pixel; of transfer and cuts four times as many where a pixel sees several things [default: transfer 16, with a moving camera 1; brute 16; lightcuts 4, with reconstruction 5 to 50; pixelcuts 1; path 64].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    pub spp: Option<u32>,
+    /// Most reflections of a path (path only) [default: no limit].
+    #[arg(long, value_name = "N")]
+    pub max_bounces: Option<u32>,
+    /// Lights without extent.
+    #[command(flatten)]
+    pub points: PointArgs,
+    /// Clusters of lights.
+    #[command(flatten)]
+    pub lightcuts: LightcutArgs,
+    /// Pixelcuts.
+    #[command(flatten)]
+    pub pixelcuts: PixelcutsArgs,
+    /// Print one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Ways to make light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum IntegratorName {
+    /// Cuts and transfer, whatever the asset has; else path.
+    Auto,
+    /// The asset's operators.
+    Transfer,
+    /// Visibility cuts.
+    Cuts,
+    /// Every light with its own shadow rays.
+    Brute,
+    /// Clusters of lights.
+    Lightcuts,
+    /// Points that stand for all lights, each sent to clusters of pixels.
+    Pixelcuts,
+    /// The path tracer.
+    Path,
+}
+
+/// Layers that can be asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LayerName {
+    /// Emission + direct + indirect.
+    Beauty,
+    /// Light seen directly.
+    Emission,
+    /// One reflection.
+    Direct,
+    /// Two reflections and more.
+    Indirect,
+    /// Total reflectance of what is seen.
+    Albedo,
+    /// Shading normal, world space.
+    Normal,
+    /// Distance from the camera, metres.
+    Depth,
+    /// One layer per light.
+    Lights,
+}
+
+impl LayerName {
+    /// Its name in a file; of light layers what their names begin with.
+    pub fn name(self) -> &'static str {
+        match self {
+            LayerName::Beauty => BEAUTY,
+            LayerName::Emission => "emission",
+            LayerName::Direct => "direct",
+            LayerName::Indirect => "indirect",
+            LayerName::Albedo => "albedo",
+            LayerName::Normal => "normal",
+            LayerName::Depth => "depth",
+            LayerName::Lights => "light.",
+        }
+    }
+}
+
+/// How many lights without extent stand for all lights.
+#[derive(Args, Clone, Debug)]
+pub struct PointArgs {
+    /// Points over all area lights together, each light gets one at least; brute takes the same points [default: 64 per
+    /// light, for emissive surfaces of more triangles one each, up to 4096].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
+    pub area_samples: Option<u32>,
+    /// Virtual lights, which make indirect light.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=16_777_216))]
+    pub vpls: Option<u32>,
+    /// Largest share of the light at a pixel that a single virtual light may have; inf for no limit.
+    #[arg(long, value_name = "SHARE", default_value_t = PointSettings::default().clamp, value_parser = positive)]
+    pub clamp: f32,
+}
+
+fn positive(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(value) if value > 0.0 => Ok(value),
+        _ => Err("must be a number above 0".into()),
+    }
+}
+
+/// How to choose lightcuts.
+#[derive(Args, Clone, Debug)]
+pub struct LightcutArgs {
+    /// Most error of a cluster of lights, as a share of a pixel's light (lightcuts only); 0 evaluates every light.
+    #[arg(long, value_name = "SHARE", default_value_t = LightcutSettings::default().error_ratio, value_parser = share)]
+    pub error_ratio: f32,
+    /// Most nodes of a lightcut (lightcuts only); 0 for no limit.
+    #[arg(long, value_name = "N", default_value_t = LightcutSettings::default().max_nodes)]
+    pub max_nodes: usize,
+    /// How visible a cluster of lights is (lightcuts only): as its parts are, or as its representative light is, as in the paper:
+    /// three times as fast, but for shadows' edges, where pixels err by several percent.
+    #[arg(long, value_enum, default_value_t = ClusterVisibility::Parts)]
+    pub cluster_visibility: ClusterVisibility,
+    /// Lightcuts at some places only, and reconstruction cuts between them (lightcuts only): several times as fast, and
+    /// adaptively antialiased, but without the bounded error.
+    #[arg(long, value_enum, default_value_t = Switch::Off)]
+    pub reconstruction: Switch,
+}
+
+/// What says how much of a cluster is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ClusterVisibility {
+    /// Its parts.
+    Parts,
+    /// Its representative light.
+    Representative,
+}
+
+/// On or off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Switch {
+    /// Do.
+    On,
+    /// Don't.
+    Off,
+}
+
+fn share(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
+        _ => Err("must be a number from 0 to 1".into()),
+    }
+}
+
+/// How pixelcuts go about it.
+#[derive(Args, Clone, Debug, Default)]
+pub struct PixelcutsArgs {
+    /// Clusters of pixels that each light is sent to, before refinement (pixelcuts) [default: 2048].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    pub clusters: Option<u32>,
+    /// Trees of pixels, each for a random part of the lights (pixelcuts) [default: 16].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub trees: Option<u32>,
+    /// Highest degree of the spherical harmonics that incident light is kept in (pixelcuts) [default: 3].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=3))]
+    pub sh_degree: Option<u32>,
+}
+
+impl PlayArgs {
+    /// A play of an asset into `output`, all else by default.
+    ///
+    /// # Errors
+    /// `output` is no name of an image.
+    pub fn new(asset: &Path, output: &Path) -> Result<PlayArgs, Failure> {
+        parsed(&[
+            asset.display().to_string(),
+            "-o".into(),
+            output.display().to_string(),
+        ])
+    }
+
+    /// How to make light.
+    pub fn integrator(&self) -> Integrator {
+        match self.integrator {
+            IntegratorName::Auto => Integrator::Auto,
+            IntegratorName::Transfer => Integrator::Transfer,
+            IntegratorName::Cuts => Integrator::Cuts,
+            IntegratorName::Brute if self.points.given() => {
+                Tracer::BrutePoints(self.points.settings()).into()
+            }
+            IntegratorName::Brute => Tracer::Brute.into(),
+            IntegratorName::Lightcuts => Tracer::Lightcuts {
+                points: self.points.settings(),
+                cuts: self.lightcuts.settings(),
+                reconstruction: self.lightcuts.reconstruction == Switch::On,
+            }
+            .into(),
+            IntegratorName::Pixelcuts => Tracer::Pixelcuts {
+                points: self.points.settings(),
+                cuts: self.pixelcuts.settings(),
+            }
+            .into(),
+            IntegratorName::Path => Tracer::Path {
+                max_bounces: self.max_bounces,
+            }
+            .into(),
+        }
+    }
+
+    /// How to light frames.
+    pub fn frame_settings(&self, seed: u64) -> FrameSettings {
+        let surface = [LayerName::Albedo, LayerName::Normal, LayerName::Depth];
+        FrameSettings {
+            seed,
+            light_layers: self.layers.contains(&LayerName::Lights),
+            surface_layers: self.layers.iter().any(|layer| surface.contains(layer)),
+            illumination_cut: self.illumination_cut as usize,
+            ..FrameSettings::default()
+        }
+    }
+
+    /// Refuses options that the integrator, as decided, has no use for.
+    ///
+    /// # Errors
+    /// [`Failure::Usage`].
+    pub fn check(&self, integrator: &Integrator) -> Result<(), Failure> {
+        let usage = |text: &str| Err(Failure::Usage(text.into()));
+        let tracer = match integrator {
+            Integrator::Traced(tracer) => Some(tracer),
+            _ => None,
+        };
+        if self.max_bounces.is_some() && !matches!(tracer, Some(Tracer::Path { .. })) {
+            return usage(
+                "--max-bounces belongs to --integrator path; what an asset holds is chosen by bake --bounces",
+            );
+        }
+        if self.points.given() && !tracer.is_some_and(|tracer| !matches!(tracer, Tracer::Path { .. })) {
+            return usage("--area-samples and --vpls belong to --integrator brute, lightcuts and pixelcuts");
+        }
+        if self.pixelcuts.given() && !matches!(tracer, Some(Tracer::Pixelcuts { .. })) {
+            return usage("--clusters, --trees and --sh-degree belong to --integrator pixelcuts");
+        }
+        Ok(())
+    }
+}
+
+impl PointArgs {
+    /// Whether points were asked for.
+    fn given(&self) -> bool {
+        self.area_samples.is_some() || self.vpls.is_some()
+    }
+
+    fn settings(&self) -> PointSettings {
+        PointSettings {
+            area_samples: self.area_samples,
+            vpls: self.vpls.unwrap_or(0),
+            clamp: self.clamp,
+            ..PointSettings::default()
+        }
+    }
+}
+
+impl LightcutArgs {
+    fn settings(&self) -> LightcutSettings {
+        let defaults = LightcutSettings::default();
+        LightcutSettings {
+            error_ratio: self.error_ratio,
+            max_nodes: if self.max_nodes == 0 {
+                usize::MAX
+            } else {
+                self.max_nodes
+            },
+            uncertainty: match self.cluster_visibility {
+                ClusterVisibility::Parts => defaults.uncertainty,
+                ClusterVisibility::Representative => f32::INFINITY,
+            },
+            ..defaults
+        }
+    }
+}
+
+impl PixelcutsArgs {
+    fn settings(&self) -> PixelcutsSettings {
+        let defaults = PixelcutsSettings::default();
+        PixelcutsSettings {
+            clusters: self.clusters.unwrap_or(defaults.clusters),
+            trees: self.trees.unwrap_or(defaults.trees),
+            degree: self.sh_degree.map_or(defaults.degree, |degree| degree as usize),
+            ..defaults
+        }
+    }
+
+    fn given(&self) -> bool {
+        self.clusters.is_some() || self.trees.is_some() || self.sh_degree.is_some()
+    }
+}

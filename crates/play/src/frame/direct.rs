@@ -1,0 +1,165 @@
+//! Direct light at fragments, finest points and surface samples: light by light with shadow rays, or, of very many, by
+//! lightcuts.
+
+use super::stats::{DirectLightcuts, FrameTimes, milliseconds};
+use super::task::{Received, Task};
+use glam::Vec3;
+use relight_render::edges;
+use relight_render::lightcuts::{self, AT_PIXELS, AT_POINTS, ManyLights};
+use relight_render::lighting::{self, Receivers, Samples, own_run};
+use relight_render::sum::Sum;
+use relight_scene::light_set::LightSet;
+use relight_scene::surface::SurfaceHit;
+use std::time::Instant;
+
+/// Of so many samples of a small lamp one is cast everywhere, and tells where edges of its shadows are near; all are cast there
+/// (a quarter everywhere: a tenth more error, docs/notebook/cuts.md).
+const FIRST: u32 = 2;
+
+/// Where light arrives from which indirect light starts.
+#[derive(Clone, Copy)]
+pub(super) struct Starts<'a> {
+    /// The finest points, if transfer makes light.
+    pub points: Option<&'a [Option<SurfaceHit>]>,
+    /// Surface samples, if visibility cuts make the first bounce.
+    pub samples: Option<&'a [Option<SurfaceHit>]>,
+}
+
+/// Sums over lights: radiance of fragments, irradiance of the others.
+pub(super) struct Sums {
+    pub direct: Sum,
+    pub points: Option<Sum>,
+    pub samples: Option<Sum>,
+}
+
+impl Sums {
+    /// Of no light yet.
+    pub fn new(fragments: usize, starts: Starts) -> Sums {
+        let nothing = |hits: &[Option<SurfaceHit>]| Sum::Nothing(hits.len());
+        Sums {
+            direct: Sum::Nothing(fragments),
+            points: starts.points.map(nothing),
+            samples: starts.samples.map(nothing),
+        }
+    }
+
+    /// Adds what a light lets arrive at the starts of indirect light.
+    pub fn add_received(&mut self, received: Received) {
+        for (sum, part) in [
+            (&mut self.points, received.points),
+            (&mut self.samples, received.samples),
+        ] {
+            if let (Some(sum), Some(part)) = (sum, part) {
+                sum.add(part);
+            }
+        }
+    }
+
+    /// Radiance of the fragments, and what arrives where indirect light starts.
+    pub fn rounded(self) -> (Vec<Vec3>, Received) {
+        let received = Received {
+            points: self.points.map(Sum::rounded),
+            samples: self.samples.map(Sum::rounded),
+        };
+        (self.direct.rounded(), received)
+    }
+}
+
+impl Task<'_> {
+    /// Irradiance of one light where indirect light starts.
+    pub fn received_of(&self, starts: Starts, lights: &LightSet, light: usize) -> Received {
+        let irradiance = |hits: &[Option<SurfaceHit>], footprint: f32| {
+            let mut irradiance = vec![Vec3::ZERO; hits.len()];
+            lighting::irradiance_at(
+                &self.prepared.scene,
+                lights,
+                light,
+                hits,
+                footprint,
+                self.settings.point_samples,
+                self.settings.seed,
+                &mut irradiance,
+            );
+            irradiance
+        };
+        Received {
+            points: (starts.points).map(|hits| irradiance(hits, self.prepared.footprint())),
+            samples: starts.samples.map(|hits| irradiance(hits, 0.0)),
+        }
+    }
+
+    /// What fragments reflect of one light. `by_cuts`: visibility cuts have taken what is wide of environments.
+    pub fn reflected_of(&self, lights: &LightSet, light: usize, by_cuts: bool) -> Vec<Vec3> {
+        let (scene, seen) = (&self.prepared.scene, &self.shot.seen);
+        let mut reflected = vec![Vec3::ZERO; seen.len()];
+        // Shadows of others are soft, mostly wider than a pixel. What cuts leave of an environment are its small lamps.
+        let small = lights.is_delta(light) || (by_cuts && lights.is_distant(light));
+        let most = self.settings.pixel_samples;
+        let first = if small { most.div_ceil(FIRST) } else { most };
+        let samples = Samples::of_pixels(lights, light, seen.len(), first, self.settings.seed);
+        let receivers = Receivers::of(seen, self.views);
+        let met = lighting::reflected_at(scene, &samples, &receivers, own_run, &mut reflected);
+        if small && !reflected.is_empty() {
+            edges::smooth(scene, seen, &samples.of_each(most), &met, &mut reflected);
+        }
+        reflected
+    }
+
+    /// Adds the direct light of all lights by lightcuts at those kinds of places where lights are so many that these take less
+    /// time.
+    pub fn add_by_lightcuts(
+        &self,
+        starts: Starts,
+        lights: &LightSet,
+        sums: &mut Sums,
+        times: &mut FrameTimes,
+    ) -> ByLightcuts {
+        let points = lightcuts::worthwhile(lights, self.settings.point_samples, AT_POINTS);
+        let pixels = lightcuts::worthwhile(lights, self.settings.pixel_samples, AT_PIXELS);
+        if !points && !pixels {
+            return ByLightcuts::default();
+        }
+        let scene = &self.prepared.scene;
+        let start = Instant::now();
+        let many = ManyLights::new(scene, lights, self.settings.seed);
+        let mut used = DirectLightcuts {
+            lights: many.len(),
+            ..DirectLightcuts::default()
+        };
+        if points {
+            for (hits, footprint, sum) in [
+                (starts.points, self.prepared.footprint(), &mut sums.points),
+                (starts.samples, 0.0, &mut sums.samples),
+            ] {
+                if let (Some(hits), Some(sum)) = (hits, sum) {
+                    let (irradiance, stats) = many.irradiance_at(scene, hits, footprint);
+                    sum.add(irradiance);
+                    used.points = used.points.sum(stats);
+                }
+            }
+        }
+        times.direct_points += milliseconds(start);
+        if pixels {
+            let start = Instant::now();
+            let (reflected, stats) = many.reflected_at(scene, &Receivers::of(&self.shot.seen, self.views));
+            sums.direct.add(reflected);
+            used.pixels = stats;
+            times.direct_pixels += milliseconds(start);
+        }
+        ByLightcuts {
+            points,
+            pixels,
+            used: Some(used),
+        }
+    }
+}
+
+/// What lightcuts have made.
+#[derive(Clone, Copy, Default)]
+pub(super) struct ByLightcuts {
+    /// Irradiance where indirect light starts.
+    pub points: bool,
+    /// Direct light of the fragments.
+    pub pixels: bool,
+    pub used: Option<DirectLightcuts>,
+}

@@ -1,0 +1,50 @@
+//! Light that is seen directly.
+
+use glam::Vec3;
+use rayon::prelude::*;
+use relight_render::exposure::Exposure;
+use relight_scene::light_set::LightSet;
+use relight_scene::traced::TracedScene;
+
+/// Light that each fragment shows directly: emissive surfaces that a light lets shine, environments, and
+/// rectangles and spheres of the sequence. Of one light, or of all.
+pub(super) fn emission_at(
+    scene: &TracedScene,
+    seen: &Exposure,
+    lights: &LightSet,
+    only: Option<usize>,
+) -> Vec<Vec3> {
+    // Looking at all fragments takes as long as their reconstruction.
+    if scene.emissive_triangles().is_empty() && !lights.any_along() {
+        return vec![Vec3::ZERO; seen.len()];
+    }
+    (0..seen.len())
+        .into_par_iter()
+        .with_min_len(1024)
+        .map(|f| {
+            let mut sum = Vec3::ZERO;
+            let direction = seen.directions[f];
+            let distance = seen.hits[f].as_ref().map_or(f32::INFINITY, |hit| hit.t);
+            let wanted = |light: usize| only.is_none_or(|o| o == light);
+            lights.along(seen.eye, direction, distance, |met| {
+                if wanted(met.light) {
+                    sum += met.radiance;
+                }
+            });
+            if let (Some(hit), Some(point)) = (&seen.hits[f], &seen.points[f])
+                && point.emission != Vec3::ZERO
+            {
+                let cosine = hit.geometric_normal.dot(direction).abs();
+                lights.emitted(hit.primitive, hit.barycentric, hit.t, cosine, |met| {
+                    if wanted(met.light) {
+                        sum += met.radiance;
+                    }
+                });
+                if only.is_none() && scene.material(hit.primitive).unlit {
+                    sum += point.emission;
+                }
+            }
+            sum
+        })
+        .collect()
+}

@@ -1,0 +1,72 @@
+//! Light of even directions, environments and skies, by visibility cuts.
+
+use super::stats::{CutStats, FrameTimes, milliseconds};
+use super::task::Task;
+use crate::cuts::illumination::Illumination;
+use crate::cuts::shade::{Fragments, Shaded, irradiance_at_sites, shade};
+use glam::Vec3;
+use relight_scene::light_set::DistantLight;
+use std::time::Instant;
+
+/// Light of even directions.
+pub(super) struct EvenLight {
+    /// Reflected by each fragment.
+    pub radiance: Vec<Vec3>,
+    /// At each finest point, if transfer takes it on.
+    pub irradiance: Option<Vec<Vec3>>,
+    pub stats: CutStats,
+}
+
+impl Task<'_> {
+    /// Light of even directions at fragments and points; `None` without any, or without cuts that know of them.
+    pub fn even_light(&self, lights: &[&DistantLight], times: &mut FrameTimes) -> Option<EvenLight> {
+        if lights.is_empty() {
+            return None;
+        }
+        let cuts = self.prepared.cuts.as_ref()?;
+        let (directions, sites) = (cuts.directions()?, self.shot.sites.as_ref()?);
+        let start = Instant::now();
+        let parts = directions
+            .cells
+            .parts(|direction| lights.iter().map(|light| light.radiance(direction)).sum());
+        let light = Illumination::of_parts(directions, &parts, self.settings.illumination_cut);
+        times.illumination_cut += milliseconds(start);
+        let start = Instant::now();
+        let reflections = &self.shot.reflections;
+        let by_cuts = Fragments {
+            narrow: &reflections.narrow,
+            ..self.fragments(sites, true)
+        };
+        let Shaded {
+            mut radiance,
+            uncertain,
+            stats,
+        } = shade(cuts, &light, &by_cuts);
+        let scene = &self.prepared.scene;
+        (light.uneven).resolve(
+            scene,
+            &self.shot.seen,
+            &reflections.narrow,
+            &uncertain,
+            &mut radiance,
+        );
+        reflections.add_sky_to(&mut radiance, |direction| {
+            lights.iter().map(|light| light.radiance(direction)).sum()
+        });
+        times.shade += milliseconds(start);
+        let start = Instant::now();
+        let transfer = self.prepared.transfer.as_ref().filter(|_| self.shot.transfers);
+        let irradiance = transfer.map(|transfer| {
+            irradiance_at_sites(cuts, &light, &transfer.finest.positions, &transfer.finest.normals)
+        });
+        times.direct_points += milliseconds(start);
+        Some(EvenLight {
+            radiance,
+            irradiance,
+            stats: CutStats {
+                nodes: light.heights.len(),
+                shading: stats,
+            },
+        })
+    }
+}

@@ -1,0 +1,41 @@
+//! Pixels from fragments: the layers of a frame.
+
+use super::light::Lit;
+use glam::Vec3;
+use rayon::prelude::*;
+use relight_render::exposure::Exposure;
+use relight_render::views;
+use relight_scene::image::{BEAUTY, Layers};
+
+/// The layers of a frame: `beauty` = `emission` + `direct` + `indirect`, `light.NAME`, and with `surface_layers` `albedo`,
+/// `normal` and `depth`. Indirect light is clamped at zero here, where all of it is summed; light layers
+/// are not, so that they add up.
+pub fn resolve(seen: &Exposure, lit: &Lit, surface_layers: bool) -> Layers {
+    let mut layers = Layers::new(seen.width, seen.height);
+    let mut push = |name: &str, pixels: &[Vec3]| {
+        let pixels: Vec<[f32; 3]> = pixels.par_iter().with_min_len(4096).map(Vec3::to_array).collect();
+        layers.push_rgb(name, &pixels);
+    };
+    let emission = seen.resolve(&lit.emission);
+    let direct = seen.resolve(&lit.direct);
+    let mut indirect = seen.resolve(&lit.indirect);
+    (indirect.par_iter_mut().with_min_len(4096)).for_each(|v| *v = v.max(Vec3::ZERO));
+    let beauty: Vec<Vec3> = (0..indirect.len())
+        .into_par_iter()
+        .with_min_len(4096)
+        .map(|i| emission[i] + direct[i] + indirect[i])
+        .collect();
+    push(BEAUTY, &beauty);
+    push("emission", &emission);
+    push("direct", &direct);
+    push("indirect", &indirect);
+    for (name, fragments) in &lit.lights {
+        push(&format!("light.{name}"), &seen.resolve(fragments));
+    }
+    if surface_layers {
+        push("albedo", &views::albedo(seen));
+        push("normal", &views::normals(seen));
+        layers.push_scalar("depth", &views::depth(seen));
+    }
+    layers
+}

@@ -1,0 +1,36 @@
+//! How a frame is lit.
+
+/// Nodes of the illumination cut: 256 are no better (docs/notebook/cuts.md). The paper's 256 to 512 (Cheslack-Postava et al. 2008,
+/// section 5) are of nodes whose light comes from their middles.
+pub const ILLUMINATION_CUT: usize = 128;
+
+/// How a frame is lit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameSettings {
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Whether to make a layer per light, `light.NAME`.
+    pub light_layers: bool,
+    /// Whether to make the layers `albedo`, `normal` and `depth` (integrators that trace every frame always do).
+    pub surface_layers: bool,
+    /// Shadow rays per fragment for each light with extent.
+    pub pixel_samples: u32,
+    /// Shadow rays per finest point for each light with extent. Fewer than per pixel: a sender averages some
+    /// hundreds of points.
+    pub point_samples: u32,
+    /// Most nodes of the illumination cut, by which an environment, or what surfaces reflect, is taken with visibility cuts.
+    pub illumination_cut: usize,
+}
+
+impl Default for FrameSettings {
+    fn default() -> FrameSettings {
+        FrameSettings {
+            seed: 0,
+            light_layers: false,
+            surface_layers: false,
+            pixel_samples: 8,
+            point_samples: 4,
+            illumination_cut: ILLUMINATION_CUT,
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! A scene with its transport, ready to be lit.
+
+use crate::cuts::VisibilityCuts;
+use crate::snap::snapped;
+use crate::transfer::Transfer;
+use relight_render::lighting;
+use relight_scene::surface::SurfaceHit;
+use relight_scene::traced::TracedScene;
+
+/// A scene with its transport, ready to be lit.
+pub struct PreparedScene {
+    /// Surfaces and materials.
+    pub scene: TracedScene,
+    /// Operators; `None` for an asset without points.
+    pub transfer: Option<Transfer>,
+    /// Where each finest point lies on the scene's surfaces.
+    pub points: Vec<Option<SurfaceHit>>,
+    /// Visibility cuts; `None` for an asset baked without.
+    pub cuts: Option<VisibilityCuts>,
+}
+
+impl PreparedScene {
+    /// Puts the finest points back on the scene's surfaces: the file stores them to a fraction of their
+    /// distance, shadow rays need them exact.
+    pub fn new(
+        scene: TracedScene,
+        transfer: Option<Transfer>,
+        cuts: Option<VisibilityCuts>,
+    ) -> PreparedScene {
+        let points = transfer.as_ref().map_or_else(Vec::new, |t| {
+            snapped(
+                &scene,
+                &t.finest.positions,
+                &t.finest.normals,
+                t.finest.disk_radius,
+            )
+        });
+        PreparedScene {
+            scene,
+            transfer,
+            points,
+            cuts,
+        }
+    }
+
+    /// Surface that each of the finest points stands for, m².
+    pub fn footprint(&self) -> f32 {
+        let radius = self.transfer.as_ref().map_or(0.0, |t| t.finest.disk_radius);
+        lighting::FOOTPRINT * radius * radius
+    }
+
+    /// Even directions that its cuts know of; 0 where they know of none.
+    pub fn directions(&self) -> u32 {
+        let cuts = self.cuts.as_ref().filter(|cuts| cuts.directions().is_some());
+        cuts.map_or(0, |cuts| cuts.lights.leaves() as u32)
+    }
+}
