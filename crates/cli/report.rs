@@ -12,15 +12,15 @@ mod page;
 mod plot;
 mod reference;
 mod settings;
+mod task;
 
 use crate::bake::log_path;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, FrameRange};
 use crate::inspect;
-use crate::options::parsed;
 use crate::output::{self, SCHEMA};
-use crate::play::{self, PlayArgs};
+use crate::play;
 use crate::words;
 use anyhow::Context;
 use clap::Args;
@@ -35,6 +35,7 @@ use serde_json::{Value, json};
 use settings::{Facts, Setting};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use task::Task;
 
 /// Measure error against run time, bake time and size, and show it.
 ///
@@ -119,52 +120,6 @@ fn parse_duration(text: &str) -> Result<Duration, String> {
     match number.parse::<f64>() {
         Ok(n) if n > 0.0 && n * seconds < 1e9 => Ok(Duration::from_secs_f64(n * seconds)),
         _ => Err(expected()),
-    }
-}
-
-/// What all settings have in common.
-pub(crate) struct Task {
-    /// Folder for everything that is written.
-    pub folder: PathBuf,
-    /// The asset to report on.
-    pub asset: PathBuf,
-    /// The lighting sequence.
-    pub lights: PathBuf,
-    /// Frames to measure.
-    pub frames: FrameRange,
-    /// Pixels across and down.
-    pub size: (usize, usize),
-    /// Seed of everything.
-    pub seed: u64,
-    /// Identifies scene, lights, frames and size: what references and measurements are of.
-    pub key: u64,
-}
-
-impl Task {
-    /// A play of some frames into EXR files of full precision, with further options.
-    ///
-    /// # Errors
-    /// The options are none of `play`'s.
-    pub fn play_args(
-        &self,
-        asset: &Path,
-        output: &Path,
-        frames: FrameRange,
-        more: &[String],
-    ) -> Result<PlayArgs, Failure> {
-        let words = [
-            asset.display().to_string(),
-            "--lights".into(),
-            self.lights.display().to_string(),
-            "-o".into(),
-            output.display().to_string(),
-            "--size".into(),
-            format!("{}x{}", self.size.0, self.size.1),
-            "--frames".into(),
-            format!("{}-{}x{}", frames.first, frames.last, frames.step),
-            "--float".into(),
-        ];
-        parsed(&[&words[..], more].concat())
     }
 }
 

@@ -1,6 +1,6 @@
 //! Names of what is kept from report to report, by the content that it was made of.
 
-use super::Task;
+use super::task::Task;
 use crate::failure::Failure;
 use crate::frames::FrameRange;
 use anyhow::Context;

@@ -1,9 +1,10 @@
 //! Bakes and plays settings: errors once, times again and again, one repetition of all settings after another, so that
 //! what the machine does beside hits all alike.
 
+use super::cache;
 use super::reference::{LAYERS, Reference};
 use super::settings::Setting;
-use super::{Task, cache};
+use super::task::Task;
 use crate::bake::{self, BakeArgs, Job};
 use crate::console::Console;
 use crate::failure::Failure;

@@ -1,10 +1,10 @@
 //! The report as a page and as a table of values.
 
-use super::Task;
 use super::findings::pareto;
 use super::measure::Measured;
 use super::plot::Plot;
 use super::reference::Reference;
+use super::task::Task;
 use crate::failure::Failure;
 use crate::statistics::median;
 use base64::Engine;

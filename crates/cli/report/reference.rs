@@ -1,6 +1,7 @@
 //! What all settings are judged by: path-traced frames in two independent halves, which tell their own error.
 
-use super::{Task, cache};
+use super::cache;
+use super::task::Task;
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::frames::FrameRange;

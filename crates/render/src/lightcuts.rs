@@ -19,7 +19,6 @@ mod hidden;
 mod lit;
 mod sample;
 mod sights;
-mod tightness;
 
 use crate::direct::light_met;
 use crate::layers::{PixelSum, RenderSize, render_blocks};
@@ -45,7 +44,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 pub use gather::{AT_PIXELS, AT_POINTS, Crossover, ManyLights, worthwhile};
 pub use sample::ReconstructionStats;
-pub use tightness::{Tightness, bound_tightness};
 
 /// How to choose cuts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,6 +104,19 @@ pub fn trees(scene: &TracedScene, points: &PointLights, light_layers: bool, seed
         ..BuildSettings::default()
     };
     build(&points.lights, &groups, diagonal, &settings)
+}
+
+/// Most that the lights of a cluster can be reflected by at a place, in all and the largest channel: radiance towards `wo`, W/(m² sr).
+/// Infinite near the cluster, 0 where none of its light is reflected. `hit` and `point` are the same place; source: Walter et al.
+/// 2005, section 3.
+pub fn cluster_bound(
+    clusters: &LightClusters,
+    node: u32,
+    hit: &SurfaceHit,
+    point: &ShadingPoint,
+    wo: Vec3,
+) -> f32 {
+    Receiver::new(hit, point, wo).node_bound(clusters, node)
 }
 
 /// Renders an image. `clusters` are the [`trees`] over `points` with the same `light_layers`. Layers: see

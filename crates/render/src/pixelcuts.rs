@@ -19,7 +19,9 @@
 mod exact;
 mod filter;
 mod incident;
+mod kinds;
 mod shade;
+mod stats;
 #[cfg(test)]
 mod tests;
 mod view;
@@ -30,14 +32,16 @@ use crate::path::{eye_ray, met};
 use crate::sampler::Sampler;
 use crate::watch::{Cancelled, Watch};
 use glam::Vec3;
-use incident::{Gather, Job, Place};
+use incident::{Gather, Job, Target};
+use kinds::LitKind;
 use rayon::prelude::*;
 use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
 use relight_scene::light_set::LightSet;
 use relight_scene::traced::TracedScene;
-use relight_transport::random::mix;
 use relight_transport::sh::MAX_DEGREE;
+use stats::lap;
+pub use stats::{PixelcutsStats, PixelcutsTimes};
 use std::time::Instant;
 use view::View;
 
@@ -86,59 +90,10 @@ impl Default for PixelcutsSettings {
     }
 }
 
-/// Cuts grow by refinement to this many times their random size at most (section 3).
-const REFINED: u32 = 10;
 /// The first pass, which finds what virtual lights are clamped by, has so many times fewer clusters.
 const COARSER: u32 = 8;
 /// Highest degree of its harmonics: it says how bright a place is, not more.
 const CLAMP_DEGREE: usize = 1;
-
-/// Milliseconds of the stages of a frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PixelcutsTimes {
-    /// Eye rays.
-    pub eye: f64,
-    /// Lights that are evaluated at every pixel, and the choice of them.
-    pub exact: f64,
-    /// The coarse pass for the clamp.
-    pub estimate: f64,
-    /// Building trees.
-    pub trees: f64,
-    /// Choosing cuts and casting shadow rays.
-    pub cuts: f64,
-    /// Prefix sums.
-    pub scatter: f64,
-    /// Filtering and reflecting.
-    pub shade: f64,
-    /// Putting pixels together.
-    pub resolve: f64,
-}
-
-/// What rendering a frame took.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PixelcutsStats {
-    /// Points that eye rays found.
-    pub points: usize,
-    /// Lights that were evaluated at every pixel.
-    pub exact: usize,
-    /// Shadow rays, those of exact lights included.
-    pub shadow_rays: u64,
-    /// Those of exact lights.
-    pub exact_rays: u64,
-    /// Clusters of all cuts of all lights.
-    pub clusters: u64,
-    /// By stage.
-    pub times: PixelcutsTimes,
-}
-
-/// Light of one kind, of one light or of all: a layer of its own.
-struct Part {
-    virtual_lights: bool,
-    /// Where light layers are wanted.
-    source: Option<u32>,
-    /// Reflected radiance by point of the view.
-    radiance: Vec<Vec3>,
-}
 
 /// Renders an image: what shines directly is the `direct` layer, virtual lights the `indirect` one.
 ///
@@ -176,7 +131,7 @@ pub fn render(
         view: &view,
         mean,
         flat: settings.flat,
-        places: view.points.par_iter().map(Place::new).collect(),
+        targets: view.points.par_iter().map(Target::new).collect(),
         seed: settings.seed,
         watch,
     };
@@ -197,8 +152,8 @@ pub fn render(
         }
         let reflected = shade::reflected(&view, &incident[0], job.degree, false);
         total.iter_mut().zip(reflected).for_each(|(t, r)| *t += r);
-        (gather.places.par_iter_mut().zip(&view.points).zip(total)).for_each(|((place, point), total)| {
-            place.limited(point, clamp_limit(total, points.clamp));
+        (gather.targets.par_iter_mut().zip(&view.points).zip(total)).for_each(|((target, point), total)| {
+            target.limited(point, clamp_limit(total, points.clamp));
         });
         stats.shadow_rays = 0;
         stats.clusters = 0;
@@ -271,7 +226,7 @@ pub fn render(
 }
 
 /// The layers that any light goes to.
-fn parts(points: &PointLights, light_layers: bool, pixels: usize) -> Vec<Part> {
+fn parts(points: &PointLights, light_layers: bool, pixels: usize) -> Vec<LitKind> {
     let mut kinds: Vec<(bool, Option<u32>)> = (0..points.len())
         .map(|i| (points.is_virtual(i), light_layers.then(|| points.source[i])))
         .collect();
@@ -279,29 +234,10 @@ fn parts(points: &PointLights, light_layers: bool, pixels: usize) -> Vec<Part> {
     kinds.dedup();
     kinds
         .into_iter()
-        .map(|(virtual_lights, source)| Part {
+        .map(|(virtual_lights, source)| LitKind {
             virtual_lights,
             source,
             radiance: vec![Vec3::ZERO; pixels],
         })
         .collect()
-}
-
-/// Which tree a light goes to.
-fn group(seed: u64, light: u32, trees: u32) -> u32 {
-    (mix(mix(seed ^ stage::GROUP) ^ u64::from(light)) % u64::from(trees)) as u32
-}
-
-/// Stages of the random streams.
-mod stage {
-    pub const GROUP: u64 = 0x7078_0001;
-    pub const ROTATION: u32 = 0x7078_0002;
-    pub const CUT: u32 = 0x7078_0003;
-    pub const COARSE_CUT: u32 = 0x7078_0004;
-}
-
-/// Adds the milliseconds since `clock`, which starts anew.
-fn lap(clock: &mut Instant, sum: &mut f64) {
-    *sum += clock.elapsed().as_secs_f64() * 1e3;
-    *clock = Instant::now();
 }

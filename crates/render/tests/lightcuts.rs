@@ -1,11 +1,13 @@
 //! Statements about lightcuts and reconstruction cuts. Truth is every point light with a shadow ray of its own.
 
+#[path = "../examples/lightcuts/tightness.rs"]
+#[allow(dead_code, reason = "the example also prints it")]
+mod tightness;
+
 use glam::{Affine3A, DVec3, Vec3};
 use relight_render::brute::{self, PointsSettings};
 use relight_render::layers::RenderSize;
-use relight_render::lightcuts::{
-    self, EyeRays, LightcutSettings, LightcutStats, ReconstructionStats, bound_tightness,
-};
+use relight_render::lightcuts::{self, EyeRays, LightcutSettings, LightcutStats, ReconstructionStats};
 use relight_render::many_lights::{PointLights, PointSettings};
 use relight_render::path::{self, PathSettings};
 use relight_render::watch::Watch;
@@ -472,9 +474,9 @@ fn more_eye_rays_go_where_pixels_need_them() {
 #[test]
 fn bounds_hold_where_they_are_used() {
     let run = Run::new(lamps(), 2000, 1000);
-    run.with(|lights, points, _| {
+    run.with(|_, points, _| {
         let clusters = lightcuts::trees(&run.scene, points, false, 0);
-        let found = bound_tightness(&run.scene, points, &clusters, lights, &camera(), SIZE, 64);
+        let found = tightness::bound_tightness(&run.scene, points, &clusters, &camera(), SIZE, 64);
         assert_eq!(found.violated, 0);
         assert!(found.shares.len() > 5000);
         assert!(found.shares[found.shares.len() / 2] > 0.5, "{found}");

@@ -1,6 +1,5 @@
 //! What clusters of lights give a receiver: the terms of Walter et al. 2005, equations 1 and 2.
 
-use super::sights::{Sight, Sights};
 use crate::lighting::cosine_over;
 use crate::many_lights::{PointLights, clamped};
 use glam::Vec3;
@@ -117,7 +116,7 @@ impl Term {
 
 impl Lit<'_> {
     /// What light `i` gives, shadow ray included.
-    fn term(&self, i: u32, receiver: &Receiver<'_>, shadow_rays: &mut u64) -> Term {
+    pub fn term(&self, i: u32, receiver: &Receiver<'_>, shadow_rays: &mut u64) -> Term {
         let unshadowed = self.unshadowed(i, receiver);
         self.shadowed(i, unshadowed, receiver, |ray| {
             *shadow_rays += 1;
@@ -125,24 +124,8 @@ impl Lit<'_> {
         })
     }
 
-    /// What light `i` of a node gives, with the node's sight.
-    pub fn seen_from(
-        &self,
-        i: u32,
-        receiver: &Receiver<'_>,
-        sights: &Sights,
-        sight: Sight,
-        shadow_rays: &mut u64,
-    ) -> Term {
-        if sight.closed {
-            self.term_among(i, receiver, sights.parts(sight))
-        } else {
-            self.term(i, receiver, shadow_rays)
-        }
-    }
-
     /// As [`Lit::term`], where nothing but `parts` may be in between.
-    fn term_among(&self, i: u32, receiver: &Receiver<'_>, parts: &[BvhPart]) -> Term {
+    pub fn term_among(&self, i: u32, receiver: &Receiver<'_>, parts: &[BvhPart]) -> Term {
         let unshadowed = self.unshadowed(i, receiver);
         if self.is_clear(parts) {
             return Term {

@@ -124,7 +124,7 @@ pub(crate) const MOST_SAMPLES: usize = 8;
 
 /// Where a node is in a sample: its own slot, or the one of the node above it on the sample's cut.
 #[derive(Clone, Copy, Debug, Default)]
-struct Place {
+struct SampleSlot {
     slot: u32,
     /// Share of that slot's light that is the node's: 1 unless it is below the cut.
     share: f32,
@@ -138,12 +138,12 @@ struct Place {
 struct Visit {
     node: u32,
     root: u32,
-    /// Place among those of [`Sights`].
+    /// SampleSlot among those of [`Sights`].
     place: u32,
     /// Evaluate, whatever the samples say (third exception), with the representative's term where it is known.
     evaluate: bool,
     known: Option<Term>,
-    places: [Place; MOST_SAMPLES],
+    places: [SampleSlot; MOST_SAMPLES],
 }
 
 /// What reconstruction cuts took.
@@ -198,9 +198,9 @@ impl Traversal {
         stats.cuts += 1;
         self.stack.clear();
         for (root, start) in lit.clusters.roots.iter().enumerate() {
-            let mut places = [Place::default(); MOST_SAMPLES];
+            let mut places = [SampleSlot::default(); MOST_SAMPLES];
             for (place, (sample, _)) in places.iter_mut().zip(samples) {
-                *place = Place {
+                *place = SampleSlot {
                     slot: root as u32,
                     share: 1.0,
                     reached: sample.slots[root].children == 0,
@@ -314,7 +314,7 @@ impl Traversal {
 
 /// Radiance by the weighted mean of the impostors; `None` in a glossy highlight (first exception), or where they have no
 /// common direction.
-fn interpolated(view: &View, samples: &[(&Sample, f32)], places: &[Place]) -> Option<Vec3> {
+fn interpolated(view: &View, samples: &[(&Sample, f32)], places: &[SampleSlot]) -> Option<Vec3> {
     let (mut direction, mut intensity) = (Vec3::ZERO, Vec3::ZERO);
     for (place, (sample, weight)) in places.iter().zip(samples) {
         let impostor = &sample.impostors[place.slot as usize];

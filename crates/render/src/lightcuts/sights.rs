@@ -7,7 +7,7 @@
 //!
 //! Sights are sought once for all places of a region, and kept for the clusters below.
 
-use super::lit::Lit;
+use super::lit::{Lit, Receiver, Term};
 use relight_scene::rays::{BvhPart, ShaftEnd, ShaftStart};
 use relight_scene::surface::{SurfaceHit, ray_end};
 use relight_transport::light_bounds::LightBox;
@@ -50,17 +50,17 @@ impl Sight {
 
 /// A node that was asked about.
 #[derive(Clone, Copy, Debug)]
-struct Place {
-    /// Place of its first child, the other one is next to it; 0 if there is none yet.
+struct AskedNode {
+    /// AskedNode of its first child, the other one is next to it; 0 if there is none yet.
     children: u32,
     /// Whether the sight is the node's own, not that of the one above it.
     asked: bool,
     sight: Sight,
 }
 
-impl Place {
-    fn below(sight: Sight) -> Place {
-        Place {
+impl AskedNode {
+    fn below(sight: Sight) -> AskedNode {
+        AskedNode {
             children: 0,
             asked: false,
             sight,
@@ -73,7 +73,7 @@ impl Place {
 pub(crate) struct Sights {
     start: Option<ShaftStart>,
     /// The roots come first.
-    places: Vec<Place>,
+    places: Vec<AskedNode>,
     parts: Vec<BvhPart>,
     kept: Vec<BvhPart>,
 }
@@ -86,10 +86,10 @@ impl Sights {
         self.parts.clear();
         self.places.clear();
         self.places
-            .resize(lit.clusters.roots.len(), Place::below(Sight::OPEN));
+            .resize(lit.clusters.roots.len(), AskedNode::below(Sight::OPEN));
     }
 
-    /// Place of the first of a node's children; any where no sights are sought.
+    /// AskedNode of the first of a node's children; any where no sights are sought.
     pub fn children(&mut self, place: u32) -> u32 {
         if self.start.is_none() {
             return place;
@@ -98,7 +98,7 @@ impl Sights {
         if at.children > 0 {
             return at.children;
         }
-        let below = Place::below(at.sight);
+        let below = AskedNode::below(at.sight);
         let first = self.places.len() as u32;
         self.places[place as usize].children = first;
         self.places.extend([below; 2]);
@@ -115,7 +115,7 @@ impl Sights {
         let Some(start) = &self.start else {
             return Sight::OPEN;
         };
-        let Place { asked, mut sight, .. } = self.places[place as usize];
+        let AskedNode { asked, mut sight, .. } = self.places[place as usize];
         if asked || sight.is_clear() {
             return sight;
         }
@@ -145,6 +145,24 @@ impl Sights {
         let at = &mut self.places[place as usize];
         (at.asked, at.sight) = (true, sight);
         sight
+    }
+}
+
+impl Lit<'_> {
+    /// What light `i` of a node gives, with the node's sight.
+    pub fn seen_from(
+        &self,
+        i: u32,
+        receiver: &Receiver<'_>,
+        sights: &Sights,
+        sight: Sight,
+        shadow_rays: &mut u64,
+    ) -> Term {
+        if sight.closed {
+            self.term_among(i, receiver, sights.parts(sight))
+        } else {
+            self.term(i, receiver, shadow_rays)
+        }
     }
 }
 

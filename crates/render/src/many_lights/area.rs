@@ -1,6 +1,6 @@
 //! Rectangles, spheres and emissive triangles as points.
 
-use super::{End, POINTS_PER_AREA_LIGHT, POINTS_PER_EMITTER, PointLights, Sphere, stage};
+use super::points::{End, POINTS_PER_AREA_LIGHT, POINTS_PER_EMITTER, PointLights, Sphere, stage};
 use glam::{DVec3, Vec2, Vec3};
 use relight_scene::environment::luminance;
 use relight_scene::light_set::{EmissiveTriangle, Emitters, LightForm, LightSet};

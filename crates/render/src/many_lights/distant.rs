@@ -1,6 +1,6 @@
 //! Environments, sun and sky as directional lights.
 
-use super::{End, PointLights, PointSettings, stage};
+use super::points::{End, PointLights, PointSettings, stage};
 use glam::{DVec3, Vec2, Vec3};
 use relight_scene::light_set::{DistantMap, LightForm};
 use relight_transport::point_light::{Emission, PointLight};

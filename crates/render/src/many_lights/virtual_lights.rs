@@ -10,7 +10,7 @@
 //! changed by what the shading normal's cosine differs from the geometric one's on the way in (Veach 1997, 5.3.2), so
 //! that the sum over virtual lights is what a path from the eye finds.
 
-use super::{End, PointLights, PointSettings, stage};
+use super::points::{End, PointLights, PointSettings, stage};
 use crate::sampler::Sampler;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;

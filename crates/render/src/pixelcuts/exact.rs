@@ -3,7 +3,7 @@
 //! Section 4 of the paper has "direct" and "approximate" lights chosen by hand. Here a direct light is exact if it gives
 //! more than its share of the mean incident light.
 
-use super::Part;
+use super::kinds::LitKind;
 use super::view::{Point, View};
 use crate::many_lights::PointLights;
 use glam::Vec3;
@@ -66,7 +66,7 @@ pub(super) fn evaluate(
     points: &PointLights,
     view: &View,
     exact: &[u32],
-    parts: &mut [Part],
+    parts: &mut [LitKind],
 ) -> u64 {
     let shadow_rays = AtomicU64::new(0);
     for part in parts.iter_mut().filter(|part| !part.virtual_lights) {

@@ -1,7 +1,7 @@
 //! Incident light at all points by cuts of pixel trees.
 
+use super::stats::{PixelcutsStats, lap};
 use super::view::{Point, View};
-use super::{PixelcutsStats, REFINED, group, lap, stage};
 use crate::direct::reflected;
 use crate::many_lights::{PointLights, clamped};
 use crate::watch::{Cancelled, Watch, go_on};
@@ -14,9 +14,24 @@ use relight_scene::traced::TracedScene;
 use relight_transport::pixel_scatter::{Run, scatter, stride};
 use relight_transport::pixel_tree::{CutLight, CutLimits, PixelTree, choose_cut};
 use relight_transport::point_light::Emission;
-use relight_transport::random::Stream;
+use relight_transport::random::{Stream, mix};
 use std::f32::consts::TAU;
 use std::time::Instant;
+
+/// Cuts grow by refinement to this many times their random size at most (section 3).
+const REFINED: u32 = 10;
+/// Which tree a light goes to.
+fn group(seed: u64, light: u32, trees: u32) -> u32 {
+    (mix(mix(seed ^ stage::GROUP) ^ u64::from(light)) % u64::from(trees)) as u32
+}
+
+/// Stages of the random streams.
+mod stage {
+    pub const GROUP: u64 = 0x7078_0001;
+    pub const ROTATION: u32 = 0x7078_0002;
+    pub const CUT: u32 = 0x7078_0003;
+    pub const COARSE_CUT: u32 = 0x7078_0004;
+}
 
 /// Metres that a normal's difference of 1 counts for in a tree, as a share of the diagonal: some five times the size of
 /// a cluster, so that walls are told apart first.
@@ -35,13 +50,13 @@ pub(super) struct Gather<'a> {
     pub mean: f64,
     pub flat: bool,
     /// What is asked of each of the view's points.
-    pub places: Vec<Place>,
+    pub targets: Vec<Target>,
     pub seed: u64,
     pub watch: &'a dyn Watch,
 }
 
 /// What sending asks of a point, in one place: points are visited at random.
-pub(super) struct Place {
+pub(super) struct Target {
     end: SurfacePoint,
     shading_normal: Vec3,
     /// Most that a virtual light may give, reflected radiance.
@@ -50,9 +65,9 @@ pub(super) struct Place {
     unlimited: f32,
 }
 
-impl Place {
-    pub fn new(point: &Point) -> Place {
-        Place {
+impl Target {
+    pub fn new(point: &Point) -> Target {
+        Target {
             end: ray_end(&point.hit),
             shading_normal: point.shading.shading_normal,
             limit: f32::INFINITY,
@@ -191,7 +206,7 @@ impl Gather<'_> {
             let mut run = self.unoccluded(job, i, point as usize, node.flat && self.flat, node.glossy);
             run.start = node.first;
             if run.light != Vec3::ZERO {
-                let place = &self.places[point as usize];
+                let place = &self.targets[point as usize];
                 match self.points.shadow_ray(i, &place.end) {
                     Some(ray) => {
                         rays.push(ray);
@@ -228,7 +243,7 @@ impl Gather<'_> {
             cosine: 0.0,
             harmonics: false,
         };
-        let place = &self.places[point];
+        let place = &self.targets[point];
         let Some(arrival) = light.arrival(place.end.position) else {
             return run;
         };

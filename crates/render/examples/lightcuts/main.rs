@@ -17,6 +17,8 @@
 //! Times are those of one core. Contestants run in turns in one process; the image for which every light is evaluated is smaller where there are
 //! many lights, and so is then the one it is compared to.
 
+mod tightness;
+
 use glam::Vec3;
 use relight_render::brute::{self, PointsSettings};
 use relight_render::layers::RenderSize;
@@ -456,15 +458,8 @@ impl Study<'_> {
         for &count in counts {
             let points = self.points(count, false);
             let clusters = lightcuts::trees(self.scene, &points, false, 0);
-            let study = lightcuts::bound_tightness(
-                self.scene,
-                &points,
-                &clusters,
-                self.lights,
-                &self.camera,
-                self.size,
-                64,
-            );
+            let study =
+                tightness::bound_tightness(self.scene, &points, &clusters, &self.camera, self.size, 64);
             println!("{} lights: {study}", points.len());
         }
         Ok(())

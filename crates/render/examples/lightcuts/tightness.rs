@@ -1,13 +1,11 @@
 //! How tight the bounds are where they are used.
 
-use super::View;
-use super::lit::Receiver;
-use crate::direct::reflected;
-use crate::layers::{PixelSum, RenderSize};
-use crate::many_lights::PointLights;
 use glam::{Vec2, Vec3};
+use relight_render::direct::reflected;
+use relight_render::layers::RenderSize;
+use relight_render::lightcuts::cluster_bound;
+use relight_render::many_lights::PointLights;
 use relight_scene::camera::Camera;
-use relight_scene::light_set::LightSet;
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
 use relight_scene::traced::TracedScene;
@@ -62,14 +60,12 @@ pub fn bound_tightness(
     scene: &TracedScene,
     points: &PointLights,
     clusters: &LightClusters,
-    lights: &LightSet<'_>,
     camera: &Camera,
     size: RenderSize,
     per_pixel: u32,
 ) -> Tightness {
     let mut found = Tightness::default();
     let (mut members, mut stack) = (Vec::new(), Vec::new());
-    let mut nowhere = PixelSum::nowhere();
     for pixel in 0..size.width * size.height {
         let place = Vec2::new(
             (pixel % size.width) as f32 + 0.5,
@@ -81,12 +77,11 @@ pub fn bound_tightness(
             t_min: 0.0,
             t_max: f32::INFINITY,
         };
-        let view = (scene.closest_hit(&eye))
-            .and_then(|hit| super::follow_mirrors(scene, lights, hit, -eye.direction, &mut nowhere));
-        let Some(View { hit, point, wo, .. }) = view else {
+        let Some(hit) = scene.closest_hit(&eye) else {
             continue;
         };
-        let receiver = Receiver::new(&hit, &point, wo);
+        let wo = -eye.direction;
+        let point = scene.shading_point(&hit).facing(wo);
         for k in 0..per_pixel {
             let mut random = Stream::new(pixel as u64, STAGE, k.into());
             let root = (random.uniform() * clusters.roots.len() as f32) as usize;
@@ -123,7 +118,7 @@ pub fn bound_tightness(
                     arrival.map_or(Vec3::ZERO, |a| reflected(&point, wo, a.direction) * a.factor)
                 })
                 .fold(0.0f32, |most, term| most.max((term * intensity).max_element()));
-            let bound = receiver.node_bound(clusters, node);
+            let bound = cluster_bound(clusters, node, &hit, &point, wo);
             found.violated += u64::from(most > bound);
             if bound == f32::INFINITY {
                 found.infinite += 1;
