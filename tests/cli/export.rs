@@ -3,7 +3,7 @@
 use crate::stage::{TINY, bake_json, complaint, cornell, data, folder, json, names, relight};
 use glam::Vec3;
 use relight_format::{Asset, LightSamples, Limits, read_file};
-use relight_play::load::load_operators;
+use relight_play::open::load_operators;
 use relight_transport::random::Stream;
 use serde_json::Value;
 use sprs::CsMatI;
