@@ -1,10 +1,10 @@
 //! Environments in two parts: the few brightest directions, which want shadow rays of their own, and the rest, which
 //! many even directions stand for.
 //!
-//! 32 768 directions are 1.1° apart and the sun is 0.5° wide (design section 7): what would put a noticeable share of
+//! 32 768 directions are 1.1° apart and the sun is 0.5° wide: what would put a noticeable share of
 //! all light into one direction stays a light, everything else becomes a smooth map.
 
-use super::{Environment, LightSet, Shape};
+use super::map::TurnedMap;
 use crate::environment::{EnvironmentSampler, luminance};
 use crate::light::EnvironmentMap;
 use glam::Vec3;
@@ -21,9 +21,9 @@ const SMOOTH_WIDTH: usize = 1024;
 #[derive(Clone, Debug)]
 pub struct Split {
     /// What exceeds the threshold radiance; `None` if nothing does.
-    bright: Option<(Arc<EnvironmentMap>, Arc<EnvironmentSampler>)>,
+    pub(super) bright: Option<(Arc<EnvironmentMap>, Arc<EnvironmentSampler>)>,
     /// The rest, reduced to [`SMOOTH_WIDTH`].
-    smooth: Arc<EnvironmentMap>,
+    pub(super) smooth: Arc<EnvironmentMap>,
 }
 
 impl Split {
@@ -57,55 +57,13 @@ impl Split {
 
 /// The part of a light that comes from even directions, at one frame.
 pub struct DistantLight {
-    environment: Environment,
+    pub(super) environment: TurnedMap,
 }
 
 impl DistantLight {
     /// Radiance from a direction (unit, world space, away from the scene).
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         self.environment.radiance(self.environment.map_uv(direction))
-    }
-}
-
-impl<'a> LightSet<'a> {
-    /// Takes the smooth part of every environment out of the lights: per light that part, where it has one. `split`
-    /// gives the parts of a light's map. Of a sun with sky, the sky is taken and the sun stays.
-    pub fn take_distant(&mut self, split: impl Fn(usize) -> Option<Arc<Split>>) -> Vec<Option<DistantLight>> {
-        let mut taken = Vec::with_capacity(self.lights.len());
-        for (i, light) in self.lights.iter_mut().enumerate() {
-            let shape = std::mem::replace(&mut light.shape, Shape::Dark);
-            let (left, distant) = match shape {
-                Shape::Environment(whole) => match split(i) {
-                    Some(parts) => {
-                        let left = parts.bright.as_ref().map_or(Shape::Dark, |(map, sampler)| {
-                            Shape::Environment(Environment {
-                                map: map.clone(),
-                                sampler: sampler.clone(),
-                                ..whole.clone()
-                            })
-                        });
-                        let smooth = Environment {
-                            map: parts.smooth.clone(),
-                            ..whole
-                        };
-                        (left, Some(smooth))
-                    }
-                    None => (Shape::Environment(whole), None),
-                },
-                Shape::SunSky { sky, mut sun } => {
-                    sun.chance = 1.0;
-                    let dark = Environment {
-                        scale: Vec3::ZERO,
-                        ..sky.clone()
-                    };
-                    (Shape::SunSky { sky: dark, sun }, Some(sky))
-                }
-                other => (other, None),
-            };
-            light.shape = left;
-            taken.push(distant.map(|environment| DistantLight { environment }));
-        }
-        taken
     }
 }
 

@@ -1,52 +1,65 @@
 //! Emissive triangles of a scene as lights: drawn by power, sampled by area.
 
 use super::alias::AliasTable;
+use super::emitters::{EmissiveTriangle, Emitters};
+use super::form::LightForm;
+use super::shape::{EmitterPoint, Extent, LightSample, Shape, attenuate, extended, luminance64};
 use crate::environment::luminance;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
-/// A triangle that can emit.
-#[derive(Clone, Debug, PartialEq)]
-pub struct EmissiveTriangle {
-    /// Its index among the scene's triangles, as in [`crate::surface::SurfaceHit::primitive`].
-    pub primitive: u32,
-    /// World space, counter-clockwise seen from the front.
-    pub vertices: [Vec3; 3],
-    /// Mean emitted radiance over the triangle, RGB, W/(m² sr): decides how often it is drawn.
-    pub mean_radiance: Vec3,
-    /// Index of its material.
-    pub material: u32,
-    /// Whether it emits on both sides.
-    pub double_sided: bool,
+/// Emissive surfaces that a light lets shine.
+pub(super) struct EmissiveLight {
+    pub table: Arc<EmissiveTable>,
+    /// RGB factor.
+    pub scale: Vec3,
 }
 
-/// What lights need to know of a scene that has emissive materials.
-pub trait Emitters: Sync {
-    /// All triangles that can emit, in a fixed order.
-    fn emissive_triangles(&self) -> &[EmissiveTriangle];
-    /// Names of all materials, by index.
-    fn material_names(&self) -> Vec<String>;
-    /// Radiance that a primitive emits at the place with these barycentric weights of vertices 1 and 2,
-    /// texture included, before any light's scale.
-    fn emitted(&self, primitive: u32, barycentric: [f32; 2]) -> Vec3;
-    /// How much of a surface there is at that place (alpha masks and blending), 0 to 1.
-    fn coverage(&self, _primitive: u32, _barycentric: [f32; 2]) -> f32 {
-        1.0
+impl Shape for EmissiveLight {
+    fn extent(&self) -> Extent {
+        Extent::Emissive
     }
-}
 
-/// A scene in which nothing emits.
-pub struct NoEmitters;
+    fn sample(&self, scene: &dyn Emitters, from: DVec3, random: [f32; 3]) -> Option<LightSample> {
+        let drawn = self.table.sample(scene.emissive_triangles(), from, random)?;
+        // A ray would meet the surface with probability `coverage`.
+        let radiance = scene.emitted(drawn.primitive, drawn.barycentric)
+            * scene.coverage(drawn.primitive, drawn.barycentric)
+            * self.scale;
+        let d = drawn.point - from;
+        Some(LightSample {
+            emitter: Some(EmitterPoint {
+                primitive: drawn.primitive,
+                barycentric: drawn.barycentric,
+                position: drawn.point.as_vec3(),
+                normal: drawn.normal.as_vec3(),
+            }),
+            ..extended(d.try_normalize()?.as_vec3(), d.length(), radiance, drawn.pdf)
+        })
+    }
 
-impl Emitters for NoEmitters {
-    fn emissive_triangles(&self) -> &[EmissiveTriangle] {
-        &[]
+    fn lights_up(&self, primitive: u32, distance: f64, cos: f64) -> Option<(Vec3, f32)> {
+        let pdf = self.table.pdf(primitive, distance, cos)?;
+        Some((self.scale, pdf as f32))
     }
-    fn material_names(&self) -> Vec<String> {
-        Vec::new()
+
+    fn importance(&self, from: DVec3) -> f64 {
+        let table = &self.table;
+        let power = luminance64((table.power / PI).as_vec3() * self.scale);
+        attenuate(power, from, table.center, table.radius)
     }
-    fn emitted(&self, _: u32, _: [f32; 2]) -> Vec3 {
-        Vec3::ZERO
+
+    fn power(&self, _: f64) -> Vec3 {
+        (self.table.power * self.scale.as_dvec3()).as_vec3()
+    }
+
+    fn form<'a>(&'a self, scene: &'a dyn Emitters) -> LightForm<'a> {
+        let all = scene.emissive_triangles();
+        LightForm::Emissive {
+            triangles: self.table.triangles.iter().map(|&i| &all[i as usize]).collect(),
+            scale: self.scale,
+        }
     }
 }
 

@@ -1,10 +1,11 @@
 //! What the lights of a frame are, for algorithms that take them apart, such as lights to points.
 
-use super::{EmissiveTriangle, Environment, LightSet, Shape};
+use super::emitters::EmissiveTriangle;
+use super::map::TurnedMap;
 use crate::environment_strata::{Stratum, strata};
 use glam::Vec3;
 
-/// What a light is at one frame. World space, units of design section 2; every vector finite.
+/// What a light is at one frame. World space, metres and radiometric units; every vector finite.
 pub enum LightForm<'a> {
     /// Nothing shines.
     Dark,
@@ -68,7 +69,7 @@ pub enum LightForm<'a> {
         /// RGB, W/(m² sr).
         sun_radiance: Vec3,
     },
-    /// Surfaces of the scene. Their emission is [`super::Emitters::emitted`] × [`super::Emitters::coverage`] × `scale`.
+    /// Surfaces of the scene. Their emission is [`super::emitters::Emitters::emitted`] × [`super::emitters::Emitters::coverage`] × `scale`.
     Emissive {
         /// Which of them.
         triangles: Vec<&'a EmissiveTriangle>,
@@ -79,84 +80,22 @@ pub enum LightForm<'a> {
 
 /// An environment at one frame.
 pub struct DistantMap<'a> {
-    environment: &'a Environment,
+    environment: &'a TurnedMap,
 }
 
-impl DistantMap<'_> {
+impl<'a> DistantMap<'a> {
+    pub(super) fn new(environment: &'a TurnedMap) -> Self {
+        DistantMap { environment }
+    }
+
     /// At most `count` directions that stand for all of it, each for one of as many disjoint parts
     /// ([`mod@crate::environment_strata`]). `random(i)` are three uniform numbers in [0, 1) for part i.
     pub fn strata(&self, count: usize, random: impl FnMut(usize) -> [f32; 3]) -> Vec<Stratum> {
-        let Environment { map, scale, turn, .. } = self.environment;
+        let TurnedMap { map, scale, turn, .. } = self.environment;
         let mut strata = strata(map, *turn, count, random);
         for stratum in &mut strata {
             stratum.flux *= scale.as_dvec3();
         }
         strata
-    }
-}
-
-impl LightSet<'_> {
-    /// What light `light` is.
-    pub fn form(&self, light: usize) -> LightForm<'_> {
-        match &self.lights[light].shape {
-            Shape::Dark => LightForm::Dark,
-            Shape::Point {
-                position,
-                intensity,
-                cone,
-            } => {
-                let (position, intensity) = (position.as_vec3(), *intensity);
-                match cone {
-                    None => LightForm::Point { position, intensity },
-                    Some(cone) => {
-                        let scale = cone.ramp();
-                        LightForm::Spot {
-                            position,
-                            axis: cone.axis.as_vec3(),
-                            scale: scale as f32,
-                            offset: (-cone.cos_outer * scale) as f32,
-                            intensity,
-                        }
-                    }
-                }
-            }
-            Shape::Directional { towards, irradiance } => LightForm::Directional {
-                axis: -towards.as_vec3(),
-                irradiance: *irradiance,
-            },
-            Shape::Rect { rect, radiance } => {
-                let [corner, edge_u, edge_v] = rect.corner_and_edges().map(|v| v.as_vec3());
-                LightForm::Rect {
-                    corner,
-                    edge_u,
-                    edge_v,
-                    radiance: *radiance,
-                }
-            }
-            Shape::Sphere { sphere, radiance } => LightForm::Sphere {
-                center: sphere.center.as_vec3(),
-                radius: sphere.radius as f32,
-                radiance: *radiance,
-            },
-            Shape::Environment(environment) => LightForm::Environment(DistantMap { environment }),
-            Shape::SunSky { sky, sun } => LightForm::SunSky {
-                sky: DistantMap { environment: sky },
-                sun: sun.axis.as_vec3(),
-                one_minus_cos: sun.one_minus_cos,
-                sun_radiance: sun.radiance,
-            },
-            Shape::Emissive { table, scale } => {
-                let all = self.emitters.emissive_triangles();
-                LightForm::Emissive {
-                    triangles: table.triangles.iter().map(|&i| &all[i as usize]).collect(),
-                    scale: *scale,
-                }
-            }
-        }
-    }
-
-    /// The surfaces of the scene that can emit.
-    pub fn emitters(&self) -> &dyn super::Emitters {
-        self.emitters
     }
 }

@@ -5,8 +5,69 @@
 //! equal numbers, and a parallelogram whose edges are not perpendicular is no spherical rectangle: both are
 //! sampled by area instead.
 
+use super::emitters::Emitters;
+use super::form::LightForm;
+use super::shape::{Extent, LightSample, LongRay, Seen, Shape, attenuate, extended, luminance64, times};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
+
+/// A rectangle that shines.
+pub(super) struct RectLight {
+    pub rect: Rect,
+    /// RGB, W/(m² sr).
+    pub radiance: Vec3,
+}
+
+impl Shape for RectLight {
+    fn extent(&self) -> Extent {
+        Extent::Near
+    }
+
+    fn sample(&self, _: &dyn Emitters, from: DVec3, [r0, r1, _]: [f32; 3]) -> Option<LightSample> {
+        let (point, pdf) = self.rect.sample(from, [r0, r1])?;
+        let d = point - from;
+        Some(extended(
+            d.try_normalize()?.as_vec3(),
+            d.length(),
+            self.radiance,
+            pdf,
+        ))
+    }
+
+    fn met_by(&self, ray: &LongRay) -> Option<Seen> {
+        let t = self
+            .rect
+            .hit(ray.from, ray.direction)
+            .filter(|&t| t < ray.reach)?;
+        Some(Seen {
+            radiance: self.radiance,
+            pdf: self.rect.pdf(ray.from, ray.from + t * ray.direction) as f32,
+        })
+    }
+
+    fn importance(&self, from: DVec3) -> f64 {
+        let rect = &self.rect;
+        if !rect.faces(from) {
+            return 0.0;
+        }
+        let power = luminance64(self.radiance) * rect.area;
+        attenuate(power, from, rect.center(), rect.area.sqrt() * 0.5)
+    }
+
+    fn power(&self, _: f64) -> Vec3 {
+        times(self.radiance, PI * self.rect.area)
+    }
+
+    fn form<'a>(&'a self, _: &'a dyn Emitters) -> LightForm<'a> {
+        let [corner, edge_u, edge_v] = self.rect.corner_and_edges().map(|v| v.as_vec3());
+        LightForm::Rect {
+            corner,
+            edge_u,
+            edge_v,
+            radiance: self.radiance,
+        }
+    }
+}
 
 /// A parallelogram that emits towards `edge_u × edge_v`.
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! A triangle scene as the source of emissive lights.
 
-use super::{EmissiveTriangle, Emitters};
+use super::emitters::{EmissiveTriangle, Emitters};
 use crate::traced::TracedScene;
 use glam::{DVec3, Vec3};
 

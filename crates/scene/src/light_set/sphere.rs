@@ -1,7 +1,56 @@
 //! Spherical lights, and the sun's disc: uniform sampling of a cone of directions.
 
+use super::emitters::Emitters;
+use super::form::LightForm;
+use super::shape::{Extent, LightSample, LongRay, Seen, Shape, attenuate, extended, luminance64, times};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
+
+/// A sphere that shines.
+pub(super) struct SphereLight {
+    pub sphere: Sphere,
+    /// RGB, W/(m² sr).
+    pub radiance: Vec3,
+}
+
+impl Shape for SphereLight {
+    fn extent(&self) -> Extent {
+        Extent::Near
+    }
+
+    fn sample(&self, _: &dyn Emitters, from: DVec3, [r0, r1, _]: [f32; 3]) -> Option<LightSample> {
+        let (direction, distance, pdf) = self.sphere.sample(from, [r0, r1])?;
+        Some(extended(direction.as_vec3(), distance, self.radiance, pdf))
+    }
+
+    fn met_by(&self, ray: &LongRay) -> Option<Seen> {
+        self.sphere
+            .hit(ray.from, ray.direction)
+            .filter(|&t| t < ray.reach)?;
+        Some(Seen {
+            radiance: self.radiance,
+            pdf: self.sphere.pdf(ray.from) as f32,
+        })
+    }
+
+    fn importance(&self, from: DVec3) -> f64 {
+        let Sphere { center, radius } = self.sphere;
+        let disc = PI * radius * radius;
+        attenuate(luminance64(self.radiance) * disc, from, center, radius)
+    }
+
+    fn power(&self, _: f64) -> Vec3 {
+        times(self.radiance, 4.0 * (PI * self.sphere.radius).powi(2))
+    }
+
+    fn form<'a>(&'a self, _: &'a dyn Emitters) -> LightForm<'a> {
+        LightForm::Sphere {
+            center: self.sphere.center.as_vec3(),
+            radius: self.sphere.radius as f32,
+            radiance: self.radiance,
+        }
+    }
+}
 
 /// A sphere that emits outwards.
 #[derive(Clone, Debug)]
@@ -61,9 +110,4 @@ pub(super) fn sample_cone(axis: DVec3, one_minus_cos: f64, random: [f32; 2]) -> 
     let (sin_phi, cos_phi) = (f64::from(random[1]) * 2.0 * PI).sin_cos();
     let (u, v) = axis.any_orthonormal_pair();
     (axis * (1.0 - lost) + (u * cos_phi + v * sin_phi) * sin).normalize()
-}
-
-/// [`DVec3`] of a world-space f32 vector of any length, as a unit vector; `None` for zero and NaN.
-pub(super) fn unit(v: Vec3) -> Option<DVec3> {
-    v.as_dvec3().try_normalize()
 }

@@ -2,7 +2,10 @@
 
 use super::*;
 use crate::animated::Animated;
-use crate::light::EnvironmentMap;
+use crate::light::{EnvironmentMap, LightKind, LightTrack};
+use glam::{DVec3, Vec3};
+use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// Stratified numbers for Monte Carlo sums: an n × n grid of cell centres, and the golden-ratio sequence as
 /// the third.

@@ -1,0 +1,240 @@
+//! Lights over time: what is prepared once, and the lights of a frame.
+
+use super::directional::DirectionalLight;
+use super::distant::Split;
+use super::emissive::{EmissiveLight, EmissiveTable};
+use super::emitters::{EmissiveTriangle, Emitters};
+use super::environment::EnvironmentLight;
+use super::map::TurnedMap;
+use super::point::{Cone, PointLight};
+use super::rect::{Rect, RectLight};
+use super::set::LightSet;
+use super::shape::{Dark, Shape, positive, unit};
+use super::sphere::{Sphere, SphereLight};
+use super::sun_sky::SunSkyLight;
+use crate::environment::EnvironmentSampler;
+use crate::light::{EnvironmentMap, LightKind, LightTrack};
+use std::collections::HashMap;
+use std::sync::Arc;
+use thiserror::Error;
+
+/// Why lights cannot shine in a scene.
+#[derive(Debug, Error, PartialEq, Eq)]
+pub enum LightSetError {
+    /// An `emissive` light names a material that no emitting triangle has.
+    #[error(
+        "light {light:?}: no emissive surface has a material named {material:?}; emissive materials of this \
+         scene: {}", if known.is_empty() { "none".to_string() } else { known.join(", ") }
+    )]
+    NoSuchMaterial {
+        /// The light.
+        light: String,
+        /// The name that was not found.
+        material: String,
+        /// Names that would be found.
+        known: Vec<String>,
+    },
+}
+
+/// What lights over time need that does not change from frame to frame. Clones share it.
+#[derive(Clone)]
+pub struct PreparedLights {
+    /// Per light its environment sampler, if it is an environment that is not black.
+    samplers: Vec<Option<Arc<EnvironmentSampler>>>,
+    /// Per light its emissive triangles, if it is of that kind.
+    tables: Vec<Option<Arc<EmissiveTable>>>,
+}
+
+impl PreparedLights {
+    /// Prepares lights for a scene. Maps that several lights share are prepared once.
+    ///
+    /// # Errors
+    /// An `emissive` light names a material that does not emit.
+    pub fn new(emitters: &dyn Emitters, tracks: &[LightTrack]) -> Result<PreparedLights, LightSetError> {
+        let all = emitters.emissive_triangles();
+        let names = emitters.material_names();
+        let name_of = |material: u32| names.get(material as usize).map_or("", String::as_str);
+        let mut prepared: HashMap<*const EnvironmentMap, Option<Arc<EnvironmentSampler>>> = HashMap::new();
+        let (mut samplers, mut tables) = (Vec::new(), Vec::new());
+        for track in tracks {
+            samplers.push(match &track.kind {
+                LightKind::Environment { map, .. } => prepared
+                    .entry(Arc::as_ptr(map))
+                    .or_insert_with(|| EnvironmentSampler::new(map).map(Arc::new))
+                    .clone(),
+                _ => None,
+            });
+            tables.push(match &track.kind {
+                LightKind::Emissive { material, .. } => {
+                    let wanted = |t: &EmissiveTriangle| {
+                        material
+                            .as_ref()
+                            .is_none_or(|material| name_of(t.material) == material)
+                    };
+                    let chosen: Vec<u32> = (0..all.len() as u32)
+                        .filter(|&i| wanted(&all[i as usize]))
+                        .collect();
+                    if let (Some(material), true) = (material, chosen.is_empty()) {
+                        let mut known: Vec<String> =
+                            all.iter().map(|t| name_of(t.material).to_owned()).collect();
+                        known.sort();
+                        known.dedup();
+                        return Err(LightSetError::NoSuchMaterial {
+                            light: track.name.clone(),
+                            material: material.clone(),
+                            known,
+                        });
+                    }
+                    Some(Arc::new(EmissiveTable::new(all, chosen)))
+                }
+                _ => None,
+            });
+        }
+        Ok(PreparedLights { samplers, tables })
+    }
+}
+
+/// Lights over time together with what can be prepared once for all frames.
+pub struct LightRig<'a> {
+    tracks: &'a [LightTrack],
+    emitters: &'a dyn Emitters,
+    prepared: PreparedLights,
+}
+
+impl<'a> LightRig<'a> {
+    /// Prepares lights for a scene ([`PreparedLights::new`]).
+    ///
+    /// # Errors
+    /// An `emissive` light names a material that does not emit.
+    pub fn new(emitters: &'a dyn Emitters, tracks: &'a [LightTrack]) -> Result<LightRig<'a>, LightSetError> {
+        let prepared = PreparedLights::new(emitters, tracks)?;
+        Ok(LightRig::with(emitters, tracks, prepared))
+    }
+
+    /// Lights that were prepared before, of these tracks and emitters.
+    pub fn with(
+        emitters: &'a dyn Emitters,
+        tracks: &'a [LightTrack],
+        prepared: PreparedLights,
+    ) -> LightRig<'a> {
+        LightRig {
+            tracks,
+            emitters,
+            prepared,
+        }
+    }
+
+    /// The two parts of an environment's map for `directions` even directions (see [`Split`]); `None` for other lights
+    /// and black maps. Costs a pass over the map: keep it.
+    pub fn split(&self, light: usize, directions: u32) -> Option<Split> {
+        match (&self.tracks[light].kind, &self.prepared.samplers[light]) {
+            (LightKind::Environment { map, .. }, Some(sampler)) => Some(Split::new(map, sampler, directions)),
+            _ => None,
+        }
+    }
+
+    /// The lights at `frame`. Values that interpolation carries out of their range (a negative intensity
+    /// after a cubic overshoot) are clamped to it.
+    pub fn at(&self, frame: f64) -> LightSet<'a> {
+        let lights = (self.tracks.iter().enumerate()).map(|(i, track)| {
+            let shape = self.shape(i, &track.kind, frame);
+            (track.name.clone(), shape.unwrap_or_else(|| Box::new(Dark)))
+        });
+        LightSet::of_shapes(lights, self.emitters)
+    }
+
+    /// A light at `frame`; `None` where nothing shines.
+    fn shape(&self, i: usize, kind: &LightKind, frame: f64) -> Option<Box<dyn Shape>> {
+        Some(match kind {
+            LightKind::Point { position, intensity } => Box::new(PointLight {
+                position: position.at(frame).as_dvec3(),
+                intensity: positive(intensity.at(frame)),
+                cone: None,
+            }),
+            LightKind::Spot {
+                position,
+                direction,
+                inner_angle_deg,
+                outer_angle_deg,
+                intensity,
+            } => {
+                let cos = |degrees: f32| f64::from(degrees.clamp(0.0, 90.0)).to_radians().cos();
+                let cos_outer = cos(outer_angle_deg.at(frame));
+                Box::new(PointLight {
+                    position: position.at(frame).as_dvec3(),
+                    intensity: positive(intensity.at(frame)),
+                    cone: Some(Cone {
+                        axis: unit(direction.at(frame))?,
+                        cos_inner: cos(inner_angle_deg.at(frame)).max(cos_outer),
+                        cos_outer,
+                    }),
+                })
+            }
+            LightKind::Directional {
+                direction,
+                irradiance,
+            } => Box::new(DirectionalLight {
+                towards: -unit(direction.at(frame))?,
+                irradiance: positive(irradiance.at(frame)),
+            }),
+            LightKind::Rect {
+                center,
+                edge_u,
+                edge_v,
+                radiance,
+            } => Box::new(RectLight {
+                rect: Rect::new(center.at(frame), edge_u.at(frame), edge_v.at(frame))?,
+                radiance: positive(radiance.at(frame)),
+            }),
+            LightKind::Sphere {
+                center,
+                radius,
+                radiance,
+            } => Box::new(SphereLight {
+                sphere: Sphere {
+                    center: center.at(frame).as_dvec3(),
+                    radius: Some(f64::from(radius.at(frame))).filter(|&radius| radius > 0.0)?,
+                },
+                radiance: positive(radiance.at(frame)),
+            }),
+            LightKind::Environment {
+                map,
+                scale,
+                rotation_deg,
+                ..
+            } => Box::new(EnvironmentLight(TurnedMap {
+                map: map.clone(),
+                sampler: self.prepared.samplers[i].clone()?,
+                scale: positive(scale.at(frame)),
+                turn: (f64::from(rotation_deg.at(frame)) / 360.0).rem_euclid(1.0) as f32,
+            })),
+            LightKind::SunSky {
+                turbidity,
+                sun_direction,
+                scale,
+            } => Box::new(SunSkyLight::new(
+                turbidity.at(frame),
+                sun_direction.at(frame),
+                positive(scale.at(frame)),
+            )?),
+            LightKind::Emissive { scale, .. } => Box::new(EmissiveLight {
+                table: self.prepared.tables[i].clone()?,
+                scale: positive(scale.at(frame)),
+            }),
+        })
+    }
+}
+
+impl<'a> LightSet<'a> {
+    /// The lights at one frame; shorthand for a [`LightRig`] that is used once.
+    ///
+    /// # Errors
+    /// As [`LightRig::new`].
+    pub fn new(
+        emitters: &'a dyn Emitters,
+        tracks: &'a [LightTrack],
+        frame: f64,
+    ) -> Result<LightSet<'a>, LightSetError> {
+        Ok(LightRig::new(emitters, tracks)?.at(frame))
+    }
+}
