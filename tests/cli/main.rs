@@ -15,6 +15,7 @@ mod general;
 mod inspect;
 mod left_out;
 mod materials;
+mod pages;
 mod play;
 mod report;
 mod signals;
