@@ -5,7 +5,7 @@
 //! product with T (design section 6).
 
 use glam::Vec3;
-use relight_scene::parting::is_parted;
+use relight_scene::separation::are_separated;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
 use relight_transport::bounce::{self, Solve};
@@ -133,7 +133,7 @@ impl Transfer {
             ..
         } = &self.finest;
         let j = point as usize;
-        is_parted(surfaces, place, (positions[j], normals[j]), *disk_radius)
+        are_separated(surfaces, place, (positions[j], normals[j]), *disk_radius)
     }
 
     /// Other reflectances at the finest points, one each. A baked solution keeps those that it was solved with.

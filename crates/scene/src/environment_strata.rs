@@ -68,25 +68,25 @@ impl Weights<'_> {
 }
 
 /// A rectangle of pixels, or one pixel that `copies` directions share.
-struct Part {
+struct Region {
     x: [usize; 2],
     y: [usize; 2],
     weight: f64,
     copies: u32,
     /// Of one of the copies.
     importance: f64,
-    /// Order of making: decides between parts that are equally important.
+    /// Order of making: decides between regions that are equally important.
     number: usize,
 }
 
-impl Part {
-    fn new(weights: &Weights, x: [usize; 2], y: [usize; 2], copies: u32, number: usize) -> Option<Part> {
+impl Region {
+    fn new(weights: &Weights, x: [usize; 2], y: [usize; 2], copies: u32, number: usize) -> Option<Region> {
         let weight = weights.area(x, y);
         let height = weights.map.height as f64;
         let cos = |row: usize| (PI * row as f64 / height).cos();
         let share = f64::from(copies) * weights.map.width as f64;
         let solid_angle = 2.0 * PI * (x[1] - x[0]) as f64 / share * (cos(y[0]) - cos(y[1]));
-        (weight > 0.0).then(|| Part {
+        (weight > 0.0).then(|| Region {
             x,
             y,
             weight,
@@ -97,25 +97,25 @@ impl Part {
     }
 
     /// Cuts the longer side where the halves weigh most nearly the same. A pixel gets one more direction.
-    fn cut(self, weights: &Weights, number: usize) -> [Option<Part>; 2] {
-        let Part { x, y, .. } = self;
+    fn cut(self, weights: &Weights, number: usize) -> [Option<Region>; 2] {
+        let Region { x, y, .. } = self;
         let (columns, rows) = (x[1] - x[0], y[1] - y[0]);
         if columns * rows == 1 {
-            return [Part::new(weights, x, y, self.copies + 1, number), None];
+            return [Region::new(weights, x, y, self.copies + 1, number), None];
         }
         let (width, height) = (weights.map.width as f64, weights.map.height as f64);
         let middle = PI * (y[0] + y[1]) as f64 * 0.5 / height;
         let wide = columns as f64 * 2.0 * PI / width * middle.sin() > rows as f64 * PI / height;
         if rows == 1 || (wide && columns > 1) {
             let at = halves(x, self.weight, |at| weights.area([x[0], at], y));
-            [[x[0], at], [at, x[1]]].map(|x| Part::new(weights, x, y, 1, number))
+            [[x[0], at], [at, x[1]]].map(|x| Region::new(weights, x, y, 1, number))
         } else {
             let at = halves(y, self.weight, |at| weights.area(x, [y[0], at]));
-            [[y[0], at], [at, y[1]]].map(|y| Part::new(weights, x, y, 1, number))
+            [[y[0], at], [at, y[1]]].map(|y| Region::new(weights, x, y, 1, number))
         }
     }
 
-    /// Appends the directions of this part.
+    /// Appends the directions of this region.
     fn draw(
         &self,
         weights: &Weights,
@@ -182,19 +182,19 @@ fn halves(range: [usize; 2], total: f64, sum_to: impl Fn(usize) -> f64) -> usize
     }
 }
 
-impl PartialEq for Part {
-    fn eq(&self, other: &Part) -> bool {
+impl PartialEq for Region {
+    fn eq(&self, other: &Region) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
-impl Eq for Part {}
-impl PartialOrd for Part {
-    fn partial_cmp(&self, other: &Part) -> Option<Ordering> {
+impl Eq for Region {}
+impl PartialOrd for Region {
+    fn partial_cmp(&self, other: &Region) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
-impl Ord for Part {
-    fn cmp(&self, other: &Part) -> Ordering {
+impl Ord for Region {
+    fn cmp(&self, other: &Region) -> Ordering {
         let earlier = || other.number.cmp(&self.number).then(other.x.cmp(&self.x));
         self.importance
             .total_cmp(&other.importance)
@@ -215,7 +215,7 @@ pub fn strata(
         return Vec::new();
     };
     let mut heap = BinaryHeap::new();
-    heap.extend(Part::new(&weights, [0, map.width], [0, map.height], 1, 0));
+    heap.extend(Region::new(&weights, [0, map.width], [0, map.height], 1, 0));
     let mut made = heap.len();
     // Halves without light leave no part behind: the number of cuts is bounded as well.
     let mut number = 0;

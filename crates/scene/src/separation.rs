@@ -15,10 +15,10 @@ const LIFT: f32 = 0.05;
 /// places, steps and mouldings pass below it.
 const DETOUR: f32 = 0.5;
 
-/// Whether a surface parts two places, each a position and unit normal: it stands between them, and on the way around
+/// Whether a surface separates two places, each a position and unit normal: it stands between them, and on the way around
 /// over what lies low between them as well. `scale` is the distance (metres) of the points that there are: places nearer
 /// to each other are lifted as if they were so far apart.
-pub fn is_parted(surfaces: &dyn Surfaces, a: (Vec3, Vec3), b: (Vec3, Vec3), scale: f32) -> bool {
+pub fn are_separated(surfaces: &dyn Surfaces, a: (Vec3, Vec3), b: (Vec3, Vec3), scale: f32) -> bool {
     let distance = a.0.distance(b.0).max(scale);
     let [from, to] = [a, b].map(|(position, normal)| position + normal * (LIFT * distance));
     let blocked = |origin: Vec3, end: Vec3| {
@@ -63,29 +63,32 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_parts_a_floor_whatever_the_distance() {
+    fn a_wall_separates_a_floor_whatever_the_distance() {
         let wall = ellipsoid(0.001, 1.0);
         for half in [0.002, 0.05, 0.5] {
-            assert!(is_parted(&wall, on_floor(-half), on_floor(half), 0.02), "{half}");
             assert!(
-                !is_parted(&wall, on_floor(half), on_floor(2.0 * half), 0.02),
+                are_separated(&wall, on_floor(-half), on_floor(half), 0.02),
+                "{half}"
+            );
+            assert!(
+                !are_separated(&wall, on_floor(half), on_floor(2.0 * half), 0.02),
                 "{half}"
             );
         }
     }
 
     #[test]
-    fn a_step_that_light_passes_over_parts_nothing() {
+    fn a_step_that_light_passes_over_separates_nothing() {
         let step = ellipsoid(0.05, 0.1);
-        assert!(!is_parted(&step, on_floor(-0.2), on_floor(0.2), 0.02));
+        assert!(!are_separated(&step, on_floor(-0.2), on_floor(0.2), 0.02));
         assert!(
-            is_parted(&step, on_floor(-0.06), on_floor(0.06), 0.02),
+            are_separated(&step, on_floor(-0.06), on_floor(0.06), 0.02),
             "it is a wall for what is near"
         );
     }
 
     #[test]
-    fn the_bulge_between_places_parts_them_where_it_hides_each_from_the_other_altogether() {
+    fn the_bulge_between_places_separates_them_where_it_hides_each_from_the_other_altogether() {
         let sphere = Sdf::Sphere {
             center: DVec3::ZERO,
             radius: 1.0,
@@ -93,10 +96,10 @@ mod tests {
         let sphere = ImplicitSurface::new(sphere, (Vec3::splat(-2.0), Vec3::splat(2.0)), Vec3::ONE);
         for half in [0.0, 1.0, 10.0, 30.0, 44.0] {
             assert!(
-                !is_parted(&sphere, on_sphere(-half), on_sphere(half), 0.02),
+                !are_separated(&sphere, on_sphere(-half), on_sphere(half), 0.02),
                 "{half}"
             );
         }
-        assert!(is_parted(&sphere, on_sphere(-70.0), on_sphere(70.0), 0.02));
+        assert!(are_separated(&sphere, on_sphere(-70.0), on_sphere(70.0), 0.02));
     }
 }

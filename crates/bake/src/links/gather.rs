@@ -9,8 +9,8 @@
 use crate::links::fitting::{Answers, ShortInTrials};
 use crate::points::candidates::Candidate;
 use glam::{Vec3, Vec3A};
-use relight_scene::parting::is_parted;
 use relight_scene::rays::Ray;
+use relight_scene::separation::are_separated;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::NearestPoint;
 use relight_transport::pyramid::LevelRanges;
@@ -39,7 +39,7 @@ impl SenderField<'_> {
         let level = self.points.level;
         let parted = |point: u32| {
             let there = (level.positions[point as usize], level.normals[point as usize]);
-            is_parted(surfaces, (x, normal), there, level.disk_radius)
+            are_separated(surfaces, (x, normal), there, level.disk_radius)
         };
         (self.points).on_same_side((x, normal), nearest, self.near_parted, parted)
     }

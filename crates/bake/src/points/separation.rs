@@ -1,7 +1,7 @@
 //! Which points surfaces part from each other: what may not be interpolated between.
 
 use rayon::prelude::*;
-use relight_scene::parting::is_parted;
+use relight_scene::separation::are_separated;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
 use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
@@ -24,7 +24,7 @@ pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Parted, SparseMatrix)
         .iter()
         .flat_map(|level| level.positions.iter().copied().zip(level.normals.iter().copied()))
         .collect();
-    let parted = |a: usize, b: usize| is_parted(surfaces, places[a], places[b], scale);
+    let parted = |a: usize, b: usize| are_separated(surfaces, places[a], places[b], scale);
     let pairs = Mutex::new(Vec::new());
     let rows = fine_from_coarse(levels, |point, parent| {
         let parted = parted(point as usize, parent as usize);

@@ -8,7 +8,8 @@
 //! Errors (tested against quadrature of the BRDF): directional albedos within 3e-3, hemispherical ones within
 //! 1e-2.
 
-use super::{masking, mixture, sample_visible_normal};
+use super::microfacet::{masking, sample_visible_normal};
+use super::mixture;
 use crate::shading::{MIN_ALPHA, ShadingPoint};
 use glam::Vec3;
 use std::f32::consts::TAU;
@@ -257,7 +258,7 @@ static AVERAGE: LazyLock<[AverageNode; AVERAGE_NODES]> = LazyLock::new(|| {
 });
 
 /// Share of the light that a point reflects in all, averaged over cosine-weighted directions of arrival: RGB in
-/// 0..=1. The albedo for bounces (design section 6), so that metals and glossy surfaces send light, too.
+/// 0..=1. The albedo for bounces, so that metals and glossy surfaces send light, too.
 ///
 /// Exact for Lambert; Phong and Ward within 5e-3; otherwise within 1e-2 of the BRDF's own integral. The double integral of the diffuse part
 /// is taken as a product of single ones, since K hardly depends on the angle.

@@ -12,8 +12,8 @@
 //! * Ward: exp(−tan²θh/α²) / cos²θh falls with the lean (α ≤ 1); cosθi / (cosθo + cosθi)² is largest where the two are
 //!   equal. An anisotropic lobe is bounded by its rougher axis in the exponential: right, not tight.
 
-use super::albedo;
-use super::{MIN_COSINE, ggx_distribution, phong, smith_root};
+use super::microfacet::{MIN_COSINE, ggx_distribution, smith_root};
+use super::{albedo, phong};
 use crate::shading::{Gloss, ShadingPoint};
 use glam::Vec3;
 use std::f32::consts::{FRAC_1_PI, PI};

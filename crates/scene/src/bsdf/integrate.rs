@@ -3,13 +3,14 @@
 mod lanes;
 
 use super::albedo::{self, DiffuseScale};
-use super::{
-    FRAC_1_PI, Half, MIN_COSINE, PI, cosine_above, eval, fresnel, ggx_distribution, smith_root,
-    visibility_by_roots,
+use super::eval::eval;
+use super::microfacet::{
+    Half, MIN_COSINE, cosine_above, fresnel, ggx_distribution, smith_root, visibility_by_roots,
 };
 use crate::shading::{Gloss, ShadingPoint};
 use glam::Vec3;
 use lanes::{LANES, Lanes};
+use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Light from many directions, structure of arrays, all of one length.
 #[derive(Clone, Copy, Debug)]

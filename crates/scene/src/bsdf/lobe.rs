@@ -1,7 +1,8 @@
 //! Where a point's specular light comes from: the lobe's mean direction and width, for integrators that sample
 //! light in clusters.
 
-use super::{cosine_above, masking, phong, sample_visible_normal};
+use super::microfacet::{cosine_above, masking, sample_visible_normal};
+use super::phong;
 use crate::shading::{Gloss, MIN_ALPHA, ShadingPoint};
 use glam::Vec3;
 use std::f32::consts::FRAC_PI_2;

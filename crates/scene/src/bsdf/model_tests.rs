@@ -3,9 +3,10 @@
 //! and closed forms.
 
 use super::*;
-use crate::shading::{Gloss, MIN_ALPHA};
-use glam::DVec3;
+use crate::shading::{Gloss, MIN_ALPHA, ShadingPoint};
+use glam::{DVec3, Vec3};
 use proptest::prelude::*;
+use std::f32::consts::PI;
 use std::f64::consts::{PI as PI64, TAU as TAU64};
 
 const COSINES: [f32; 6] = [0.02, 0.1, 0.25, 0.5, 0.8, 1.0];

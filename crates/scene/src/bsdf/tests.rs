@@ -3,9 +3,10 @@
 //! combined by the balance heuristic) and a transcription of appendix B of the glTF 2.0 specification in f64.
 
 use super::*;
-use crate::shading::{Gloss, MIN_ALPHA};
-use glam::DVec3;
+use crate::shading::{Gloss, MIN_ALPHA, ShadingPoint};
+use glam::{DVec3, Vec3};
 use proptest::prelude::*;
+use std::f32::consts::{PI, TAU};
 
 const ALPHAS: [f32; 7] = [MIN_ALPHA, 1e-3, 1e-2, 0.05, 0.2, 0.5, 1.0];
 const COSINES: [f32; 7] = [1e-3, 0.02, 0.1, 0.25, 0.5, 0.8, 1.0];

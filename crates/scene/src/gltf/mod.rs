@@ -31,9 +31,11 @@ mod nodes;
 mod notes;
 mod primitives;
 mod tracks;
+mod units;
 mod uri;
 
 pub use error::{Fault, ImportError, MAX_FAULTS, UnsupportedExtension};
+pub use units::{EMISSIVE, FPS, LightUnits};
 
 use crate::animated::Animated;
 use crate::light::{LightKind, LightTrack};
@@ -42,43 +44,9 @@ use crate::scene::Scene;
 use crate::sequence::Sequence;
 use glam::{Vec2, Vec3};
 use json::{At, Faults};
-use nodes::PunctualKind;
 use notes::Notes;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
-
-/// Frames per second at which animations are resampled (design section 4: the default of sequences).
-pub const FPS: f64 = 24.0;
-
-/// Name of the light that stands for all emissive materials.
-pub const EMISSIVE: &str = "emissive";
-
-/// How the exporter wrote the intensities of lights. The three modes of Blender's exporter ("Lighting Mode"),
-/// which knows a light's power in watts (points and spots; a spot as if it shone all around) or its
-/// irradiance in W/m² (suns), are these.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum LightUnits {
-    /// As KHR_lights_punctual has it (Blender: `SPEC`, "Standard"): candela and lux. Taken as W/sr and W/m²
-    /// without a factor (design section 2). Blender writes 683 lm/W × power / 4π, and 683 lm/W × irradiance:
-    /// such a scene is 683 times brighter than the same one exported without units.
-    #[default]
-    Spec,
-    /// Without the luminous efficacy (Blender: `COMPAT`, "Unitless"): power / 4π, that is W/sr, and W/m². The
-    /// numbers are relight's own units.
-    Unitless,
-    /// As Blender holds them (`RAW`, "Raw (Deprecated)"): watts, here divided by 4π to W/sr, and W/m².
-    Raw,
-}
-
-impl LightUnits {
-    /// What turns a number in the file into W/sr (points and spots) or W/m² (directional).
-    fn factor(self, kind: PunctualKind) -> f64 {
-        match (self, kind) {
-            (LightUnits::Raw, PunctualKind::Point | PunctualKind::Spot { .. }) => 0.25 / std::f64::consts::PI,
-            _ => 1.0,
-        }
-    }
-}
 
 /// What the file itself does not say.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use super::animation::{Curve, Target, forward_and_up, moves, world_from_node};
 use super::json::Faults;
 use super::nodes::{Graph, Perspective, Punctual, PunctualKind};
 use super::notes::Notes;
-use super::{FPS, LightUnits};
+use super::units::{EMISSIVE, FPS, LightUnits};
 use crate::animated::{Animated, Interpolation};
 use crate::camera::CameraTrack;
 use crate::light::{LightKind, LightTrack};
@@ -50,7 +50,7 @@ pub(super) fn build(
     };
     let mut camera_names = BTreeSet::new();
     // Kept for the entry of the emissive materials.
-    let mut light_names = BTreeSet::from([super::EMISSIVE.to_owned()]);
+    let mut light_names = BTreeSet::from([EMISSIVE.to_owned()]);
     let (mut cameras, mut lights) = (Vec::new(), Vec::new());
     for &i in &graph.order {
         let node = &graph.nodes[i];

@@ -1,8 +1,8 @@
 //! Stands in for the AVX2 kernel where there is none: a type without values.
 
 use super::layout::Tree;
+use super::ray::{Hit, Ray};
 use super::shaft::{BvhPart, ShaftEnd, ShaftStart};
-use super::{Hit, Ray};
 
 /// Proof that the processor runs the AVX2 kernel: none here.
 #[derive(Clone, Copy)]

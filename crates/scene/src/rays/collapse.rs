@@ -9,7 +9,7 @@
 
 use obvhs::bvh2::Bvh2;
 
-use super::build::{Bounds, Kept};
+use super::kept::{Bounds, Kept};
 use super::layout::{BLOCK_WIDTH, Block, LEAF_BIT, MAX_BUILT_DEPTH, NODE_WIDTH, Node};
 
 /// Cost of testing a block of triangles, relative to a node: an estimate: four triangles take about as many operations as

@@ -2,8 +2,9 @@
 
 use super::avx2::Avx2;
 use super::layout::Tree;
+use super::ray::Ray;
 use super::ray_setup::RaySetup;
-use super::{Ray, scalar};
+use super::scalar;
 
 /// See [`super::TriangleBvh::any_hit_packet`].
 pub(super) fn any_hit_packet(tree: &Tree, simd: Option<Avx2>, rays: &[Ray], occluded: &mut [bool]) {

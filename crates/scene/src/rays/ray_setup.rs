@@ -24,8 +24,8 @@
 //! leaves the scene, is added to the planes. Leaf boxes were widened by 32u times their size, since a vertex is
 //! farther than the hit by at most that size.
 
-use super::Ray;
 use super::layout::{HIT_ERROR, Tree, UNIT_ROUNDOFF};
+use super::ray::Ray;
 
 /// Slope of the cone around the ray: directions are scaled to a largest component below 2, so a hit at parameter t
 /// is at most 2t from the origin along each axis.

@@ -1,8 +1,8 @@
 //! The portable kernel, twin of `avx2`: the same triangle test, operation by operation, so that both report the same
 //! hits bit by bit. Boxes only ever cull conservatively, so their rounding may differ.
 
-use super::Hit;
 use super::layout::{BLOCK_WIDTH, Block, LEAF_BIT, NO_TRIANGLE, NODE_WIDTH, Node, STACK_SIZE, Tree};
+use super::ray::Hit;
 use super::ray_setup::RaySetup;
 use super::shaft::BvhPart;
 

@@ -13,23 +13,13 @@
 
 use glam::{DVec3, Vec3};
 
+use super::bvh::TriangleBvh;
 use super::layout::{HIT_ERROR, UNIT_ROUNDOFF};
-use super::{Hit, Ray, TriangleBvh};
+use super::ray::{Hit, Ray, SurfacePoint};
 
 /// Height above a surface, relative to the distances that the triangle test rounds, at which it is never hit: twice the
 /// margin of the boxes.
 const CLEARANCE: f32 = 2.0 * HIT_ERROR;
-
-/// A point on a surface that rays can start from or end at.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfacePoint {
-    /// The point (world space, metres).
-    pub position: Vec3,
-    /// Unit geometric normal of the triangle, counter-clockwise side; zero for a triangle without area.
-    pub normal: Vec3,
-    /// How far from the surface, along each axis, a ray must start (metres).
-    pub clearance: f32,
-}
 
 /// The point of a hit (world space) and a bound of its rounding error along each axis (metres).
 ///

@@ -9,10 +9,10 @@
 //! All tests may keep what no ray meets, and never drop what one would: they are widened by more than rays may err
 //! (`ray_setup`), and by more than they keep from surfaces at their ends (`secondary`).
 
-use super::SurfacePoint;
 use super::layout::{
     BLOCK_WIDTH, Block, LEAF_BIT, NO_TRIANGLE, NODE_WIDTH, Node, STACK_SIZE, Tree, UNIT_ROUNDOFF,
 };
+use super::ray::SurfacePoint;
 use glam::{Vec3, Vec4};
 
 /// Where the rays of a shaft begin.

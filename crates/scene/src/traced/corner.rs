@@ -1,10 +1,7 @@
-//! What a triangle carries at a point: interpolated attributes, alpha, and the hash that decides coverage.
+//! What a triangle carries at a point: interpolated attributes, and the hash that decides coverage.
 
-use super::TracedScene;
-use crate::material::TextureUse;
 use crate::rays::Ray;
 use crate::scene::Mesh;
-use crate::texture::ColorSpace;
 use glam::{Vec2, Vec3A, Vec4};
 
 /// A point of a mesh's triangle: three vertices and their weights.
@@ -50,64 +47,17 @@ impl<'a> Corner<'a> {
         }
     }
 
-    fn uv(&self, set: u32) -> Vec2 {
+    pub(super) fn uv(&self, set: u32) -> Vec2 {
         let uvs = self.vertex_uvs(set);
         (0..3).map(|k| uvs[k] * self.weights[k]).sum()
     }
 
-    fn color(&self) -> Vec4 {
+    pub(super) fn color(&self) -> Vec4 {
         let colors = &self.mesh.colors;
         if colors.is_empty() {
             return Vec4::ONE;
         }
         (0..3).map(|k| colors[self.indices[k]] * self.weights[k]).sum()
-    }
-}
-
-impl TracedScene {
-    /// The texture's value, or white where the material uses none.
-    pub(crate) fn texture_value(
-        &self,
-        usage: &Option<TextureUse>,
-        corner: &Corner<'_>,
-        space: ColorSpace,
-    ) -> Vec4 {
-        let Some(usage) = usage else { return Vec4::ONE };
-        match &self.textures[usage.texture as usize] {
-            Some(texture) => texture.sample_at(usage, corner.uv(usage.uv_set), space),
-            None => Vec4::ONE,
-        }
-    }
-
-    /// How fast a height texture (mean of red, green and blue) rises with the texture's coordinates u and v, from
-    /// one texel to the next; `None` where the texture is not decoded.
-    pub(crate) fn texture_slope(&self, usage: &TextureUse, corner: &Corner<'_>) -> Option<Vec2> {
-        let texture = self.textures[usage.texture as usize].as_ref()?;
-        let uv = usage.texture_from_mesh.transform_point2(corner.uv(usage.uv_set));
-        let (width, height) = texture.size();
-        let size = Vec2::new(width as f32, height as f32);
-        let level = |offset: Vec2| {
-            let value = texture.sample(uv + offset / size, ColorSpace::Linear);
-            value.truncate().element_sum() / 3.0
-        };
-        Some(Vec2::new(
-            (level(Vec2::new(0.5, 0.0)) - level(Vec2::new(-0.5, 0.0))) * size.x,
-            (level(Vec2::new(0.0, 0.5)) - level(Vec2::new(0.0, -0.5))) * size.y,
-        ))
-    }
-
-    /// Base colour and alpha: factor × texture × vertex colour, clamped to what a surface can reflect.
-    pub(crate) fn base_color(&self, material: u32, corner: &Corner<'_>) -> Vec4 {
-        let material = &self.materials[material as usize];
-        let texture = self.texture_value(&material.base_color_texture, corner, ColorSpace::Srgb);
-        let color = material.base_color * texture * corner.color();
-        // NaN becomes 0.
-        color.max(Vec4::ZERO).min(Vec4::ONE)
-    }
-
-    pub(super) fn alpha(&self, triangle: u32, barycentric: [f32; 2]) -> f32 {
-        let (instance, corner) = self.corner(triangle, barycentric);
-        self.base_color(instance.material, &corner).w
     }
 }
 

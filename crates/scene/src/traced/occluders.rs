@@ -7,7 +7,6 @@
 //! All of it on one thread: pieces are made when a worker of a pool first asks, and a pool's own work within that could
 //! make the worker ask again while it waits.
 
-use super::TracedScene;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 
@@ -46,8 +45,9 @@ pub(super) struct Occluders {
 }
 
 impl Occluders {
-    pub fn new(scene: &TracedScene) -> Occluders {
-        let mut pieces = Pieces::new(scene);
+    /// Of `count` triangles; `opaque` has the vertices of those that no ray passes.
+    pub fn new(count: u32, opaque: impl Fn(u32) -> Option<[Vec3; 3]>) -> Occluders {
+        let mut pieces = Pieces::new(count, opaque);
         let joints = pieces.joints();
         for _ in 0..MOST_ROUNDS {
             let mut joined = false;
@@ -94,8 +94,7 @@ struct Pieces {
 }
 
 impl Pieces {
-    fn new(scene: &TracedScene) -> Pieces {
-        let count = scene.triangle_count() as u32;
+    fn new(count: u32, opaque: impl Fn(u32) -> Option<[Vec3; 3]>) -> Pieces {
         let mut pieces = Pieces {
             positions: Vec::new(),
             straight: 0.0,
@@ -106,10 +105,10 @@ impl Pieces {
         // Corners at the same place are one.
         let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
         for triangle in 0..count {
-            let vertices = scene.triangle_positions(triangle);
+            let vertices = opaque(triangle).unwrap_or([Vec3::NAN; 3]);
             let [a, b, c] = vertices.map(|vertex| vertex.as_dvec3());
             let normal = (b - a).cross(c - a).normalize_or_zero();
-            if normal == DVec3::ZERO || !scene.traced_instance(triangle).opaque {
+            if normal == DVec3::ZERO {
                 pieces.normals.push(DVec3::ZERO);
                 pieces.outlines.push(Vec::new());
                 continue;
@@ -306,8 +305,8 @@ fn joined(one: &[u32], other: &[u32], a: u32, b: u32) -> Option<Vec<u32>> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::scene::{Shading, Stop, TracedScene};
     use super::super::tests::{matt, place, scene};
-    use super::super::{Shading, Stop};
     use super::*;
     use crate::material::{AlphaMode, Material};
     use crate::rays::Ray;

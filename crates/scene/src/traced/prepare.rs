@@ -1,6 +1,6 @@
 //! From a scene to a traced scene: checks, expansion of instances, decoding of textures.
 
-use super::{Shading, TracedInstance, TracedScene, TracedSceneError};
+use super::scene::{Shading, TracedInstance, TracedScene, TracedSceneError};
 use crate::material::{AlphaMode, Material};
 use crate::rays::TriangleBvh;
 use crate::scene::{Mesh, Scene};
@@ -9,7 +9,29 @@ use glam::{Affine3A, Mat3A, Vec3};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-pub(super) fn prepare(scene: Arc<Scene>, shading: Shading) -> Result<TracedScene, TracedSceneError> {
+impl TracedScene {
+    /// Expands the instances, builds the ray caster and decodes the textures that `shading` needs.
+    /// Triangles with vertices that are not finite are never hit and never emit.
+    ///
+    /// # Errors
+    /// A texture cannot be decoded, or the scene contradicts itself (see [`TracedSceneError`]).
+    pub fn new(scene: Arc<Scene>, shading: Shading) -> Result<TracedScene, TracedSceneError> {
+        prepare(scene, shading)
+    }
+
+    /// Puts other materials in the place of the scene's, in the same order, and decodes the textures that they
+    /// newly use. Rays keep passing where they passed before: alpha modes, base colours' alpha and, where alpha
+    /// matters, base colour textures must be those of the scene.
+    ///
+    /// # Errors
+    /// There are fewer materials than in the scene, one uses a texture that does not exist, or a texture cannot
+    /// be decoded.
+    pub fn set_materials(&mut self, materials: Vec<Material>) -> Result<(), TracedSceneError> {
+        set_materials(self, materials)
+    }
+}
+
+fn prepare(scene: Arc<Scene>, shading: Shading) -> Result<TracedScene, TracedSceneError> {
     check_references(&scene)?;
     let textures = decode_used_textures(&scene, shading)?;
     let Expanded {
@@ -44,10 +66,7 @@ fn emissive(scene: &TracedScene) -> Arc<[u32]> {
 }
 
 /// See [`TracedScene::set_materials`].
-pub(super) fn set_materials(
-    scene: &mut TracedScene,
-    materials: Vec<Material>,
-) -> Result<(), TracedSceneError> {
+fn set_materials(scene: &mut TracedScene, materials: Vec<Material>) -> Result<(), TracedSceneError> {
     let count = scene.scene.materials.len();
     check(
         || "the last instance".into(),

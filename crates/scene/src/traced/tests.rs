@@ -1,11 +1,15 @@
 //! Statements about a prepared scene: where its surfaces are, which way they face, and what passes them.
 
 use super::*;
+use crate::material::{AlphaMode, Material};
 use crate::material::{Texture, TextureUse, Wrap};
+use crate::rays::Ray;
 use crate::scene::Instance;
-use crate::sequence::Sequence;
+use crate::scene::{Mesh, Scene};
+use crate::surface::{SurfaceHit, Surfaces};
 use crate::surface::{ray_between, ray_between_hits, ray_from};
-use glam::{Affine2, Affine3A, Mat3, Quat, Vec2, Vec4};
+use glam::{Affine2, Affine3A, Mat3, Quat, Vec2, Vec3, Vec4};
+use std::sync::Arc;
 
 pub(super) fn scene(
     meshes: Vec<Mesh>,
@@ -18,14 +22,7 @@ pub(super) fn scene(
         instances,
         materials,
         textures,
-        cameras: Vec::new(),
-        sequence: Sequence {
-            frames: 1,
-            fps: 24.0,
-            camera: None,
-            lights: Vec::new(),
-        },
-        notes: Vec::new(),
+        ..Scene::default()
     })
 }
 

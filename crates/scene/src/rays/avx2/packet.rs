@@ -10,10 +10,10 @@
 
 use std::arch::x86_64::*;
 
-use super::super::Ray;
 use super::super::layout::{Block, LEAF_BIT, NO_TRIANGLE, Node, STACK_SIZE, Tree, UNIT_ROUNDOFF};
+use super::super::ray::Ray;
 use super::super::ray_setup::RaySetup;
-use super::{difference_of_products_8, traverse};
+use super::kernel::{difference_of_products_8, traverse};
 
 /// Rays that are sorted together: their setups (25 KB) stay in the first-level cache.
 const WINDOW: usize = 128;
