@@ -1,4 +1,4 @@
-//! Values that may change from frame to frame: a constant or keyframes (design section 4).
+//! Values that may change from frame to frame: a constant or keyframes.
 
 use glam::{Vec2, Vec3, Vec4};
 use schemars::JsonSchema;

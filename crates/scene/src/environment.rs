@@ -1,6 +1,6 @@
 //! Environment maps: reading, looking up and importance sampling.
 //!
-//! A direction d is looked up at u = atan2(d.x, −d.z)/2π mod 1, v = acos(d.y)/π (design section 2: the middle
+//! A direction d is looked up at u = atan2(d.x, −d.z)/2π mod 1, v = acos(d.y)/π (the middle
 //! column looks to +Z, a quarter from the left to +X), bilinearly between pixel centres, around the seam in u
 //! and clamped in v.
 //!
@@ -292,9 +292,9 @@ mod tests {
         }
     }
 
-    /// Truth: design section 2. The tolerance is f32 rounding of atan2 and sin.
+    /// Truth: the page of the module. The tolerance is f32 rounding of atan2 and sin.
     #[test]
-    fn columns_and_rows_look_where_the_design_says() {
+    fn columns_and_rows_look_where_the_module_says() {
         for (d, uv) in [
             (Vec3::Z, [0.5, 0.5]),
             (Vec3::X, [0.25, 0.5]),

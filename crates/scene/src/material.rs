@@ -95,7 +95,7 @@ pub struct Material {
     pub emission_texture: Option<TextureUse>,
     /// What alpha means.
     pub alpha_mode: AlphaMode,
-    /// Emits on both sides (reflection is two-sided in any case; design section 2).
+    /// Emits on both sides (reflection is two-sided in any case).
     pub double_sided: bool,
     /// KHR_materials_unlit: shows its base colour as emission and reflects nothing.
     pub unlit: bool,

@@ -1,5 +1,5 @@
-//! Surfaces as algorithms see them: something rays hit, which reflects light (design section 6, meshless
-//! paper section 5.1). Triangle scenes, implicit surfaces and isosurfaces all stand behind [`Surfaces`].
+//! Surfaces as algorithms see them: something rays hit, which reflects light (the meshless
+//! paper, section 5.1). Triangle scenes, implicit surfaces and isosurfaces all stand behind [`Surfaces`].
 
 use crate::rays::{self, Ray, SurfacePoint};
 use glam::{DVec3, Vec3};

@@ -163,7 +163,7 @@ fn sphere_emits_nothing_inwards_and_rect_nothing_backwards() {
     assert_eq!(seen, 1);
 }
 
-/// Truth: I cos θ / d² (design section 2), and KHR_lights_punctual's ramp at the middle of the cosine range:
+/// Truth: I cos θ / d², and KHR_lights_punctual's ramp at the middle of the cosine range:
 /// a quarter.
 #[test]
 fn point_and_spot_follow_the_inverse_square_and_the_ramp() {
@@ -314,7 +314,7 @@ fn samples_and_rays_agree_on_radiance_and_density() {
     }
 }
 
-/// Truth: a light turned by +90° about +Y brings what was at +Z to +X (design section 2: counter-clockwise
+/// Truth: a light turned by +90° about +Y brings what was at +Z to +X (counter-clockwise
 /// seen from above).
 #[test]
 fn rotation_turns_the_map_counter_clockwise_seen_from_above() {

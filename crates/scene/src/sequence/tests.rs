@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The example of design section 4, without its environment map.
+/// One light of each type but environments.
 const EXAMPLE: &str = r#"{ "relight_sequence": 1, "frames": 48, "fps": 24,
   "camera": { "node": "hall" },
   "lights": [
@@ -26,7 +26,7 @@ fn parse(text: &str) -> Result<Sequence, String> {
 }
 
 #[test]
-fn the_designs_example_is_read_as_it_is_meant() {
+fn one_light_of_each_type_is_read_as_it_is_meant() {
     let sequence = parse(EXAMPLE).unwrap();
     assert_eq!(
         (sequence.frames, sequence.fps, sequence.lights.len()),
@@ -48,7 +48,7 @@ fn the_designs_example_is_read_as_it_is_meant() {
 }
 
 #[test]
-fn frames_and_fps_have_the_designs_defaults() {
+fn frames_and_fps_have_defaults() {
     let sequence = parse(r#"{"relight_sequence": 1, "lights": []}"#).unwrap();
     assert_eq!((sequence.frames, sequence.fps, sequence.camera), (1, 24.0, None));
 }
