@@ -49,22 +49,15 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     let params = params(args, seed)?;
     let output = args.output()?;
     output::prepare_output(output)?;
-    if args.long.dry_run || args.long.memory_limit.is_some() {
-        memory::give_back();
-    }
     if args.long.dry_run {
         let _lock = lock::lock(output, console)?;
         let read = read(args, console)?;
         return estimate::estimate(&read, &params, args.shading(), console)?.tell(args.json, console);
     }
-    let batches = match args.long.memory_limit {
-        Some(limit) => memory::foretold(console, args.json)?.batches(limit)?,
-        None => 1,
-    };
     let lock = lock::lock(output, console)?;
     let start = Instant::now();
     let read = read(args, console)?;
-    let kept = match args.long.resume || batches > 1 {
+    let kept = match args.long.resume {
         true => Some(Kept::beside(output, args.long.keep_units)?),
         false => None,
     };
@@ -74,7 +67,6 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
         lights: read.lights.as_ref(),
         source_hash: read.source_hash,
         kept,
-        batches,
     };
     let import_seconds = start.elapsed().as_secs_f64();
     let result = match args.target_error {
@@ -156,8 +148,6 @@ pub struct Job<'a> {
     pub source_hash: u64,
     /// Where units of work are kept, if they are.
     pub kept: Option<Kept>,
-    /// In how many parts links are made one after the other; more than 1 takes `kept`.
-    pub batches: usize,
 }
 
 /// What a bake tells.
@@ -215,7 +205,7 @@ pub fn bake_job(
         params,
         lights: job.lights,
         source_hash: job.source_hash,
-        batches: job.batches,
+        memory: memory::of_this_machine(),
     };
     bake_in_units(&request, ledger, &BakeProgress::new(console)).map_err(baking_failed)
 }

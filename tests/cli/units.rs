@@ -479,10 +479,9 @@ fn units_at_once_and_killed_at_random_merge_to_the_asset_of_one_go() {
     assert!(std::fs::read(&asset).unwrap() == wanted);
 }
 
-/// What a bake will take is said before it begins; a limit that is too small is refused with one that would do, and that one
-/// does, part by part.
+/// What a bake will take is said before it begins, by a bake that writes nothing.
 #[test]
-fn a_memory_limit_is_refused_or_respected_and_changes_no_byte() {
+fn a_dry_run_foretells_the_bake() {
     let folder = folder();
     let scene = data("cornell.glb");
     let options = ["--levels", "5", "--sender-levels", "3", "--coarse-radius", "0.2"];
@@ -498,7 +497,6 @@ fn a_memory_limit_is_refused_or_respected_and_changes_no_byte() {
     );
     assert!(names(folder.path()).is_empty(), "a dry run writes nothing");
     let baked = bake_json(&scene, &asset, &options);
-    let wanted = std::fs::read(&asset).unwrap();
     let all: u64 = baked["points"]
         .as_array()
         .unwrap()
@@ -517,37 +515,9 @@ fn a_memory_limit_is_refused_or_respected_and_changes_no_byte() {
     }
     assert!(said["seconds"].as_f64().unwrap() > 0.0);
 
-    let limited = |limit: u64| {
-        let mut bake = relight();
-        bake.arg("bake").arg("-o").arg(&asset).args(options);
-        bake.args(["--json", "--memory-limit", &limit.to_string(), "--"])
-            .arg(&scene);
-        bake
-    };
-    let mut of_nothing = relight();
-    of_nothing
-        .args(["bake", "nothing.glb", "--memory-limit", "1G", "-o"])
-        .arg(&asset);
-    assert!(complaint(&mut of_nothing, 1).contains("nothing.glb: cannot be read"));
-    let text = complaint(&mut limited(1000), 1);
-    let smallest: u64 = text
-        .split("smallest limit that would do is ")
-        .nth(1)
-        .and_then(|rest| rest.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok())
-        .unwrap_or_else(|| panic!("{text}"));
-    let foretold = said["smallest_memory_limit"].as_f64().unwrap();
-    // What may lie between two runs is in the margin (`BREATH`), and is rounded up to a MiB, of some 30.
-    assert!(
-        (foretold / smallest as f64 - 1.0).abs() < 0.05,
-        "{foretold} {smallest}"
-    );
-    std::fs::remove_file(&asset).unwrap();
-    let output = limited(smallest).assert().success().get_output().clone();
-    assert!(std::fs::read(&asset).unwrap() == wanted);
-    // tests/light/batches.rs has bakes of which rows take more.
-    let peak = json(&output.stdout)["peak_memory_bytes"].as_u64().unwrap();
-    assert!(peak <= smallest, "{peak} {smallest}");
-    assert_eq!(names(folder.path()), ["a.relight", "a.relight.log.json"]);
+    // The allocator keeps more or less of what is freed, and a small scene hides in that.
+    let memory = said["memory_bytes"].as_f64().unwrap() / baked["peak_memory_bytes"].as_f64().unwrap();
+    assert!((0.4..2.5).contains(&memory), "{memory}");
 }
 
 /// A file system of its own size in a name space of its own; `None`, loudly, where the system allows none. Runs `script`

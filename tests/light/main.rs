@@ -1,6 +1,5 @@
 //! Statements about light, through the whole way that it takes: scene → bake → file → player.
 
-mod batches;
 mod cuts;
 mod furnace;
 mod golden;

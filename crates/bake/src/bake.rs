@@ -10,6 +10,7 @@ use crate::error::BakeError;
 use crate::left_out::{Pruned, prune};
 use crate::links::operators::{Transport, levels_of, transport_in_units};
 use crate::links::solution::{Solution, solution};
+use crate::memory;
 use crate::omissions::Omissions;
 use crate::params::{BakeParams, CutParams, Part};
 use crate::points::coverage::{Coverage, coverage};
@@ -62,7 +63,7 @@ pub struct BakeStats {
     pub ray_tracing_seconds: f64,
     /// Worker threads.
     pub threads: usize,
-    /// Memory that reconstructed rows took, bytes: what batches save.
+    /// Memory that reconstructed rows took, bytes.
     pub row_bytes: u64,
 }
 
@@ -79,8 +80,8 @@ pub struct Request<'a> {
     pub lights: Option<&'a Sequence>,
     /// Identifies the scene's file.
     pub source_hash: u64,
-    /// In how many parts links are made one after the other, to take less memory; more than 1 takes a ledger.
-    pub batches: usize,
+    /// Memory of the machine, bytes, if known: a bake that surely needs more is refused before links are made.
+    pub memory: Option<u64>,
 }
 
 /// Bakes a scene in one go. The parameters are the fields of [`Request`].
@@ -102,7 +103,7 @@ pub fn bake(
         params,
         lights,
         source_hash,
-        batches: 1,
+        memory: None,
     };
     bake_in_units(&request, None, progress)
 }
@@ -122,7 +123,7 @@ pub fn bake_in_units(
         params,
         lights,
         source_hash,
-        batches,
+        memory: _,
     } = request;
     let mut clock = Clock::new();
     let watch = Watch(progress);
@@ -143,6 +144,7 @@ pub fn bake_in_units(
         automatic,
     } = places;
     clock.lap("points");
+    memory::check(&points, request)?;
     let points = kept_points(&traced, points, params);
     let (tracks, cameras) = looking(request)?;
 
@@ -164,7 +166,7 @@ pub fn bake_in_units(
         (&viewpoints, &cameras),
         params,
         stored_vector(params),
-        (units, batches),
+        units,
         &watch,
     )?;
     watch.go_on()?;

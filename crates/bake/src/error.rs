@@ -29,6 +29,20 @@ pub enum BakeError {
         /// What is allowed.
         expected: &'static str,
     },
+    /// Points and bounces alone need more memory than the machine has.
+    #[error(
+        "{points} points need at least {} MB of memory, and this machine has {} MB: take fewer --levels or a larger \
+         --coarse-radius",
+        needed / 1_000_000, available / 1_000_000
+    )]
+    TooLarge {
+        /// Points of all levels.
+        points: usize,
+        /// Bytes that they and the bounces surely take.
+        needed: u64,
+        /// Bytes that there are.
+        available: u64,
+    },
     /// More elements of cuts than the file can count.
     #[error(
         "the cuts have {elements} elements, more than 2^32: raise --sigma, or take fewer --cut-lights or a larger \

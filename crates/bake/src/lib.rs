@@ -11,6 +11,7 @@ pub mod cuts;
 pub mod error;
 pub mod left_out;
 pub mod links;
+pub mod memory;
 pub mod omissions;
 pub mod params;
 pub mod points;

@@ -19,7 +19,7 @@ The JSON of --json: points (per level, coarsest first), links, potential_links, 
 ray_tracing: thread-seconds in rays / threads), bytes (per section raw and stored, total), peak_memory_bytes, row_bytes
 (memory of reconstructed rows), left_out (what, why, saved_bytes, saved_rays, and with the bake's log saved_seconds:
 those rays at the bake's own pace), and with --resume units (all, reused).
-Of --dry-run: points, rays, links, seconds, bytes, memory_bytes, row_bytes, smallest_memory_limit. Of --plan: units.")]
+Of --dry-run: points, rays, links, seconds, bytes, memory_bytes, row_bytes. Of --plan: units.")]
 pub struct BakeArgs {
     /// Scene to bake: .glb or .gltf, or .scene.json, which describes boxes, implicit surfaces and isosurfaces of volumes
     /// (data/README.md); they become triangles.
@@ -36,7 +36,7 @@ pub struct BakeArgs {
     /// the indirect layer, as `report` lists it, estimated at other viewpoints near the camera that `play` takes by itself, under --lights (or the
     /// scene's own lights, or a lamp). Bakes ever finer settings until one will do. A result's estimate is stored.
     #[arg(long, value_name = "E", value_parser = target::parse, 
-          conflicts_with_all = ["preset", "levels", "sender_levels", "epsilon", "resume", "plan", "unit", "merge", "dry_run", "memory_limit"])]
+          conflicts_with_all = ["preset", "levels", "sender_levels", "epsilon", "resume", "plan", "unit", "merge", "dry_run"])]
     pub target_error: Option<f64>,
     /// Keep only what this lighting sequence can use. Without it the asset keeps what any light could use.
     #[arg(long, value_name = "SEQ.json")]
@@ -122,11 +122,6 @@ pub struct LongArgs {
     /// memory), from a small bake of the same scene, a sixteenth of the work.
     #[arg(long, conflicts_with_all = ["plan", "unit", "merge"])]
     pub dry_run: bool,
-    /// Use no more memory than this, such as 2G or 700M: predicted before work starts as by --dry-run. If need be, links
-    /// are made part by part, with units kept as by --resume. Refused, with the smallest limit that would do, if that is
-    /// not enough.
-    #[arg(long, value_name = "SIZE", value_parser = parse_size, conflicts_with_all = ["plan", "unit", "merge"])]
-    pub memory_limit: Option<u64>,
     /// Do not bake: make a plan of N units in DIR, for any number of processes and machines that see DIR and SCENE at the
     /// same paths. With --json prints {"units": N}. Next, for I = 1 to N in any order and at once: relight bake
     /// --unit I/N DIR; then: relight bake --merge DIR.
@@ -277,22 +272,6 @@ fn cut_params(args: &BakeArgs) -> Result<Option<CutParams>, Failure> {
         if_used: args.cuts == CutsName::Auto,
         ..defaults
     }))
-}
-
-fn parse_size(text: &str) -> Result<u64, String> {
-    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
-    let unit = match text[digits.len()..].to_ascii_uppercase().as_str() {
-        "" | "B" => 1.0,
-        "K" | "KB" | "KIB" => 1024.0,
-        "M" | "MB" | "MIB" => 1024.0f64.powi(2),
-        "G" | "GB" | "GIB" => 1024.0f64.powi(3),
-        "T" | "TB" | "TIB" => 1024.0f64.powi(4),
-        _ => f64::NAN,
-    };
-    match digits.parse::<f64>() {
-        Ok(number) if number > 0.0 && (number * unit).is_finite() => Ok((number * unit) as u64),
-        _ => Err("expected a size such as 2G, 1.5G or 700M".into()),
-    }
 }
 
 impl BakeArgs {

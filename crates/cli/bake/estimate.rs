@@ -4,13 +4,14 @@
 //! have is seen by spreading those of all levels but the finest. What grows with them is scaled up by powers that were
 //! fitted on the scenes of docs/notebook/reliability.md.
 
-use super::memory::Memory;
+use super::memory;
 use super::{Inputs, baking_failed};
 use crate::console::{BakeProgress, Console};
 use crate::failure::{Failure, Outcome};
 use crate::output::{self, SCHEMA};
 use crate::words;
 use relight_bake::links::operators::bounce_levels;
+use relight_bake::memory::of_points;
 use relight_bake::params::BakeParams;
 use relight_bake::{Baked, Request, bake_in_units, coarse_radius, point_counts};
 use relight_format as format;
@@ -34,14 +35,22 @@ pub struct Estimate {
     seconds: f64,
     /// Bytes of the asset.
     bytes: u64,
-    /// Memory.
-    memory: Memory,
+    /// Most memory at once, bytes.
+    memory: u64,
+    /// Of that what reconstructed rows take.
+    rows: u64,
 }
 
 impl Estimate {
     /// Prints it.
     pub fn tell(&self, json: bool, console: &Console) -> Result<Outcome, Failure> {
         console.close();
+        if let Some(machine) = memory::of_this_machine().filter(|machine| self.memory > *machine) {
+            let machine = words::bytes(machine);
+            console.note(format!(
+                "That is more memory than this machine has ({machine}): take fewer --levels or a larger --coarse-radius."
+            ));
+        }
         if json {
             output::print_json(&json!({
                 "schema": SCHEMA,
@@ -52,20 +61,18 @@ impl Estimate {
                 "links": self.links,
                 "seconds": self.seconds,
                 "bytes": self.bytes,
-                "memory_bytes": self.memory.most,
-                "row_bytes": self.memory.rows,
-                "smallest_memory_limit": self.memory.smallest_limit(),
+                "memory_bytes": self.memory,
+                "row_bytes": self.rows,
             }))?;
         } else {
             output::print_text(&format!(
-                "points   {}\nrays     {}\nlinks    {}\nseconds  {:.0}\nasset    {}\nmemory   {} (at least {} with --memory-limit)\n",
+                "points   {}\nrays     {}\nlinks    {}\nseconds  {:.0}\nasset    {}\nmemory   {}\n",
                 words::count(self.points),
                 words::count(self.rays),
                 words::count(self.links),
                 self.seconds,
                 words::bytes(self.bytes),
-                words::bytes(self.memory.most),
-                words::bytes(self.memory.smallest_limit()),
+                words::bytes(self.memory),
             ))?;
         }
         Ok(Outcome::Done)
@@ -88,7 +95,7 @@ pub fn estimate(
         params,
         lights: read.lights.as_ref(),
         source_hash: read.source_hash,
-        batches: 1,
+        memory: memory::of_this_machine(),
     };
     let quiet = console.silent();
     let progress = BakeProgress::new(&quiet);
@@ -146,9 +153,8 @@ const ROWS_POWER: f64 = 0.98;
 /// Rays and bytes of points grow a little less than points.
 const RAYS: f64 = 0.89;
 const POINT_BYTES: f64 = 0.8;
-/// Memory per point (with its functions, grids, receivers and share of the file), per link and per element of a cut
+/// Memory per link and per element of a cut
 /// (each in the row that made it, in the asset, and in the file), and per light of the cuts' tree.
-const MEMORY_PER_POINT: f64 = 750.0;
 const MEMORY_PER_LINK: f64 = 32.0;
 const MEMORY_PER_ELEMENT: f64 = 10.0;
 const MEMORY_PER_LIGHT: f64 = 512.0;
@@ -247,15 +253,13 @@ fn scaled(
     }
     let rows = baked.stats.row_bytes as f64 * growth.powf(ROWS_POWER);
     let bounce_clusters = clusters * counts.get(bounce_level).map_or(0.0, |&n| n as f64);
-    let bounce_sums = size_of::<f64>() as f64 * bounce_clusters * bounce_clusters;
     let memory = before as f64
         + MEMORY_KEPT
-        + MEMORY_PER_POINT * points
+        + of_points(points, bounce_clusters)
         + MEMORY_PER_LINK * links
         + MEMORY_PER_ELEMENT * elements
         + MEMORY_PER_LIGHT * lights as f64
-        + rows
-        + bounce_sums;
+        + rows;
     let seconds = seconds_of("load")
         + growth * (seconds_of("points") + seconds_of("refine") + seconds_of("cuts") + written)
         // Rows of the solution are as many as clusters, and each as long as the matrix.
@@ -266,9 +270,7 @@ fn scaled(
         links: links as u64,
         seconds,
         bytes: size as u64,
-        memory: Memory {
-            most: memory as u64,
-            rows: rows as u64,
-        },
+        memory: memory as u64,
+        rows: rows as u64,
     })
 }

@@ -6,7 +6,7 @@
 
 use super::args::BakeArgs;
 use super::kept::{Kept, this_program};
-use super::{Inputs, Job, baking_failed, lock, params, read, run_job, slurm, tell};
+use super::{Inputs, Job, baking_failed, lock, memory, params, read, run_job, slurm, tell};
 use crate::console::{BakeProgress, Console};
 use crate::failure::{Failure, Outcome};
 use crate::output::{self, SCHEMA};
@@ -153,7 +153,6 @@ pub fn merge(folder: &Path, json: bool, console: &Console) -> Result<Outcome, Fa
         lights: read.lights.as_ref(),
         source_hash: read.source_hash,
         kept: Some(Kept::shared(plan.folder.join("units"))),
-        batches: 1,
     };
     let result = run_job(&job, read.scene, target, start.elapsed().as_secs_f64(), console)?;
     drop(lock);
@@ -175,7 +174,7 @@ fn compute(
         params,
         lights: read.lights.as_ref(),
         source_hash: read.source_hash,
-        batches: 1,
+        memory: memory::of_this_machine(),
     };
     let note = |text| console.note(text);
     let store = Kept::shared(folder.join("units")).open(&note)?;

@@ -29,7 +29,7 @@ fn light_is_kept(stage: &Stage, factor: f32) -> Measured {
         params: &plain,
         lights: None,
         source_hash: 0,
-        batches: 1,
+        memory: None,
     };
     let (_, own) = coarse_radius(&request, stage).map_err(|e| e.to_string())?;
     let mut measures = Vec::new();

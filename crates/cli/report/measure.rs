@@ -323,7 +323,6 @@ fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf,
         source_hash: u64::from_str_radix(runs.base_bake["source_hash"].as_str().unwrap_or("0"), 16)
             .unwrap_or(0),
         kept: None,
-        batches: 1,
     };
     let result = bake::run_job(&job, runs.scene.clone(), &asset, 0.0, &console.silent())?;
     write_atomically(&said, format!("{:#}\n", result.json).as_bytes())?;

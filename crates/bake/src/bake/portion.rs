@@ -6,6 +6,7 @@ use crate::cuts::sections::{World, cut_part};
 use crate::error::BakeError;
 use crate::links::operators::with_refinement;
 use crate::links::refinement::{RowWatch, Wanted, most_rays, rows};
+use crate::memory;
 use crate::units::reach::{Followed, Reach};
 use crate::units::{Ledger, Units};
 use relight_scene::surface::Surfaces;
@@ -51,6 +52,7 @@ pub fn bake_part(
     let Places {
         points, viewpoints, ..
     } = place_points(&surfaces, request, units, progress)?;
+    memory::check(&points, request)?;
     let points = kept_points(&traced, points, params);
     let (_, cameras) = looking(request)?;
     let (_, points) = quantised(points);

@@ -4,7 +4,7 @@ use crate::error::BakeError;
 use crate::links::bounces::BounceSums;
 use crate::links::fitting::TrialLights;
 use crate::links::gather::SenderField;
-use crate::links::refinement::{Refinement, RowWatch, Spared, Wanted, most_rays, refine, rows};
+use crate::links::refinement::{Refinement, RowWatch, Spared, most_rays, refine};
 use crate::links::test_lights::Lamps;
 use crate::params::{BakeParams, Part};
 use crate::points::candidates::Candidate;
@@ -96,13 +96,11 @@ pub fn transport(
     quantised: impl Fn(Vec3) -> Vec3 + Sync,
     step: impl Fn(usize) -> Result<(), BakeError> + Sync,
 ) -> Result<Transport, BakeError> {
-    let units = (Units::none(), 1);
     let viewers = (viewpoints, cameras);
-    transport_in_units(surfaces, points, viewers, params, quantised, units, &step)
+    transport_in_units(surfaces, points, viewers, params, quantised, Units::none(), &step)
 }
 
-/// As [`transport`], in units. More than one of `batches` makes links range by range, so that only the rows that a part
-/// needs are in memory at once; that takes units that are kept.
+/// As [`transport`], in units.
 ///
 /// # Errors
 /// `watch` stops the bake, or a unit cannot be kept.
@@ -112,24 +110,11 @@ pub fn transport_in_units(
     viewers: Viewers,
     params: &BakeParams,
     quantised: impl Fn(Vec3) -> Vec3 + Sync,
-    (units, batches): (Units, usize),
+    units: Units,
     watch: &impl RowWatch,
 ) -> Result<Transport, BakeError> {
     let made = with_refinement(surfaces, &points, viewers, params, units, |r, levels| {
         watch.begin(most_rays(levels.iter().map(Level::len), r.rays));
-        let batches = if units.are_kept() { batches } else { 1 };
-        for batch in (0..batches).filter(|_| batches > 1) {
-            // What all batches cast together is not known to any of them.
-            let cast = |rays| watch.cast(rays);
-            rows(
-                r,
-                Wanted::part(r, units, batch, batches),
-                &quantised,
-                None,
-                units,
-                &cast,
-            )?;
-        }
         let mut bounces = bounce_sums(r, levels);
         let refined = refine(r, quantised, &mut bounces, units, watch)?;
         Ok((refined, bounces.operator(), r.bounce_level))
