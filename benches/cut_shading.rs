@@ -10,7 +10,7 @@
 
 use glam::Vec3;
 use relight_bake::params::{BakeParams, CutParams, Preset};
-use relight_bake::{Progress, bake};
+use relight_bake::{Request, Unwatched, bake};
 use relight_format as format;
 use relight_play::cuts::illumination::Illumination;
 use relight_play::cuts::shade::{Fragments, ShadeStats, shade};
@@ -20,7 +20,6 @@ use relight_render::expose::expose;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::light_set::{LightRig, NoEmitters};
 use relight_scene::sequence::read_sequence;
-use relight_scene::traced::Shading;
 use std::error::Error;
 use std::hint::black_box;
 use std::path::Path;
@@ -30,16 +29,6 @@ use std::time::Instant;
 const ROUNDS: usize = 9;
 const SIZE: (usize, usize) = (160, 120);
 const ILLUMINATION_CUT: usize = 256;
-
-struct Silent;
-
-impl Progress for Silent {
-    fn stage(&self, _: &'static str, _: Option<u64>) {}
-    fn advance(&self, _: u64) {}
-    fn stopped(&self) -> bool {
-        false
-    }
-}
 
 fn main() -> Result<(), Box<dyn Error>> {
     // `cargo test --benches` passes no --bench: then there is nothing to measure.
@@ -56,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         cuts: Some(CutParams::default()),
         ..BakeParams::preset(Preset::Draft)
     };
-    let mut asset = bake(scene, Shading::Full, &params, None, 0, &Silent)?.asset;
+    let mut asset = bake(&Request::new(scene, &params), None, &Unwatched)?.asset;
     let folder = tempfile::tempdir()?;
     let mut loaded = |name: &str, lambert: bool| -> Result<Player, Box<dyn Error>> {
         asset.provenance.lambert = lambert;

@@ -12,10 +12,10 @@
 use glam::{DVec3, Vec3};
 use relight_bake::cuts::light_samples::{Lights, in_tree};
 use relight_bake::cuts::visibility::site_cuts;
-use relight_bake::links::operators::{Transport, levels_of, transport};
+use relight_bake::links::operators::{Transport, Viewers, transport};
 use relight_bake::links::solution::solution;
 use relight_bake::params::{BakeParams, CutParams, Preset};
-use relight_bake::points::poisson::{PointLevels, coarse_radius_for, distribute};
+use relight_bake::points::poisson::{PointLevels, coarse_radius_for, distribute, levels_of};
 use relight_bake::points::viewpoints;
 use relight_bake::units::Units;
 use relight_format::codec::{cut, octahedral};
@@ -108,13 +108,14 @@ impl Study {
     }
 
     fn points(&self) -> Result<PointLevels, Box<dyn Error>> {
-        let (radius, _) = coarse_radius_for(&self.traced, &self.eyes, 6, 0)?;
+        let (radius, _) = coarse_radius_for(&self.traced, &self.eyes, 6, 0, Units::none())?;
         Ok(distribute(
             &self.traced,
             &self.eyes,
             self.params.levels,
             radius,
             0,
+            Units::none(),
             |_| Ok(()),
         )?)
     }
@@ -148,7 +149,18 @@ impl Study {
             mut bounce,
             bounce_level,
             ..
-        } = transport(&self.traced, points, &self.eyes, &[], &params, link, |_| Ok(()))?;
+        } = transport(
+            &self.traced,
+            points,
+            Viewers {
+                viewpoints: &self.eyes,
+                cameras: &[],
+            },
+            &params,
+            link,
+            Units::none(),
+            &|_| Ok(()),
+        )?;
         if let Some(b) = bits.bounce {
             fractions_rounded(&mut bounce, b);
         }
@@ -345,7 +357,9 @@ fn cuts(study: &Study) -> Result<(), Box<dyn Error>> {
         &Lights::directions(params.lights),
         params.beta,
     );
-    let made = site_cuts(&study.traced, sites, &leaves, &params, |_| Ok(()))?;
+    let made = site_cuts(&study.traced, sites, &leaves, &params, (Units::none(), 0), |_| {
+        Ok(())
+    })?;
     let Lights::Directions { directions, .. } = &leaves.lights else {
         return Err("no directions".into());
     };

@@ -19,7 +19,7 @@ use anyhow::Context;
 use relight_bake::error::BakeError;
 use relight_bake::params::BakeParams;
 use relight_bake::units::Ledger;
-use relight_bake::{BakeStats, Baked, Request, bake_in_units};
+use relight_bake::{BakeStats, Baked, Request, bake};
 use relight_format as format;
 use relight_scene::gltf::{ImportOptions, LightUnits, import};
 use relight_scene::image::write_atomically;
@@ -207,7 +207,7 @@ pub fn bake_job(
         source_hash: job.source_hash,
         memory: memory::of_this_machine(),
     };
-    bake_in_units(&request, ledger, &BakeProgress::new(console)).map_err(baking_failed)
+    bake(&request, ledger, &BakeProgress::new(console)).map_err(baking_failed)
 }
 
 /// Writes an asset and its log; `seconds` is what all before took, `import_seconds` of it reading the scene.

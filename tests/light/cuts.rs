@@ -7,6 +7,7 @@ use relight_bake::cuts::light_samples::{Lights, in_tree};
 use relight_bake::cuts::visibility::site_cuts;
 use relight_bake::params::CutParams;
 use relight_bake::points::candidates::Candidate;
+use relight_bake::units::Units;
 use relight_format as format;
 use relight_play::cuts::VisibilityCuts;
 use relight_play::cuts::illumination::Illumination;
@@ -76,7 +77,10 @@ fn at_a_site_cuts_of_all_leaves_are_brute_force() {
         every_light: true,
         ..CutParams::default()
     };
-    let made = site_cuts(&scene, &candidates, &leaves, &params, |_| Ok(())).unwrap();
+    let made = site_cuts(&scene, &candidates, &leaves, &params, (Units::none(), 0), |_| {
+        Ok(())
+    })
+    .unwrap();
     let mut random = Stream::new(4, 0, 0);
     let flux: Vec<Vec3> = (0..LIGHTS)
         .map(|_| Vec3::new(random.uniform(), 0.5, random.uniform()) * random.uniform())
@@ -142,7 +146,10 @@ fn bits_of_means_that_sigma_cannot_use_change_less_than_sigma_does() {
             every_light: true,
             ..CutParams::default()
         };
-        let made = site_cuts(&scene, &candidates, &leaves, &params, |_| Ok(())).unwrap();
+        let made = site_cuts(&scene, &candidates, &leaves, &params, (Units::none(), 0), |_| {
+            Ok(())
+        })
+        .unwrap();
         (made.cuts, params.sigma())
     };
     let count = fragments.len() as u32;

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use relight_bake::params::BakeParams;
-use relight_bake::{Progress, bake};
+use relight_bake::{Request, Unwatched, bake};
 use relight_data_generate::glb::Glb;
 use relight_format::{self as format, Asset};
 use relight_play::frame::light::Lit;
@@ -15,17 +15,6 @@ use relight_scene::sequence::{Sequence, read_sequence};
 use relight_scene::traced::Shading;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// Nobody watches.
-pub struct Silent;
-
-impl Progress for Silent {
-    fn stage(&self, _: &'static str, _: Option<u64>) {}
-    fn advance(&self, _: u64) {}
-    fn stopped(&self) -> bool {
-        false
-    }
-}
 
 /// A file of `data/`.
 pub fn data(name: &str) -> PathBuf {
@@ -40,9 +29,11 @@ pub fn lights(name: &str) -> Sequence {
 /// Bakes a glTF file, every material as Lambert.
 pub fn bake_file(scene: &Path, params: &BakeParams) -> Asset {
     let scene = Arc::new(import(scene, &ImportOptions::default()).unwrap());
-    bake(scene, Shading::Lambert, params, None, 0, &Silent)
-        .unwrap()
-        .asset
+    let request = Request {
+        shading: Shading::Lambert,
+        ..Request::new(scene, params)
+    };
+    bake(&request, None, &Unwatched).unwrap().asset
 }
 
 /// Bakes a scene of the generator.

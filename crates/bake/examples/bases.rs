@@ -5,10 +5,11 @@
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use relight_bake::links::operators::levels_of;
 use relight_bake::points::candidates::{self, Candidate};
 use relight_bake::points::poisson::distribute;
+use relight_bake::points::poisson::levels_of;
 use relight_bake::radiosity::from_point_light;
+use relight_bake::units::Units;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
@@ -48,7 +49,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     )?);
     let traced = TracedScene::new(scene.clone(), Shading::Lambert)?;
     let eyes: Vec<Vec3> = scene.cameras.iter().map(|c| c.at(0.0).position).collect();
-    let points = distribute(&traced, &eyes, LEVELS, COARSE_RADIUS, 0, |_| Ok(()))?;
+    let points = distribute(
+        &traced,
+        &eyes,
+        LEVELS,
+        COARSE_RADIUS,
+        0,
+        Units::none(),
+        |_| Ok(()),
+    )?;
     // Another seed than the points', or places would be points.
     let (landings, _) = candidates::trace(&traced, &eyes, 1, 0, PARTICLES, 0.0);
     let places: Vec<Candidate> = landings

@@ -13,6 +13,7 @@ use relight_bake::params::CutParams;
 use relight_bake::points::candidates::Candidate;
 use relight_bake::points::poisson::{coarse_radius_for, distribute};
 use relight_bake::points::viewpoints;
+use relight_bake::units::Units;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
@@ -64,7 +65,7 @@ fn study(path: &str) -> Result<(), Box<dyn Error>> {
                 ..CutParams::default()
             };
             let start = Instant::now();
-            let cuts = site_cuts(&traced, &sites, &tree, &params, |_| Ok(()))?;
+            let cuts = site_cuts(&traced, &sites, &tree, &params, (Units::none(), 0), |_| Ok(()))?;
             let seconds = start.elapsed().as_secs_f64();
             let truth = site_cuts(
                 &traced,
@@ -74,6 +75,7 @@ fn study(path: &str) -> Result<(), Box<dyn Error>> {
                     sigma: 0.01,
                     ..all.clone()
                 },
+                (Units::none(), 0),
                 |_| Ok(()),
             )?;
             println!(
@@ -96,8 +98,8 @@ fn sites(
     if eyes.is_empty() {
         eyes.extend(viewpoints::in_open_space(traced, 0).0);
     }
-    let (radius, _) = coarse_radius_for(traced, &eyes, LEVELS, 0)?;
-    let points = distribute(traced, &eyes, LEVELS, radius, 0, |_| Ok(()))?;
+    let (radius, _) = coarse_radius_for(traced, &eyes, LEVELS, 0, Units::none())?;
+    let points = distribute(traced, &eyes, LEVELS, radius, 0, Units::none(), |_| Ok(()))?;
     let finest = &points.levels[LEVELS - 1].points;
     println!(
         "\n{} finest points, {:.3} m apart",

@@ -6,10 +6,11 @@
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use relight_bake::links::operators::levels_of;
 use relight_bake::points::candidates::Candidate;
 use relight_bake::points::poisson::distribute;
+use relight_bake::points::poisson::levels_of;
 use relight_bake::radiosity::{RadiosityParams, from_point_light, solve};
+use relight_bake::units::Units;
 use relight_scene::camera::Camera;
 use relight_scene::image::{FloatImage, contact_sheet, tone_mapped, write_png};
 use relight_scene::light::LightKind;
@@ -44,7 +45,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let surfaces = &scene.surfaces;
 
     let start = Instant::now();
-    let points = distribute(surfaces, &[camera.position], 4, COARSE_RADIUS, 0, |_| Ok(()))?;
+    let points = distribute(
+        surfaces,
+        &[camera.position],
+        4,
+        COARSE_RADIUS,
+        0,
+        Units::none(),
+        |_| Ok(()),
+    )?;
     let counts: Vec<usize> = points.levels.iter().map(|l| l.points.len()).collect();
     println!("points {counts:?} in {:.1} s", start.elapsed().as_secs_f32());
 

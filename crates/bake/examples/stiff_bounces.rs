@@ -10,7 +10,7 @@
 
 use glam::Vec3;
 use relight_bake::params::{BakeParams, Preset};
-use relight_bake::{Progress, bake};
+use relight_bake::{Request, Unwatched, bake};
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::traced::Shading;
 use relight_transport::bounce::{TOLERANCE, solve_double};
@@ -21,16 +21,6 @@ use relight_transport::spectrum::spectral_radius;
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
-
-struct Silent;
-
-impl Progress for Silent {
-    fn stage(&self, _: &'static str, _: Option<u64>) {}
-    fn advance(&self, _: u64) {}
-    fn stopped(&self) -> bool {
-        false
-    }
-}
 
 /// An operator with what the contestants want to know of it.
 struct Room {
@@ -295,7 +285,11 @@ fn baked(name: &str) -> Result<Room, Box<dyn Error>> {
         &ImportOptions::default(),
     )?);
     let params = BakeParams::preset(Preset::Draft);
-    let asset = bake(scene, Shading::Lambert, &params, None, 0, &Silent)?.asset;
+    let request = Request {
+        shading: Shading::Lambert,
+        ..Request::new(scene, &params)
+    };
+    let asset = bake(&request, None, &Unwatched)?.asset;
     let (Some(bounce), Some(senders)) = (asset.bounce, asset.senders) else {
         return Err(format!("{name} has no bounces").into());
     };

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use relight_bake::points::candidates::Candidate;
 use relight_bake::points::poisson::{coarse_radius_for, distribute};
 use relight_bake::points::viewpoints;
+use relight_bake::units::Units;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
@@ -38,8 +39,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         if eyes.is_empty() {
             eyes.extend(viewpoints::in_open_space(&traced, 0).0);
         }
-        let (radius, _) = coarse_radius_for(&traced, &eyes, 6, 0)?;
-        let points = distribute(&traced, &eyes, 4, radius, 0, |_| Ok(()))?;
+        let (radius, _) = coarse_radius_for(&traced, &eyes, 6, 0, Units::none())?;
+        let points = distribute(&traced, &eyes, 4, radius, 0, Units::none(), |_| Ok(()))?;
         let all = &points.levels[3].points;
         let chosen = |count: usize, from: usize| -> Vec<Vec<f32>> {
             let places: Vec<&Candidate> = all.iter().skip(from).step_by(all.len().div_ceil(count)).collect();

@@ -5,7 +5,7 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr, clippy::dbg_macro)]
 
-pub mod bake;
+mod bake;
 pub mod convert;
 pub mod cuts;
 pub mod error;
@@ -13,14 +13,21 @@ pub mod left_out;
 pub mod links;
 pub mod memory;
 pub mod omissions;
+mod operator_sections;
 pub mod params;
 pub mod points;
+mod portion;
+mod progress;
 pub mod radiosity;
+mod report;
+mod request;
 pub mod senders;
 pub mod settings;
 pub mod timed;
 pub mod units;
 
-pub use bake::{
-    BakeStats, Baked, Portion, Progress, Request, bake, bake_in_units, bake_part, coarse_radius, point_counts,
-};
+pub use bake::bake;
+pub use points::placing::{coarse_radius, point_counts};
+pub use portion::{Portion, bake_part};
+pub use progress::{Progress, Unwatched};
+pub use request::{BakeStats, Baked, Request};

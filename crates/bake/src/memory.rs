@@ -1,9 +1,9 @@
 //! Memory that a bake surely needs: what grows with points and clusters, whatever the scene.
 
-use crate::bake::Request;
 use crate::error::BakeError;
 use crate::links::operators::bounce_levels;
 use crate::points::poisson::PointLevels;
+use crate::request::Request;
 
 /// Bytes of a point with its functions, grids, receiver and share of the file (docs/notebook/reliability.md).
 const PER_POINT: f64 = 750.0;
@@ -25,7 +25,7 @@ pub fn check(points: &PointLevels, request: &Request) -> Result<(), BakeError> {
     let counts: Vec<usize> = points.levels.iter().map(|level| level.points.len()).collect();
     let (bounce_level, _) = bounce_levels(counts.len(), params.sender_levels);
     let clusters = counts.get(bounce_level).filter(|_| params.needs_bounces());
-    let all = counts.iter().sum::<usize>();
+    let all = points.count();
     let needed = of_points(all as f64, clusters.map_or(0.0, |&n| n as f64)) as u64;
     match needed <= available {
         true => Ok(()),

@@ -1,6 +1,7 @@
 //! What a bake can be told.
 
 use glam::Vec3;
+use relight_format as format;
 
 /// Parameters of a bake. [`BakeParams::default`] is the preset `standard`.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,6 +91,24 @@ impl BakeParams {
     /// Whether further bounces need an operator of their own: the first two are T's.
     pub fn needs_bounces(&self) -> bool {
         self.keeps(Part::Bounces) || self.bounces.is_none_or(|n| n > 2)
+    }
+
+    /// What a reader of the file will see of a link.
+    pub fn stored_link(&self) -> impl Fn(Vec3) -> Vec3 + Copy + Sync + use<> {
+        let stored = match self.short_links() {
+            true => format::shortened_vector,
+            false => format::quantised_vector,
+        };
+        move |v| Vec3::from(stored(v.to_array()))
+    }
+
+    /// What takes fewer bits in the file, for points of these albedos.
+    pub fn coding(&self, levels: &[format::Level], has_links: bool) -> format::Coding {
+        let mut albedos = levels.iter().flat_map(|l| &l.albedo);
+        format::Coding {
+            grey: !self.keeps(Part::Precision) && albedos.all(|[r, g, b]| r == g && g == b),
+            short_links: self.short_links() && has_links,
+        }
     }
 
     /// Whether the vectors of T are stored with short mantissas. Those are off by at most 2⁻⁷ of a link, which is half of

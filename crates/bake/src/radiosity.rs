@@ -15,9 +15,9 @@
 //! sources send directly is an input, at the points.
 
 use crate::error::BakeError;
-use crate::links::operators::levels_of;
 use crate::points::candidates::Candidate;
 use crate::points::poisson::PointLevels;
+use crate::points::poisson::levels_of;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
@@ -283,9 +283,10 @@ fn gathered(hits: &[u32], radiosity: &[Vec3]) -> Vec3 {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::links::operators::transport;
+    use crate::links::operators::{Viewers, transport};
     use crate::params::BakeParams;
     use crate::points::poisson::distribute;
+    use crate::units::Units;
     use glam::DVec3;
     use relight_scene::gltf::{ImportOptions, import};
     use relight_scene::implicit::{ImplicitSurface, Sdf};
@@ -301,7 +302,16 @@ pub(crate) mod tests {
             radius: 1.0,
         };
         let ball = ImplicitSurface::new(sdf, (Vec3::splat(-1.0), Vec3::splat(1.0)), Vec3::splat(albedo));
-        let points = distribute(&ball, &[Vec3::new(0.1, 0.2, -0.1)], 3, 0.4, 0, |_| Ok(())).unwrap();
+        let points = distribute(
+            &ball,
+            &[Vec3::new(0.1, 0.2, -0.1)],
+            3,
+            0.4,
+            0,
+            Units::none(),
+            |_| Ok(()),
+        )
+        .unwrap();
         (ball, points)
     }
 
@@ -408,7 +418,7 @@ pub(crate) mod tests {
         let scene = Arc::new(import(&file, &ImportOptions::default()).unwrap());
         let traced = TracedScene::new(scene.clone(), Shading::Lambert).unwrap();
         let eye = scene.cameras[0].at(0.0).position;
-        let points = distribute(&traced, &[eye], 4, 0.12, 0, |_| Ok(())).unwrap();
+        let points = distribute(&traced, &[eye], 4, 0.12, 0, Units::none(), |_| Ok(())).unwrap();
         let (low, high) = traced.bounds().unwrap();
         let lamp = low.lerp(high, 0.5).with_y(0.45);
         let direct = finest(&points)
@@ -466,11 +476,14 @@ pub(crate) mod tests {
         let baked = transport(
             &traced,
             placed,
-            &middle,
-            &[],
+            Viewers {
+                viewpoints: &middle,
+                cameras: &[],
+            },
             &BakeParams::default(),
             |v| v,
-            |_| Ok(()),
+            Units::none(),
+            &|_| Ok(()),
         )
         .unwrap();
         let levels = levels_of(&baked.points);

@@ -13,7 +13,7 @@ use crate::words;
 use relight_bake::links::operators::bounce_levels;
 use relight_bake::memory::of_points;
 use relight_bake::params::BakeParams;
-use relight_bake::{Baked, Request, bake_in_units, coarse_radius, point_counts};
+use relight_bake::{Baked, Request, bake, coarse_radius, point_counts};
 use relight_format as format;
 use relight_scene::traced::Shading;
 use serde_json::json;
@@ -118,7 +118,7 @@ pub fn estimate(
         coarse_radius: Some((radius * COARSER).min(f32::MAX)),
         ..params.clone()
     };
-    let baked = bake_in_units(&request_of(&small), None, &progress).map_err(baking_failed)?;
+    let baked = bake(&request_of(&small), None, &progress).map_err(baking_failed)?;
     let writing = Instant::now();
     let bytes = format::write_asset(&baked.asset)?;
     let written = writing.elapsed().as_secs_f64();

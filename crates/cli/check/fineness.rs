@@ -24,12 +24,8 @@ fn light_is_kept(stage: &Stage, factor: f32) -> Measured {
     let truth = mean(&stage.traced_indirect(&traced, &lamp, SPP)?).element_sum();
     let plain = quick();
     let request = Request {
-        scene: Arc::new(room()),
         shading: Shading::Lambert,
-        params: &plain,
-        lights: None,
-        source_hash: 0,
-        memory: None,
+        ..Request::new(Arc::new(room()), &plain)
     };
     let (_, own) = coarse_radius(&request, stage).map_err(|e| e.to_string())?;
     let mut measures = Vec::new();

@@ -4,7 +4,7 @@ use crate::signals;
 use glam::{DVec3, Vec3};
 use relight_bake::error::BakeError;
 use relight_bake::params::{BakeParams, Preset};
-use relight_bake::{Progress, bake};
+use relight_bake::{Progress, Request, bake};
 use relight_format::{self as format, Asset, Limits};
 use relight_play::frame::light::Lit;
 use relight_play::open::Parts;
@@ -110,7 +110,11 @@ impl Stage {
 
     /// Bakes a scene.
     pub fn asset(&self, scene: Scene, shading: Shading, params: &BakeParams) -> Result<Asset, BakeError> {
-        bake(Arc::new(scene), shading, params, None, 0, self).map(|baked| baked.asset)
+        let request = Request {
+            shading,
+            ..Request::new(Arc::new(scene), params)
+        };
+        bake(&request, None, self).map(|baked| baked.asset)
     }
 
     /// What a player makes of an asset, by way of the file's bytes.

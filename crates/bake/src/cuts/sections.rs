@@ -1,14 +1,13 @@
 //! From finest points to the light tree and the cuts of an asset.
 
-use crate::bake::Progress;
 use crate::cuts::light_samples::{LightLeaves, Lights, Ordered, order};
 use crate::cuts::surface_lights::surface_lights;
-use crate::cuts::visibility::{cut_ranges, cut_unit, site_cuts_in_units};
+use crate::cuts::visibility::{cut_ranges, cut_unit, site_cuts};
 use crate::error::BakeError;
-use crate::links::operators::levels_of;
 use crate::params::{CutMode, CutParams};
 use crate::points::candidates::Candidate;
-use crate::points::poisson::PointLevels;
+use crate::points::poisson::{PointLevels, levels_of};
+use crate::progress::Progress;
 use crate::units::Units;
 use crate::units::key::Key;
 use relight_format as format;
@@ -147,7 +146,7 @@ pub fn cut_sections(
     progress.stage("cuts", Some(points.len() as u64));
     let step = |done| watched(progress, done);
     let at = (units, inputs);
-    let made = site_cuts_in_units(world.surfaces, points, &leaves, params, at, step)?;
+    let made = site_cuts(world.surfaces, points, &leaves, params, at, step)?;
     // The largest means may not fit a narrow σ's steps: quantised, they do.
     let cuts = format::quantised_cuts(&format::Cuts {
         sigma: params.sigma(),

@@ -38,25 +38,12 @@ pub const TASK: usize = 64;
 /// Sites per unit of work: a second or two. A whole number of tasks, whose sums are added up one by one.
 const SITES_PER_UNIT: usize = 16 * TASK;
 
-/// Selects the cut of every site through the tree of `leaves`.
+/// Selects the cut of every site through the tree of `leaves`. `inputs` is the hash of sites and lights where units are kept
+/// (see [`Units::inputs`]).
 ///
 /// # Errors
-/// What `step`, called with each number of sites done, returns.
+/// What `step`, called with each number of sites done, returns; a unit cannot be kept; more elements than a file can count.
 pub fn site_cuts(
-    surfaces: &dyn Surfaces,
-    sites: &[Candidate],
-    leaves: &LightLeaves,
-    params: &CutParams,
-    step: impl Fn(usize) -> Result<(), BakeError> + Sync,
-) -> Result<Cuts, BakeError> {
-    joined(parts(surfaces, sites, leaves, params, &step)?.0)
-}
-
-/// As [`site_cuts`], in units; `inputs` is the hash of sites and lights (see [`Units::inputs`]).
-///
-/// # Errors
-/// As [`site_cuts`], or a unit cannot be kept.
-pub fn site_cuts_in_units(
     surfaces: &dyn Surfaces,
     sites: &[Candidate],
     leaves: &LightLeaves,
@@ -79,7 +66,7 @@ pub fn cut_ranges(units: Units, sites: usize) -> impl Iterator<Item = Range<usiz
 /// The cuts of the sites in one range.
 ///
 /// # Errors
-/// As [`site_cuts_in_units`].
+/// As [`site_cuts`].
 pub fn cut_unit(
     surfaces: &dyn Surfaces,
     sites: &[Candidate],

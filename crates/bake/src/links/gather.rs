@@ -197,9 +197,10 @@ pub fn scalar_row(
 
 #[cfg(test)]
 mod tests {
-    use crate::links::operators::transport;
+    use crate::links::operators::{Viewers, transport};
     use crate::params::BakeParams;
     use crate::radiosity::tests::hollow;
+    use crate::units::Units;
     use glam::{Quat, Vec3};
     use relight_transport::sparse::row;
 
@@ -217,7 +218,19 @@ mod tests {
             rays: 256,
             ..BakeParams::default()
         };
-        let made = transport(&ball, points, &[Vec3::ZERO], &[], &params, |v| v, |_| Ok(())).unwrap();
+        let made = transport(
+            &ball,
+            points,
+            Viewers {
+                viewpoints: &[Vec3::ZERO],
+                cameras: &[],
+            },
+            &params,
+            |v| v,
+            Units::none(),
+            &|_| Ok(()),
+        )
+        .unwrap();
         assert!(made.bounce.rows() > 10);
         for i in 0..made.bounce.rows() {
             let sum: f32 = row(&made.bounce, i).map(|entry| entry.1).sum();

@@ -5,24 +5,23 @@ use crate::links::bounces::BounceSums;
 use crate::links::fitting::TrialLights;
 use crate::links::gather::SenderField;
 use crate::links::refinement::{Refinement, RowWatch, Spared, most_rays, refine};
+use crate::links::solution::{Solution, solution};
 use crate::links::test_lights::Lamps;
 use crate::params::{BakeParams, Part};
 use crate::points::candidates::Candidate;
-use crate::points::poisson::PointLevels;
-use crate::points::seen::{open_ways, seen_by};
+use crate::points::poisson::{PointLevels, levels_of};
+use crate::points::seen::seen_by;
 use crate::points::separation::{self, Parted};
+use crate::senders::clusters::{SenderClusters, sender_clusters};
 use crate::senders::importance::importance;
 use crate::units::Units;
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use relight_scene::camera::Camera;
-use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::links::Links;
 use relight_transport::pyramid::LevelRanges;
-use relight_transport::random::Stream;
-use relight_transport::sampling::{Frame, cosine_hemisphere};
-use relight_transport::senders::{PILOTS, SenderTree, Signed, nearest_seeds, weight};
+use relight_transport::senders::{SenderTree, weight};
 use relight_transport::sparse::SparseMatrix;
 
 /// All that the asset stores of a scene's transport.
@@ -56,20 +55,31 @@ pub struct Transport {
     pub row_bytes: u64,
 }
 
-/// The basis of the points.
-pub fn levels_of(points: &PointLevels) -> Vec<Level> {
-    points
-        .levels
-        .iter()
-        .map(|level| {
-            Level::new(
-                level.points.iter().map(|p| p.position).collect(),
-                level.points.iter().map(|p| p.normal).collect(),
-                level.disk_radius,
-                level.support_radius,
-            )
-        })
-        .collect()
+impl Transport {
+    /// S: the bounces solved with the points' reflectances.
+    ///
+    /// # Errors
+    /// What `step`, called with each number of rows done, returns, or a unit cannot be kept.
+    pub fn solved(
+        &self,
+        params: &BakeParams,
+        units: Units,
+        step: impl Fn(usize) -> Result<(), BakeError> + Sync,
+    ) -> Result<Solution, BakeError> {
+        let finest = self.points.levels.last();
+        let albedo: Vec<Vec3> = finest.map_or_else(Vec::new, |l| l.points.iter().map(|p| p.albedo).collect());
+        solution(
+            &self.bounce,
+            self.bounce_level,
+            &self.tree,
+            &albedo,
+            // T carries the last bounce.
+            params.bounces.map(|n| n.saturating_sub(2)),
+            params.epsilon,
+            units,
+            &step,
+        )
+    }
 }
 
 /// Length, in distances of the coarsest points, of the ways from receiver to sender that count in clusters' means.
@@ -83,28 +93,11 @@ const SOFTNESS: f32 = 1.0;
 /// The same of the lamps that links are chosen by: each is alone, and a lamp near a surface is what links are for.
 const LAMP_SOFTNESS: f32 = 0.5;
 
-/// Computes the operators over given points. `cameras`: those that alone will look; none for all. `step` is told of rays as they are cast and may stop the bake.
-///
-/// # Errors
-/// What `step` returns.
-pub fn transport(
-    surfaces: &dyn Surfaces,
-    points: PointLevels,
-    viewpoints: &[Vec3],
-    cameras: &[Camera],
-    params: &BakeParams,
-    quantised: impl Fn(Vec3) -> Vec3 + Sync,
-    step: impl Fn(usize) -> Result<(), BakeError> + Sync,
-) -> Result<Transport, BakeError> {
-    let viewers = (viewpoints, cameras);
-    transport_in_units(surfaces, points, viewers, params, quantised, Units::none(), &step)
-}
-
-/// As [`transport`], in units.
+/// Computes the operators over given points. `quantised` is what the file makes of a link.
 ///
 /// # Errors
 /// `watch` stops the bake, or a unit cannot be kept.
-pub fn transport_in_units(
+pub fn transport(
     surfaces: &dyn Surfaces,
     points: PointLevels,
     viewers: Viewers,
@@ -176,8 +169,14 @@ fn leave_out_idle_senders(made: &mut Transport) {
     );
 }
 
-/// Where light is carried to, and the cameras that alone will look, if it is they alone.
-pub type Viewers<'a> = (&'a [Vec3], &'a [Camera]);
+/// Who will look.
+#[derive(Clone, Copy)]
+pub struct Viewers<'a> {
+    /// Where light is carried to.
+    pub viewpoints: &'a [Vec3],
+    /// The cameras that alone will look; none: anybody may, from anywhere.
+    pub cameras: &'a [Camera],
+}
 
 /// What came of a refinement that was prepared.
 pub struct Refining<T> {
@@ -198,7 +197,7 @@ pub struct Refining<T> {
 pub fn with_refinement<T>(
     surfaces: &dyn Surfaces,
     points: &PointLevels,
-    (viewpoints, cameras): Viewers,
+    Viewers { viewpoints, cameras }: Viewers,
     params: &BakeParams,
     units: Units,
     work: impl FnOnce(&Refinement, &[Level]) -> Result<T, BakeError>,
@@ -209,7 +208,19 @@ pub fn with_refinement<T>(
     let nearest_point = NearestPoint::new(&levels[levels.len() - 1]);
     let near = NEAR * levels[0].disk_radius;
     let (importance, mut rays) = importance(surfaces, &nearest_point, near, viewpoints, params.seed, units)?;
-    let (tree, trials, lamps) = sender_tree(surfaces, points, importance, params, units)?;
+    let SenderClusters { tree, pilots, finest } =
+        sender_clusters(surfaces, points, importance, params, units)?;
+    let radius = levels[0].disk_radius;
+    let trials = TrialLights::new(&tree, &finest, &pilots, SOFTNESS * radius);
+    let finest_points = &points.levels[points.levels.len() - 1].points;
+    let lamps = Lamps::new(
+        surfaces,
+        &tree,
+        finest_points,
+        &finest,
+        &pilots,
+        LAMP_SOFTNESS * radius,
+    );
     let places: Vec<Candidate> = points
         .levels
         .iter()
@@ -286,99 +297,4 @@ fn bounce_sums(r: &Refinement, levels: &[Level]) -> BounceSums {
             .collect()
     });
     BounceSums::new(places, clusters)
-}
-
-/// Stage number of the pilots' random stream.
-const STAGE_PILOTS: u32 = 4;
-
-/// Places in open space: on straight ways between surfaces that importance particles take.
-fn pilots(surfaces: &dyn Surfaces, points: &PointLevels, seed: u64) -> Vec<Vec3> {
-    let places = &points.levels[points.levels.len() - 1].points;
-    (0..PILOTS)
-        .map(|i| {
-            let mut s = Stream::new(seed, STAGE_PILOTS, i as u64);
-            let place = &places[((s.uniform() * places.len() as f32) as usize).min(places.len() - 1)];
-            let direction = Frame::around(place.geometric_normal)
-                .world_from_local(cosine_hemisphere(Vec2::new(s.uniform(), s.uniform())));
-            let ray = Ray {
-                origin: place.origin,
-                direction,
-                t_min: 0.0,
-                t_max: f32::INFINITY,
-            };
-            let reach = surfaces
-                .closest_hit(&ray)
-                .map_or(points.levels[0].disk_radius, |hit| hit.t);
-            place.origin + direction * (reach * s.uniform())
-        })
-        .collect()
-}
-
-/// Places per unit of work: 128 rays each, a second or so.
-const PLACES_PER_UNIT: usize = 1 << 15;
-
-/// Which pilots places see, a bit each.
-pub struct Signatures(pub Vec<u128>);
-
-fn signed(
-    surfaces: &dyn Surfaces,
-    places: &[Candidate],
-    pilots: &[Vec3],
-    units: Units,
-) -> Result<Vec<Signed>, BakeError> {
-    let inputs = units.inputs(|key| {
-        key.places(places).vectors(pilots.iter());
-    });
-    let mut signed = Vec::with_capacity(places.len());
-    for range in units.ranges(0..places.len(), PLACES_PER_UNIT) {
-        let places = &places[range.clone()];
-        let Signatures(seen) = units.taken_or_made("pilots", inputs, &range, || {
-            Ok(signatures(surfaces, places, pilots))
-        })?;
-        signed.extend(places.iter().zip(seen).map(|(place, signature)| Signed {
-            position: place.position,
-            normal: place.normal,
-            signature,
-        }));
-    }
-    Ok(signed)
-}
-
-fn signatures(surfaces: &dyn Surfaces, places: &[Candidate], pilots: &[Vec3]) -> Signatures {
-    let to_pilot = |place: &Candidate, k: usize| (pilots[k] - place.origin, 1.0);
-    Signatures(open_ways(surfaces, places, PILOTS, to_pilot))
-}
-
-/// The senders, and how lamps at the pilots light them.
-fn sender_tree(
-    surfaces: &dyn Surfaces,
-    points: &PointLevels,
-    importance: Vec<u8>,
-    params: &BakeParams,
-    units: Units,
-) -> Result<(SenderTree, TrialLights, Lamps), BakeError> {
-    let pilots = pilots(surfaces, points, params.seed);
-    let sending = params.sender_levels.min(points.levels.len());
-    let finest = signed(
-        surfaces,
-        &points.levels[points.levels.len() - 1].points,
-        &pilots,
-        units,
-    )?;
-    let seeds: Vec<Vec<Signed>> = points.levels[..sending]
-        .iter()
-        .map(|level| signed(surfaces, &level.points, &pilots, units))
-        .collect::<Result<_, BakeError>>()?;
-    let spacing = |level: usize| points.levels[level].disk_radius;
-    let leaf_of_point = nearest_seeds(&finest, &seeds[sending - 1], spacing(sending - 1));
-    let parents = (1..sending)
-        .map(|l| nearest_seeds(&seeds[l], &seeds[l - 1], spacing(l - 1)))
-        .collect();
-    let counts: Vec<usize> = seeds.iter().map(Vec::len).collect();
-    let tree = SenderTree::new(&counts, leaf_of_point, parents, importance);
-    let trials = TrialLights::new(&tree, &finest, &pilots, SOFTNESS * points.levels[0].disk_radius);
-    let places = &points.levels[points.levels.len() - 1].points;
-    let softness = LAMP_SOFTNESS * points.levels[0].disk_radius;
-    let lamps = Lamps::new(surfaces, &tree, places, &finest, &pilots, softness);
-    Ok((tree, trials, lamps))
 }

@@ -9,6 +9,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
+use relight_transport::basis::Level;
 use relight_transport::grid::morton_order;
 use relight_transport::poisson::Disks;
 use relight_transport::random::Stream;
@@ -24,6 +25,29 @@ pub struct PointLevels {
     pub candidates: u64,
     /// Rays cast for them and for the crevice test.
     pub rays: u64,
+}
+
+impl PointLevels {
+    /// Points of all levels.
+    pub fn count(&self) -> usize {
+        self.levels.iter().map(|level| level.points.len()).sum()
+    }
+}
+
+/// The basis of the points.
+pub fn levels_of(points: &PointLevels) -> Vec<Level> {
+    points
+        .levels
+        .iter()
+        .map(|level| {
+            Level::new(
+                level.points.iter().map(|p| p.position).collect(),
+                level.points.iter().map(|p| p.normal).collect(),
+                level.disk_radius,
+                level.support_radius,
+            )
+        })
+        .collect()
 }
 
 /// One level.
@@ -71,28 +95,12 @@ const CREVICE_RAYS: usize = 32;
 /// Batches per unit of work: about a second.
 const BATCHES_PER_UNIT: usize = 8;
 
-/// Distributes the points. `coarse_radius` is R of level 0. `step` is told of each batch and may stop the bake.
+/// Distributes the points. `coarse_radius` is R of level 0. `step` is told of each batch and may stop the bake; units are
+/// of batches that build on each other.
+///
+/// # Errors
+/// Nothing is reachable, what `step` returns, or a unit cannot be kept.
 pub fn distribute(
-    surfaces: &dyn Surfaces,
-    viewpoints: &[Vec3],
-    levels: usize,
-    coarse_radius: f32,
-    seed: u64,
-    step: impl FnMut(&Spread) -> Result<(), BakeError>,
-) -> Result<PointLevels, BakeError> {
-    distribute_in_units(
-        surfaces,
-        viewpoints,
-        levels,
-        coarse_radius,
-        seed,
-        Units::none(),
-        step,
-    )
-}
-
-/// As [`distribute`], in units of batches that build on each other.
-pub fn distribute_in_units(
     surfaces: &dyn Surfaces,
     viewpoints: &[Vec3],
     levels: usize,
@@ -334,16 +342,6 @@ pub fn coarse_radius_for(
     viewpoints: &[Vec3],
     levels: usize,
     seed: u64,
-) -> Result<(f32, u64), BakeError> {
-    coarse_radius_in_units(surfaces, viewpoints, levels, seed, Units::none())
-}
-
-/// As [`coarse_radius_for`], in units.
-pub fn coarse_radius_in_units(
-    surfaces: &dyn Surfaces,
-    viewpoints: &[Vec3],
-    levels: usize,
-    seed: u64,
     units: Units,
 ) -> Result<(f32, u64), BakeError> {
     let Some((min, max)) = surfaces.bounds() else {
@@ -353,7 +351,7 @@ pub fn coarse_radius_in_units(
     };
     // Fine enough to see the scene's objects, coarse enough to take some ten thousand candidates.
     let trial = (max - min).length() / 64.0;
-    let points = distribute_in_units(surfaces, viewpoints, 1, trial, seed, units, |_| Ok(()))?;
+    let points = distribute(surfaces, viewpoints, 1, trial, seed, units, |_| Ok(()))?;
     let count = points.levels[0].points.len().max(1) as f32;
     let finest = trial * (count / FINEST_POINTS).sqrt();
     Ok((finest * (1u64 << (levels - 1)) as f32, points.rays))

@@ -3,10 +3,10 @@
 use super::Unit;
 use crate::cuts::light_samples::Ordered;
 use crate::cuts::visibility::{Part, Parts, TASK};
-use crate::links::operators::Signatures;
 use crate::links::refinement::{Receiver, Receivers};
 use crate::links::solution::SparseRows;
 use crate::points::poisson::Growth;
+use crate::senders::clusters::Signatures;
 use crate::senders::importance::Met;
 use glam::Vec3;
 use relight_format::unit::Column;

@@ -1,12 +1,12 @@
 //! Parts of a bake, for many processes.
 
-use super::prepare::{Places, Watch, kept_points, load, looking, place_points, quantised, stored_vector};
-use super::{Progress, Request, wanted_cuts};
 use crate::cuts::sections::{World, cut_part};
 use crate::error::BakeError;
-use crate::links::operators::with_refinement;
+use crate::links::operators::{Viewers, with_refinement};
 use crate::links::refinement::{RowWatch, Wanted, most_rays, rows};
-use crate::memory;
+use crate::points::placing::{load, placed};
+use crate::progress::{Progress, Watch};
+use crate::request::Request;
 use crate::units::reach::{Followed, Reach};
 use crate::units::{Ledger, Units};
 use relight_scene::surface::Surfaces;
@@ -36,7 +36,7 @@ const LIGHTS_PER_RAY: u64 = 6;
 /// that parts can run in any order and at once. Returns into how many pieces the work is best cut.
 ///
 /// # Errors
-/// As [`bake_in_units`](super::bake_in_units).
+/// As [`bake()`](crate::bake::bake()).
 pub fn bake_part(
     request: &Request,
     ledger: &Ledger,
@@ -49,36 +49,34 @@ pub fn bake_part(
     let reach = Reach::new(&request.scene, traced.bounds());
     let units = Units::new(ledger, &reach);
     let surfaces = Followed::new(&traced, &reach);
-    let Places {
-        points, viewpoints, ..
-    } = place_points(&surfaces, request, units, progress)?;
-    memory::check(&points, request)?;
-    let points = kept_points(&traced, points, params);
-    let (_, cameras) = looking(request)?;
-    let (_, points) = quantised(points);
+    let placed = placed(&traced, &surfaces, request, units, progress)?;
+    let viewers = Viewers {
+        viewpoints: &placed.viewpoints,
+        cameras: &placed.cameras,
+    };
+    let points = &placed.points;
     let counts: Vec<usize> = points.levels.iter().map(|l| l.points.len()).collect();
     let mut rays = most_rays(counts.iter().copied(), params.rays);
-    let cuts = wanted_cuts(request);
+    let cuts = request.wanted_cuts();
     if let (Some(cuts), Some(&sites)) = (cuts, counts.last()) {
         rays += sites as u64 * u64::from(cuts.lights) / LIGHTS_PER_RAY;
     }
     progress.stage("share", None);
-    let viewers = (&viewpoints[..], &cameras[..]);
-    with_refinement(&surfaces, &points, viewers, params, units, |r, _| {
+    with_refinement(&surfaces, points, viewers, params, units, |r, _| {
         let wanted = match part {
             // An eighth: some two levels less than the finest, a quarter of the rays.
             Portion::Shared => Wanted::coarsest(r, units, r.ranges.total() / 8),
             Portion::Piece { index, of } => Wanted::part(r, units, index, of),
         };
         watch.begin(0);
-        rows(r, wanted, stored_vector(params), None, units, &watch)
+        rows(r, wanted, params.stored_link(), None, units, &watch)
     })?;
     if let Some(cuts) = cuts {
         units.see_everything();
         let world = World {
             scene: &traced,
             surfaces: &traced,
-            points: &points,
+            points,
         };
         let piece = match part {
             Portion::Shared => None,

@@ -1,14 +1,15 @@
-//! What every bake begins with: the scene, where it is looked from, and its points.
+//! From a scene to its points: where it is looked from, how far apart points are, and the points as the file will hold them.
 
-use super::{Progress, Request};
 use crate::error::BakeError;
-use crate::links::refinement::RowWatch;
-use crate::params::{BakeParams, Part};
+use crate::memory;
+use crate::params::Part;
 use crate::points::candidates::Candidate;
 use crate::points::coverage::everywhere;
 use crate::points::poisson::{self, PointLevels};
 use crate::points::seen;
 use crate::points::viewpoints;
+use crate::progress::{Progress, Watch};
+use crate::request::Request;
 use crate::settings;
 use crate::units::Units;
 use glam::Vec3;
@@ -21,46 +22,11 @@ use relight_scene::traced::TracedScene;
 /// For progress only.
 const CANDIDATES_PER_POINT: u64 = 22;
 
-/// A watcher as stages see it.
-pub(super) struct Watch<'a>(pub &'a dyn Progress);
-
-impl Watch<'_> {
-    pub fn step(&self, done: u64) -> Result<(), BakeError> {
-        self.0.advance(done);
-        self.go_on()
-    }
-
-    pub fn go_on(&self) -> Result<(), BakeError> {
-        if self.0.stopped() {
-            Err(BakeError::Stopped)
-        } else {
-            Ok(())
-        }
-    }
-}
-
-impl RowWatch for Watch<'_> {
-    fn begin(&self, most_rays: u64) {
-        self.0.stage("refine", Some(most_rays));
-    }
-    fn cast(&self, rays: usize) -> Result<(), BakeError> {
-        self.step(rays as u64)
-    }
-    fn expect(&self, rays: u64) {
-        self.0.expect(rays);
-    }
-}
-
-/// What a reader of the file will see of a link.
-pub(super) fn stored_vector(params: &BakeParams) -> impl Fn(Vec3) -> Vec3 + Copy + Sync {
-    let stored = match params.short_links() {
-        true => format::shortened_vector,
-        false => format::quantised_vector,
-    };
-    move |v| Vec3::from(stored(v.to_array()))
-}
-
-pub(super) fn load(request: &Request, progress: &dyn Progress) -> Result<TracedScene, BakeError> {
+/// The scene, ready for rays.
+///
+/// # Errors
+/// A parameter out of range, a scene that contradicts itself, or a stop.
+pub(crate) fn load(request: &Request, progress: &dyn Progress) -> Result<TracedScene, BakeError> {
     settings::validate(request.params)?;
     let watch = Watch(progress);
     watch.go_on()?;
@@ -77,10 +43,10 @@ const RADIUS_LEVELS: usize = 6;
 /// The scene prepared, and R of the coarsest level: what is asked for, or what suits the scene.
 ///
 /// # Errors
-/// As [`bake()`](super::bake()).
+/// As [`bake()`](crate::bake::bake()).
 pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<(TracedScene, f32), BakeError> {
     let traced = load(request, progress)?;
-    let (viewpoints, _, _) = viewpoints(&traced, request)?;
+    let (viewpoints, _, _) = chosen_viewpoints(&traced, request)?;
     let radius = radius(&traced, request, &viewpoints, Units::none())?.0;
     Ok((traced, radius))
 }
@@ -88,14 +54,14 @@ pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<(Trac
 /// Points per level, coarsest first, that a bake has.
 ///
 /// # Errors
-/// As [`bake()`](super::bake()).
+/// As [`bake()`](crate::bake::bake()).
 pub fn point_counts(
     surfaces: &dyn Surfaces,
     request: &Request,
     progress: &dyn Progress,
 ) -> Result<Vec<usize>, BakeError> {
-    let places = place_points(surfaces, request, Units::none(), progress)?;
-    Ok(places
+    let placed = spread(surfaces, request, Units::none(), progress)?;
+    Ok(placed
         .points
         .levels
         .iter()
@@ -103,15 +69,71 @@ pub fn point_counts(
         .collect())
 }
 
-pub(super) struct Places {
+/// The points of a bake and who will look at them.
+pub struct Placed<'a> {
+    /// The points as they go into the file.
+    pub levels: Vec<format::Level>,
+    /// The same as a reader of the file will see them: the operators are built over those.
     pub points: PointLevels,
+    /// Where importance started, and light is carried to.
     pub viewpoints: Vec<Vec3>,
-    pub rays: u64,
+    /// Whether the scene had none of its own.
     pub automatic: bool,
+    /// The cameras that alone will look; none: anybody may look from anywhere.
+    pub tracks: Vec<&'a CameraTrack>,
+    /// Where they stand over all frames.
+    pub cameras: Vec<Camera>,
+    /// Rays cast to choose viewpoints and radius.
+    pub rays: u64,
+}
+
+/// Finds the viewpoints and spreads the points. `surfaces` are those of `traced`.
+///
+/// # Errors
+/// Nothing is reachable, more points than the machine's memory holds, no camera for `cameras_only`, or a stop.
+pub fn placed<'a>(
+    traced: &TracedScene,
+    surfaces: &dyn Surfaces,
+    request: &'a Request,
+    units: Units,
+    progress: &dyn Progress,
+) -> Result<Placed<'a>, BakeError> {
+    let params = request.params;
+    let Spread {
+        mut points,
+        viewpoints,
+        automatic,
+        rays,
+    } = spread(surfaces, request, units, progress)?;
+    memory::check(&points, request)?;
+    if params.keeps(Part::Points) {
+        points = everywhere(traced, points, params.seed);
+    }
+    let (tracks, cameras) = looking(request)?;
+    let (levels, points) = quantised(points);
+    Ok(Placed {
+        levels,
+        points,
+        viewpoints,
+        automatic,
+        tracks,
+        cameras,
+        rays,
+    })
+}
+
+struct Spread {
+    points: PointLevels,
+    viewpoints: Vec<Vec3>,
+    automatic: bool,
+    rays: u64,
 }
 
 /// Viewpoints, rays cast to find them, and whether the scene had none of its own.
-fn viewpoints(surfaces: &dyn Surfaces, request: &Request) -> Result<(Vec<Vec3>, u64, bool), BakeError> {
+fn chosen_viewpoints(
+    surfaces: &dyn Surfaces,
+    request: &Request,
+) -> Result<(Vec<Vec3>, u64, bool), BakeError> {
     let mut viewpoints = request.params.viewpoints.clone();
     if viewpoints.is_empty() {
         viewpoints = viewpoints::of_cameras(&request.scene, request.lights);
@@ -138,9 +160,7 @@ fn radius(
 ) -> Result<(f32, u64), BakeError> {
     let (radius, rays) = match request.params.coarse_radius {
         Some(radius) => (radius, 0),
-        None => {
-            poisson::coarse_radius_in_units(surfaces, viewpoints, RADIUS_LEVELS, request.params.seed, units)?
-        }
+        None => poisson::coarse_radius_for(surfaces, viewpoints, RADIUS_LEVELS, request.params.seed, units)?,
     };
     if radius.is_finite() && radius > 0.0 {
         Ok((radius, rays))
@@ -151,15 +171,15 @@ fn radius(
     }
 }
 
-pub(super) fn place_points(
+fn spread(
     surfaces: &dyn Surfaces,
     request: &Request,
     units: Units,
     progress: &dyn Progress,
-) -> Result<Places, BakeError> {
+) -> Result<Spread, BakeError> {
     progress.stage("reach", None);
     let (params, watch) = (request.params, Watch(progress));
-    let (viewpoints, mut rays, automatic) = viewpoints(surfaces, request)?;
+    let (viewpoints, mut rays, automatic) = chosen_viewpoints(surfaces, request)?;
     watch.go_on()?;
     let (radius, cast) = radius(surfaces, request, &viewpoints, units)?;
     rays += cast;
@@ -171,7 +191,7 @@ pub(super) fn place_points(
         .then_some(finest * CANDIDATES_PER_POINT);
     progress.stage("points", wanted);
     let mut told = 0;
-    let points = poisson::distribute_in_units(
+    let points = poisson::distribute(
         surfaces,
         &viewpoints,
         params.levels,
@@ -188,7 +208,7 @@ pub(super) fn place_points(
             watch.step(new)
         },
     )?;
-    Ok(Places {
+    Ok(Spread {
         points,
         viewpoints,
         rays,
@@ -198,7 +218,7 @@ pub(super) fn place_points(
 
 /// The points as a reader of the file will see them: the operators are built over those. Places keep where
 /// their rays start, and their exact geometric normals.
-pub(super) fn quantised(mut points: PointLevels) -> (Vec<format::Level>, PointLevels) {
+fn quantised(mut points: PointLevels) -> (Vec<format::Level>, PointLevels) {
     let mut levels = Vec::with_capacity(points.levels.len());
     for level in &mut points.levels {
         let exact = format::Level {
@@ -226,17 +246,8 @@ pub(super) fn quantised(mut points: PointLevels) -> (Vec<format::Level>, PointLe
     (levels, points)
 }
 
-/// The points, and those that are kept though no light path leads there.
-pub(super) fn kept_points(traced: &TracedScene, points: PointLevels, params: &BakeParams) -> PointLevels {
-    if params.keeps(Part::Points) {
-        everywhere(traced, points, params.seed)
-    } else {
-        points
-    }
-}
-
 /// The cameras that alone will look, and where they stand over all frames; none: anybody may look from anywhere.
-pub(super) fn looking<'a>(request: &'a Request) -> Result<(Vec<&'a CameraTrack>, Vec<Camera>), BakeError> {
+fn looking<'a>(request: &'a Request) -> Result<(Vec<&'a CameraTrack>, Vec<Camera>), BakeError> {
     let (scene, lights) = (&request.scene, request.lights);
     if !request.params.cameras_only {
         return Ok((Vec::new(), Vec::new()));

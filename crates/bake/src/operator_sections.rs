@@ -8,7 +8,8 @@ use relight_transport::links::Links;
 use relight_transport::senders::SenderTree;
 use relight_transport::sparse::{SparseMatrix, row_sums};
 
-pub(super) fn links(links: &Links) -> format::Links {
+/// T.
+pub(crate) fn transfer(links: &Links) -> format::Links {
     format::Links {
         receivers: links.receivers,
         senders: links.senders,
@@ -18,7 +19,8 @@ pub(super) fn links(links: &Links) -> format::Links {
     }
 }
 
-pub(super) fn sender_tree(tree: &SenderTree) -> format::Senders {
+/// The clusters.
+pub(crate) fn sender_tree(tree: &SenderTree) -> format::Senders {
     format::Senders {
         counts: (0..tree.levels())
             .map(|l| tree.ranges.range(l).len() as u32)
@@ -29,8 +31,8 @@ pub(super) fn sender_tree(tree: &SenderTree) -> format::Senders {
     }
 }
 
-/// `None` where no surface parts any points.
-pub(super) fn parted(parted: &Parted) -> Option<format::Separations> {
+/// The pairs of points that surfaces separate; `None` where there are none.
+pub(crate) fn separations(parted: &Parted) -> Option<format::Separations> {
     let near: Vec<u32> = (0u32..)
         .zip(&parted.near)
         .filter(|near| *near.1)
@@ -42,26 +44,28 @@ pub(super) fn parted(parted: &Parted) -> Option<format::Separations> {
     })
 }
 
-pub(super) fn bounce(level: usize, matrix: &SparseMatrix) -> format::BounceLinks {
+/// K.
+pub(crate) fn bounce(level: usize, matrix: &SparseMatrix) -> format::BounceLinks {
     format::BounceLinks {
         level: level as u32,
-        matrix: stored(matrix, 1.0),
+        matrix: weight_rows(matrix, 1.0),
     }
 }
 
-pub(super) fn stored_solution(solution: &Solution) -> format::Solution {
+/// S.
+pub(crate) fn solution(solution: &Solution) -> format::Solution {
     format::Solution {
         level: solution.level as u32,
         channels: solution
             .channels
             .iter()
-            .map(|channel| stored(channel, f64::MAX))
+            .map(|channel| weight_rows(channel, f64::MAX))
             .collect(),
     }
 }
 
 /// `most`: what no row may exceed, whatever rounding made of it.
-fn stored(matrix: &SparseMatrix, most: f64) -> format::WeightRows {
+fn weight_rows(matrix: &SparseMatrix, most: f64) -> format::WeightRows {
     format::WeightRows {
         rows: matrix.rows() as u32,
         row_offsets: matrix.indptr().raw_storage().to_vec(),
