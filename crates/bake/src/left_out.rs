@@ -1,4 +1,4 @@
-//! What a scene and its lights cannot use does not go into the asset (design section 9).
+//! What a scene and its lights cannot use does not go into the asset.
 //!
 //! Every omission says what, why, and how many bytes it would have taken before compression.
 

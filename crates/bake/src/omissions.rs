@@ -5,7 +5,7 @@
 
 use crate::left_out::{note, plural};
 use crate::links::operators::Transport;
-use crate::links::refinement::Spared;
+use crate::links::refinement::{Spared, is_pursued};
 use crate::params::{BakeParams, Part};
 use crate::points::coverage::Coverage;
 use relight_format::LeftOut;
@@ -90,7 +90,15 @@ impl Omissions {
         if dropped > 0 {
             self.add(
                 format!("{} below significance", plural(dropped as usize, "link")),
-                "weaker than --epsilon; what they carry went to their neighbours; a smaller --epsilon keeps more",
+                match is_pursued(made.points.levels.len().saturating_sub(1), params.epsilon) {
+                    true => {
+                        "lights change too little by them (--epsilon); the coarse links that stay make up for their light in \
+                         the mean, not for where it falls; a smaller --epsilon keeps more"
+                    }
+                    false => {
+                        "weaker than --epsilon; what they carry went to their neighbours; a smaller --epsilon keeps more"
+                    }
+                },
                 dropped as f64 * LINK_BYTES,
                 0,
             );

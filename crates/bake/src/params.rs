@@ -128,7 +128,7 @@ pub enum CutMode {
     Indirect,
 }
 
-/// Parameters of visibility cuts (design section 7).
+/// Parameters of visibility cuts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CutParams {
     /// What they are made for.

@@ -1,7 +1,7 @@
 //! The flat bounce operator and its solution: irradiance of one sender level's functions from their own
 //! radiosity, to convergence or for so many bounces.
 //!
-//! Source: design of relight (section 6, bounces); the Neumann series is equation 15 of Lehtinen et al. 2008.
+//! The Neumann series is equation 15 of Lehtinen et al. 2008.
 //! All weights are non-negative and every row sums to at most 1, so that for reflectances below 1 the bounce is
 //! a contraction in the maximum norm, by at least the largest reflectance.
 //!
@@ -26,7 +26,7 @@ pub struct Solve {
     pub converged: bool,
 }
 
-/// Relative error of the sum, in the maximum norm, that the solution may have (design section 6): the residual is
+/// Relative error of the sum, in the maximum norm, that the solution may have: the residual is
 /// below this times 1 − ρ.
 pub const TOLERANCE: f64 = 0.01;
 

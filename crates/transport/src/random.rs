@@ -1,5 +1,5 @@
 //! Counter-based random numbers: a value is a function of (seed, stage, index), never of the order in which
-//! threads ask (design section 2).
+//! threads ask.
 //!
 //! Source: the finaliser of SplitMix64 (Steele, Lea, Flood 2014), as a hash of a counter.
 

@@ -1,6 +1,6 @@
 //! The flat bounce operator from the gathers of one receiver level.
 //!
-//! Source: design of relight, section 6 (bounces). K_jk is the irradiance averaged over the cluster of
+//! K_jk is the irradiance averaged over the cluster of
 //! sender j per unit radiosity of sender k.
 
 use rayon::prelude::*;

@@ -133,6 +133,11 @@ const FIRST_PURSUED: usize = 2;
 /// takes the square of their number.
 const LEAST_PURSUED: f32 = 0.0025;
 
+/// Whether links of a receiver level, 0 for the coarsest, are chosen by pursuit at this ε.
+pub fn is_pursued(level: usize, epsilon: f32) -> bool {
+    level >= FIRST_PURSUED && epsilon >= LEAST_PURSUED
+}
+
 /// Stage number of the direction sets' stream.
 const STAGE: u32 = 3;
 
@@ -480,7 +485,7 @@ impl<'a> Sweep<'a> {
 
     /// Whether links are chosen by pursuit.
     fn pursues(&self) -> bool {
-        self.level >= FIRST_PURSUED && self.refinement.epsilon >= LEAST_PURSUED
+        is_pursued(self.level, self.refinement.epsilon)
     }
 
     /// A row is looked at when one of its parents kept a link (figure 5). That says nothing where links are chosen by pursuit:

@@ -1,6 +1,6 @@
 //! How much of the scene's surface the points cover.
 //!
-//! Surfaces that no importance reached get no points (design section 6); what that leaves out is measured here
+//! Surfaces that no importance reached get no points; what that leaves out is measured here
 //! by surface samples, evenly by area.
 
 use crate::points::candidates::Candidate;

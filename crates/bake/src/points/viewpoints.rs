@@ -1,4 +1,4 @@
-//! Where importance particles start (design section 6): the cameras, or a place in open space.
+//! Where importance particles start: the cameras, or a place in open space.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;

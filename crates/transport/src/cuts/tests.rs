@@ -195,7 +195,7 @@ fn leaves_that_are_nan_neither_split_nodes_nor_change_means() {
     assert_eq!((dark.heights, dark.values), (vec![HEIGHT], vec![0.0]));
 }
 
-/// Equation 8 in the form of design section 7: over a node P of the merged cut's coarser cut, the double product is off
+/// Equation 8: over a node P of the merged cut's coarser cut, the double product is off
 /// by at most √(|P| var a · |P| var b), variances over P of the functions themselves.
 #[test]
 fn the_error_of_a_double_product_is_within_its_bound() {
