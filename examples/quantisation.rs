@@ -144,7 +144,7 @@ impl Study {
         let Transport {
             points,
             tree,
-            parted,
+            separations,
             links,
             mut bounce,
             bounce_level,
@@ -192,8 +192,8 @@ impl Study {
         };
         let mut transfer = Transfer::new(
             levels_of(&points),
-            &parted.pairs,
-            parted.near,
+            &separations.pairs,
+            separations.near,
             tree,
             albedo,
             &links,

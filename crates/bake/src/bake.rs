@@ -140,7 +140,7 @@ fn with_operators(transport: &Transport, asset: format::Asset) -> format::Asset 
         return asset;
     }
     format::Asset {
-        separations: operator_sections::separations(&transport.parted),
+        separations: operator_sections::separations(&transport.separations),
         senders: Some(operator_sections::sender_tree(&transport.tree)),
         transfer: Some(operator_sections::transfer(&transport.links)),
         bounce: (transport.bounce.nnz() > 0)

@@ -2,7 +2,7 @@
 //!
 //! Every omission says what, why, and how many bytes it would have taken before compression.
 
-use crate::params::{BakeParams, Part};
+use crate::params::{BakeParams, Omittable};
 use glam::{Vec2, Vec3, Vec4};
 use relight_format::LeftOut;
 use relight_scene::light::LightKind;
@@ -34,14 +34,14 @@ pub fn prune(scene: &Scene, shading: Shading, lights: Option<&Sequence>, params:
         keeps_emission: true,
     };
     if let Some(sequence) = lights {
-        if !params.keeps(Part::Lights) {
+        if !params.keeps(Omittable::Lights) {
             own_lights(&mut pruned, sequence);
         }
-        if !params.keeps(Part::Emission) {
+        if !params.keeps(Omittable::Emission) {
             emission(&mut pruned, sequence);
         }
     }
-    if params.keeps(Part::Materials) {
+    if params.keeps(Omittable::Materials) {
         return pruned;
     }
     if shading == Shading::Lambert {

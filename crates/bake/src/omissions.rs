@@ -6,7 +6,7 @@
 use crate::left_out::{note, plural};
 use crate::links::operators::Transport;
 use crate::links::refinement::{Spared, is_pursued};
-use crate::params::{BakeParams, Part};
+use crate::params::{BakeParams, Omittable};
 use crate::points::coverage::Coverage;
 use relight_format::LeftOut;
 
@@ -157,7 +157,7 @@ impl Omissions {
 
     /// Bits that nothing can tell.
     pub fn precision(&mut self, points: usize, grey: bool, short_links: Option<usize>, params: &BakeParams) {
-        debug_assert!(!params.keeps(Part::Precision) || !grey && short_links.is_none());
+        debug_assert!(!params.keeps(Omittable::Precision) || !grey && short_links.is_none());
         if grey {
             self.add(
                 "two channels of the points' albedo".into(),

@@ -1,7 +1,7 @@
 //! Operators as sections of the file.
 
 use crate::links::solution::Solution;
-use crate::points::separation::Parted;
+use crate::points::separation::Separations;
 use glam::Vec3;
 use relight_format as format;
 use relight_transport::links::Links;
@@ -32,14 +32,14 @@ pub(crate) fn sender_tree(tree: &SenderTree) -> format::Senders {
 }
 
 /// The pairs of points that surfaces separate; `None` where there are none.
-pub(crate) fn separations(parted: &Parted) -> Option<format::Separations> {
+pub(crate) fn separations(separations: &Separations) -> Option<format::Separations> {
     let near: Vec<u32> = (0u32..)
-        .zip(&parted.near)
+        .zip(&separations.near)
         .filter(|near| *near.1)
         .map(|near| near.0)
         .collect();
-    (!(near.is_empty() && parted.pairs.is_empty())).then(|| format::Separations {
-        pairs: parted.pairs.clone(),
+    (!(near.is_empty() && separations.pairs.is_empty())).then(|| format::Separations {
+        pairs: separations.pairs.clone(),
         near,
     })
 }

@@ -28,14 +28,14 @@ pub struct BakeParams {
     /// Refines only receivers that the cameras see, beyond what the bounces need; frames of other cameras are refused.
     pub cameras_only: bool,
     /// What is kept although scene and lights cannot use it.
-    pub keep: Vec<Part>,
+    pub keep: Vec<Omittable>,
     /// Seed of all random numbers.
     pub seed: u64,
 }
 
 /// What a bake leaves out unless it is told to keep it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum Omittable {
     /// The scene's own lights, where a sequence replaces them.
     Lights,
     /// Emission of materials, where the sequence lets none shine.
@@ -54,43 +54,43 @@ pub enum Part {
     Precision,
 }
 
-impl Part {
+impl Omittable {
     /// All of them.
-    pub const ALL: [Part; 8] = [
-        Part::Lights,
-        Part::Emission,
-        Part::Materials,
-        Part::Points,
-        Part::Senders,
-        Part::Bounces,
-        Part::Cuts,
-        Part::Precision,
+    pub const ALL: [Omittable; 8] = [
+        Omittable::Lights,
+        Omittable::Emission,
+        Omittable::Materials,
+        Omittable::Points,
+        Omittable::Senders,
+        Omittable::Bounces,
+        Omittable::Cuts,
+        Omittable::Precision,
     ];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
-            Part::Lights => "lights",
-            Part::Emission => "emission",
-            Part::Materials => "materials",
-            Part::Points => "points",
-            Part::Senders => "senders",
-            Part::Bounces => "bounces",
-            Part::Cuts => "cuts",
-            Part::Precision => "precision",
+            Omittable::Lights => "lights",
+            Omittable::Emission => "emission",
+            Omittable::Materials => "materials",
+            Omittable::Points => "points",
+            Omittable::Senders => "senders",
+            Omittable::Bounces => "bounces",
+            Omittable::Cuts => "cuts",
+            Omittable::Precision => "precision",
         }
     }
 }
 
 impl BakeParams {
     /// Whether a part is kept that nothing uses.
-    pub fn keeps(&self, part: Part) -> bool {
+    pub fn keeps(&self, part: Omittable) -> bool {
         self.keep.contains(&part)
     }
 
     /// Whether further bounces need an operator of their own: the first two are T's.
     pub fn needs_bounces(&self) -> bool {
-        self.keeps(Part::Bounces) || self.bounces.is_none_or(|n| n > 2)
+        self.keeps(Omittable::Bounces) || self.bounces.is_none_or(|n| n > 2)
     }
 
     /// What a reader of the file will see of a link.
@@ -106,7 +106,7 @@ impl BakeParams {
     pub fn coding(&self, levels: &[format::Level], has_links: bool) -> format::Coding {
         let mut albedos = levels.iter().flat_map(|l| &l.albedo);
         format::Coding {
-            grey: !self.keeps(Part::Precision) && albedos.all(|[r, g, b]| r == g && g == b),
+            grey: !self.keeps(Omittable::Precision) && albedos.all(|[r, g, b]| r == g && g == b),
             short_links: self.short_links() && has_links,
         }
     }
@@ -114,7 +114,7 @@ impl BakeParams {
     /// Whether the vectors of T are stored with short mantissas. Those are off by at most 2⁻⁷ of a link, which is half of
     /// what is dropped for being weak when ε is twice that or more, even of the strongest link there can be.
     pub fn short_links(&self) -> bool {
-        !self.keeps(Part::Precision) && self.epsilon >= 1.0 / 64.0
+        !self.keeps(Omittable::Precision) && self.epsilon >= 1.0 / 64.0
     }
 }
 

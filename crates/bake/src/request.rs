@@ -1,6 +1,6 @@
 //! What is baked, and what comes of it.
 
-use crate::params::{BakeParams, CutParams, Part};
+use crate::params::{BakeParams, CutParams, Omittable};
 use relight_format as format;
 use relight_scene::light::LightTrack;
 use relight_scene::scene::Scene;
@@ -66,7 +66,7 @@ impl<'a> Request<'a> {
             .lights
             .is_none_or(|s| s.lights.iter().any(LightTrack::is_distant));
         let params = self.params;
-        let used = |cuts: &&CutParams| !cuts.if_used || params.keeps(Part::Cuts) || may_shine;
+        let used = |cuts: &&CutParams| !cuts.if_used || params.keeps(Omittable::Cuts) || may_shine;
         params.cuts.as_ref().filter(used)
     }
 }

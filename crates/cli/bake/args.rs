@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::target;
 use clap::{Args, ValueEnum};
 use glam::Vec3;
-use relight_bake::params::{BakeParams, CutMode, CutParams, Part, Preset};
+use relight_bake::params::{BakeParams, CutMode, CutParams, Omittable, Preset};
 use relight_scene::traced::Shading;
 use std::path::{Path, PathBuf};
 
@@ -188,12 +188,12 @@ pub enum KeepName {
 }
 
 impl KeepName {
-    fn parts(self) -> Vec<Part> {
+    fn parts(self) -> Vec<Omittable> {
         let name = self.to_possible_value();
-        let named = |part: &Part| name.as_ref().is_some_and(|n| n.matches(part.name(), false));
+        let named = |part: &Omittable| name.as_ref().is_some_and(|n| n.matches(part.name(), false));
         match self {
-            KeepName::All => Part::ALL.to_vec(),
-            _ => Part::ALL.into_iter().filter(named).collect(),
+            KeepName::All => Omittable::ALL.to_vec(),
+            _ => Omittable::ALL.into_iter().filter(named).collect(),
         }
     }
 }
@@ -238,7 +238,7 @@ pub fn params(args: &BakeArgs, seed: u64) -> Result<BakeParams, Failure> {
     params.cuts = cut_params(args)?;
     params.viewpoints = args.viewpoint.clone();
     params.cameras_only = args.cameras_only;
-    params.keep = Part::ALL.to_vec();
+    params.keep = Omittable::ALL.to_vec();
     (params.keep).retain(|part| args.keep.iter().any(|name| name.parts().contains(part)));
     params.seed = seed;
     relight_bake::settings::validate(&params).map_err(|error| Failure::Usage(error.to_string()))?;

@@ -75,7 +75,7 @@ pub fn cut_unit(
     (units, inputs): (Units, u128),
     range: &Range<usize>,
     step: &(impl Fn(usize) -> Result<(), BakeError> + Sync),
-) -> Result<Parts, BakeError> {
+) -> Result<UnitCuts, BakeError> {
     if let Some(parts) = units.taken("cuts", inputs, range) {
         step(range.len())?;
         return Ok(parts);
@@ -91,7 +91,7 @@ fn parts(
     leaves: &LightLeaves,
     params: &CutParams,
     step: &(impl Fn(usize) -> Result<(), BakeError> + Sync),
-) -> Result<Parts, BakeError> {
+) -> Result<UnitCuts, BakeError> {
     sites
         .par_chunks(TASK)
         .map_init(
@@ -100,7 +100,7 @@ fn parts(
                 (sampler, Selector::default(), Vec::new())
             },
             |(sampler, selector, rays), sites| {
-                let mut part = Part::default();
+                let mut part = TaskCuts::default();
                 for site in sites {
                     part.rays += sampler.sample(&mut SiteSight {
                         surfaces,
@@ -125,15 +125,15 @@ fn parts(
             },
         )
         .collect::<Result<_, BakeError>>()
-        .map(Parts)
+        .map(UnitCuts)
 }
 
 /// Cuts of some sites, [`TASK`] by [`TASK`].
-pub struct Parts(pub Vec<Part>);
+pub struct UnitCuts(pub Vec<TaskCuts>);
 
 /// Cuts of at most [`TASK`] sites.
 #[derive(Default)]
-pub struct Part {
+pub struct TaskCuts {
     /// Where each site's elements end.
     pub ends: Vec<usize>,
     /// Heights of the nodes.
@@ -148,7 +148,7 @@ pub struct Part {
     pub squares: f64,
 }
 
-fn joined(parts: Vec<Part>) -> Result<Cuts, BakeError> {
+fn joined(parts: Vec<TaskCuts>) -> Result<Cuts, BakeError> {
     let elements: usize = parts.iter().map(|p| p.heights.len()).sum();
     if elements > u32::MAX as usize {
         return Err(BakeError::TooManyCutElements { elements });

@@ -16,96 +16,10 @@
 
 mod pursued;
 
-use crate::links::fitting::{Answers, TrialLights, fit};
-use crate::links::gather::RowScratch;
-use crate::links::matching_pursuit::PursuitScratch;
+use crate::links::row::{Row, SelectScratch, correct, open_families, predict_children};
 use glam::{Vec3, Vec3A};
-use relight_transport::senders::SenderTree;
 
-pub use pursued::{InLamplight, select_by_pursuit};
-
-/// A receiver's row before selection.
-#[derive(Clone, Copy, Debug)]
-pub struct Row<'a> {
-    /// The senders.
-    pub tree: &'a SenderTree,
-    /// Lights that the row is fitted to.
-    pub trials: &'a TrialLights,
-    /// What it answers to them.
-    pub answers: &'a Answers,
-    /// Positions of the senders of the coarsest level.
-    pub coarse_positions: &'a [Vec3],
-    /// Responses of the clusters, all levels.
-    pub gathered: &'a RowScratch,
-    /// Link coefficients that the receiver's parents predict.
-    pub predicted: &'a RowScratch,
-    /// The receiver's normal.
-    pub normal: Vec3A,
-    /// Strength below which a link is dropped.
-    pub threshold: f32,
-}
-
-/// How much of the part of a link along the surface counts: the sine of 20°, a strong normal map's tilt.
-const TANGENT_WEIGHT: f32 = 0.35;
-
-impl Row<'_> {
-    /// What a link can do to the irradiance of a surface whose shading normal lies near the receiver's.
-    fn strength(&self, vector: Vec3A) -> f32 {
-        let along = vector.dot(self.normal);
-        along.abs() + TANGENT_WEIGHT * (vector - self.normal * along).length()
-    }
-
-    /// The square of [`Row::strength`], with its two parts added up as squares.
-    fn strength_squared(&self, vector: Vec3A) -> f32 {
-        let along = vector.dot(self.normal);
-        let rest = vector - self.normal * along;
-        along * along + TANGENT_WEIGHT * TANGENT_WEIGHT * rest.length_squared()
-    }
-
-    /// Senders of the coarsest level that are gathered or predicted, ascending.
-    fn coarse_senders(&self) -> Vec<u32> {
-        let mut senders: Vec<u32> = self.touched_on(0).collect();
-        senders.sort_unstable();
-        senders.dedup();
-        senders
-    }
-
-    /// Senders of a level that are gathered or predicted, each once or twice.
-    fn touched_on(&self, level: usize) -> impl Iterator<Item = u32> {
-        let range = self.tree.ranges.range(level);
-        let both = self.gathered.touched.iter().chain(&self.predicted.touched);
-        both.copied().filter(move |&j| range.contains(&(j as usize)))
-    }
-}
-
-/// Room to select in, for one thread.
-#[derive(Debug)]
-pub struct SelectScratch {
-    /// Per sender: its response as the parents' rows have it.
-    predicted: Vec<Vec3A>,
-    /// Per sender: its response as stored, less the predicted one.
-    stored: Vec<Vec3A>,
-    /// Families to look at, by their parent, on each sender level.
-    families: Vec<Vec<u32>>,
-    is_open: Vec<bool>,
-    kept: Vec<bool>,
-    pursuit: PursuitScratch,
-}
-
-impl SelectScratch {
-    /// Room for the senders of `tree`.
-    pub fn new(tree: &SenderTree) -> SelectScratch {
-        let senders = tree.ranges.total();
-        SelectScratch {
-            predicted: vec![Vec3A::ZERO; senders],
-            stored: vec![Vec3A::ZERO; senders],
-            families: vec![Vec::new(); tree.levels()],
-            is_open: vec![false; senders],
-            kept: Vec::new(),
-            pursuit: PursuitScratch::default(),
-        }
-    }
-}
+pub use pursued::{PursuitGoal, select_by_pursuit};
 
 /// The links of a row to keep, by ascending sender: what is gathered less what is predicted (equation 17).
 /// `quantised` is what the file makes of a vector.
@@ -135,42 +49,6 @@ pub fn select(row: &Row, quantised: impl Fn(Vec3) -> Vec3, room: &mut SelectScra
     links.retain(|link| link.1 != Vec3::ZERO);
     links.sort_unstable_by_key(|link| link.0);
     links
-}
-
-/// Fits the links of the coarsest sender level, the first `coarse_kept`, to what the row answers to trial lights, less what
-/// its parents and the others answer.
-fn correct(row: &Row, coarse_kept: usize, quantised: &impl Fn(Vec3) -> Vec3, links: &mut [(u32, Vec3)]) {
-    if coarse_kept == 0 {
-        return;
-    }
-    let coefficients = &row.trials.coefficients;
-    let mut missing = *row.answers;
-    for &j in &row.predicted.touched {
-        missing.add(-row.predicted.sum[j as usize], &coefficients[j as usize]);
-    }
-    for &(j, vector) in links.iter() {
-        missing.add(-Vec3A::from(vector), &coefficients[j as usize]);
-    }
-    let fitted = &mut links[..coarse_kept];
-    fit(fitted, row.trials, &missing);
-    fitted.iter_mut().for_each(|link| link.1 = quantised(link.1));
-}
-
-/// Lists, level by level, the clusters with a child or a further descendant that is gathered or predicted.
-fn open_families(row: &Row, room: &mut SelectScratch) {
-    let tree = row.tree;
-    for level in (1..tree.levels()).rev() {
-        let start = tree.ranges.range(level).start as u32;
-        let above = tree.ranges.range(level - 1).start as u32;
-        let (upper, lower) = room.families.split_at_mut(level);
-        for j in row.touched_on(level).chain(lower[0].iter().copied()) {
-            let parent = above + tree.parents[level - 1][(j - start) as usize];
-            if !room.is_open[parent as usize] {
-                room.is_open[parent as usize] = true;
-                upper[level - 1].push(parent);
-            }
-        }
-    }
 }
 
 /// Share of the strength of a row without parents that is kept where it is.
@@ -230,20 +108,6 @@ fn coarse_links(row: &Row) -> Vec<(u32, Vec3)> {
         }
     }
     links.into_iter().map(|(j, v)| (j, Vec3::from(v))).collect()
-}
-
-/// Responses of a cluster's children, from its own, in `predicted`: their shares of what their coefficients don't account for.
-fn predict_children(row: &Row, level: usize, family: u32, predicted: &mut [Vec3A]) {
-    let tree = row.tree;
-    let parent = family as usize;
-    let fine = tree.ranges.range(level + 1).start;
-    let children = tree.children(level, parent - tree.ranges.range(level).start);
-    let senders = || children.iter().map(|&c| fine + c as usize);
-    let coefficients: Vec3A = senders().map(|j| row.predicted.sum[j]).sum();
-    let spread = predicted[parent] - coefficients;
-    for j in senders() {
-        predicted[j] = spread * tree.shares[j] + row.predicted.sum[j];
-    }
 }
 
 /// Keeps the children that differ most from what their siblings' mean would give, one after the other, until
@@ -315,8 +179,10 @@ fn select_in_family(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::links::fitting::TRIALS;
+    use crate::links::fitting::{Answers, TRIALS, TrialLights};
+    use crate::links::gather::RowScratch;
     use relight_transport::random::Stream;
+    use relight_transport::senders::SenderTree;
 
     /// Three levels of 4, 12 and 40 clusters over 200 points of uneven importance.
     fn tree(s: &mut Stream) -> SenderTree {

@@ -24,8 +24,8 @@ const TOGETHER: usize = 64;
 pub struct SenderField<'a> {
     /// The finest receiver level.
     pub points: NearestPoint<'a>,
-    /// Which of them surfaces part from their neighbours ([`Parted::near`](crate::points::separation::Parted::near)).
-    pub near_parted: &'a [bool],
+    /// Which of them surfaces part from their neighbours ([`Separations::near`](crate::points::separation::Separations::near)).
+    pub near_separated: &'a [bool],
     /// Its points' clusters.
     pub tree: &'a SenderTree,
     /// Its points' radiosity in trial lights.
@@ -37,11 +37,11 @@ impl SenderField<'_> {
     #[inline]
     fn same_side(&self, surfaces: &dyn Surfaces, (x, normal): (Vec3, Vec3), nearest: u32) -> u32 {
         let level = self.points.level;
-        let parted = |point: u32| {
+        let separated = |point: u32| {
             let there = (level.positions[point as usize], level.normals[point as usize]);
             are_separated(surfaces, (x, normal), there, level.disk_radius)
         };
-        (self.points).on_same_side((x, normal), nearest, self.near_parted, parted)
+        (self.points).on_same_side((x, normal), nearest, self.near_separated, separated)
     }
 }
 

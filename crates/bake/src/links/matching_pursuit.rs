@@ -9,7 +9,7 @@
 //! ([`Weights`]), and to each cluster alone, as far as that differs from its share of its parent's.
 
 use crate::links::fitting::Answers;
-use crate::links::test_lights::{EVEN, InLamps, LAMPS, Lamps};
+use crate::links::test_lights::{EVEN, InTestLights, TEST_LIGHTS, TestLights};
 use glam::{Vec3, Vec3A};
 
 /// A link that may be taken.
@@ -42,12 +42,12 @@ pub struct Family {
 #[derive(Clone, Debug)]
 pub struct Weights {
     /// In each light.
-    pub each: InLamps,
+    pub each: InTestLights,
     /// The row's own mix: the sum of its lights, each times its weight and the row's answer, scaled to an answer of 1.
     ///
     /// What least squares leave out has a part of what is answered in it, never the opposite: a tenth of error in each light loses
     /// a hundredth of the light. The mix is where that adds up, so it counts as a light of its own.
-    pub mix: InLamps,
+    pub mix: InTestLights,
 }
 
 /// Answer, relative to even light of the lights' mean radiosity, above which a lamp's errors count relative to what is answered.
@@ -65,12 +65,13 @@ const CLUSTER_WEIGHT: f32 = 10.0;
 
 impl Weights {
     /// For a row that answers `answers`.
-    pub fn of(answers: &Answers<LAMPS>) -> Weights {
+    pub fn of(answers: &Answers<TEST_LIGHTS>) -> Weights {
         let squared = BRIGHT * BRIGHT;
-        let strength: InLamps = std::array::from_fn(|g| answers.at(g).length());
+        let strength: InTestLights = std::array::from_fn(|g| answers.at(g).length());
         let mut each = strength.map(|a| squared / (a * a + squared));
         each[EVEN] = EVEN_WEIGHT;
-        let mut mix: InLamps = std::array::from_fn(|g| if g == EVEN { 0.0 } else { each[g] * strength[g] });
+        let mut mix: InTestLights =
+            std::array::from_fn(|g| if g == EVEN { 0.0 } else { each[g] * strength[g] });
         let whole = dot(&mix, &strength);
         let scale = if whole > 0.0 { 1.0 / whole } else { 0.0 };
         mix.iter_mut().for_each(|part| *part *= scale);
@@ -80,11 +81,11 @@ impl Weights {
 
 /// What links are to make up for.
 #[derive(Clone, Copy, Debug)]
-pub struct Lacking<'a> {
+pub struct Residual<'a> {
     /// The lights.
-    pub lamps: &'a Lamps,
+    pub test_lights: &'a TestLights,
     /// What the row lacks in them.
-    pub missing: &'a Answers<LAMPS>,
+    pub missing: &'a Answers<TEST_LIGHTS>,
     /// How much that counts.
     pub weights: &'a Weights,
     /// Squared error that a link takes away at least.
@@ -99,7 +100,7 @@ pub struct PursuitScratch {
     /// Their families.
     pub families: Vec<Family>,
     /// Per choice its effect on the lights, each times the root of its weight.
-    effects: Vec<InLamps>,
+    effects: Vec<InTestLights>,
     /// Per choice its effect on the mix, times the root of its weight.
     on_mix: Vec<f32>,
     /// Per choice its squared effect on everything.
@@ -122,26 +123,26 @@ const LEAST_OWN: f32 = 1e-3;
 /// Takes links from `room.choices` until none gains enough, and adds them to `links`: senders and vectors, in no order.
 /// `strength_squared` is how much a vector error counts.
 pub fn pursue(
-    lacking: &Lacking,
+    residual: &Residual,
     strength_squared: impl Fn(Vec3A) -> f32,
     room: &mut PursuitScratch,
     links: &mut Vec<(u32, Vec3)>,
 ) {
-    room.begin(lacking);
-    while let Some(s) = room.best(lacking.gain, &strength_squared) {
+    room.begin(residual);
+    while let Some(s) = room.best(residual.gain, &strength_squared) {
         room.take(s);
     }
     room.solve(links);
 }
 
 impl PursuitScratch {
-    fn begin(&mut self, lacking: &Lacking) {
-        let Lacking {
-            lamps,
+    fn begin(&mut self, residual: &Residual) {
+        let Residual {
+            test_lights,
             missing,
             weights,
             ..
-        } = *lacking;
+        } = *residual;
         let roots = weights.each.map(f32::sqrt);
         let mix_root = MIX_WEIGHT.sqrt();
         let mut weighted = *missing;
@@ -154,8 +155,8 @@ impl PursuitScratch {
         self.squares.clear();
         self.along.clear();
         for choice in &self.choices {
-            let coefficients = &lamps.coefficients[choice.sender as usize];
-            let effect: InLamps = std::array::from_fn(|g| coefficients[g] * roots[g]);
+            let coefficients = &test_lights.coefficients[choice.sender as usize];
+            let effect: InTestLights = std::array::from_fn(|g| coefficients[g] * roots[g]);
             let on_mix = dot(coefficients, &weights.mix) * mix_root;
             let on_clusters = match self.families.get(choice.family as usize) {
                 Some(family) => choice.deviation - family.deviation,
@@ -238,7 +239,7 @@ impl PursuitScratch {
 
 /// Sum of products, in sixteen parts so that they can go side by side.
 #[inline]
-fn dot(a: &InLamps, b: &InLamps) -> f32 {
+fn dot(a: &InTestLights, b: &InTestLights) -> f32 {
     let mut sums = [0.0f32; 16];
     for (a, b) in a.chunks_exact(16).zip(b.chunks_exact(16)) {
         for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
@@ -260,10 +261,10 @@ mod tests {
     }
 
     /// Three coarse senders and two families of four, of which the last child is no choice.
-    fn problem(seed: u64) -> (Lamps, Answers<LAMPS>, Weights, PursuitScratch, Spelled) {
+    fn problem(seed: u64) -> (TestLights, Answers<TEST_LIGHTS>, Weights, PursuitScratch, Spelled) {
         let mut s = Stream::new(seed, 0, 0);
         let mut uniform = move || s.uniform();
-        let mut coefficients: Vec<InLamps> = Vec::new();
+        let mut coefficients: Vec<InTestLights> = Vec::new();
         for j in 0..11 {
             let even = if j < 3 { 1.0 } else { 0.0 };
             let offset = if j < 3 { 0.0 } else { 0.5 };
@@ -271,30 +272,30 @@ mod tests {
                 if g == EVEN { even } else { uniform() - offset }
             }));
         }
-        let lamps = Lamps {
+        let test_lights = TestLights {
             coefficients,
             leaf_means: Vec::new(),
         };
         let mut vector = |size: f32| Vec3A::new(uniform() - 0.5, uniform(), uniform() - 0.5) * size;
         let (mut missing, mut answers) = (Answers::default(), Answers::default());
-        for g in 0..LAMPS {
-            let one: InLamps = std::array::from_fn(|h| if g == h { 1.0 } else { 0.0 });
+        for g in 0..TEST_LIGHTS {
+            let one: InTestLights = std::array::from_fn(|h| if g == h { 1.0 } else { 0.0 });
             missing.add(vector(0.3), &one);
             answers.add(vector(1.0), &one);
         }
         let weights = Weights::of(&answers);
         let mut room = PursuitScratch::default();
         // Rows of numbers: the lights, the mix, and one per cluster.
-        let rows = LAMPS + 1 + 11;
+        let rows = TEST_LIGHTS + 1 + 11;
         let mut lacked = vec![Vec3A::ZERO; rows];
-        for g in 0..LAMPS {
+        for g in 0..TEST_LIGHTS {
             lacked[g] = missing.at(g) * weights.each[g].sqrt();
-            lacked[LAMPS] += missing.at(g) * weights.mix[g] * MIX_WEIGHT.sqrt();
+            lacked[TEST_LIGHTS] += missing.at(g) * weights.mix[g] * MIX_WEIGHT.sqrt();
         }
         let mut on_clusters = vec![[0.0f64; 11]; 11];
         let cluster_root = f64::from(CLUSTER_WEIGHT).sqrt();
         let mut add = |sender: u32, family: u32, share: f32, deviation: Vec3A, room: &mut PursuitScratch| {
-            lacked[LAMPS + 1 + sender as usize] = deviation * CLUSTER_WEIGHT.sqrt();
+            lacked[TEST_LIGHTS + 1 + sender as usize] = deviation * CLUSTER_WEIGHT.sqrt();
             if sender != 6 && sender != 10 {
                 room.choices.push(Choice {
                     sender,
@@ -330,11 +331,11 @@ mod tests {
         let effects = (room.choices.iter())
             .map(|choice| {
                 let j = choice.sender as usize;
-                let c = &lamps.coefficients[j];
-                let mut effect: Vec<f64> = (0..LAMPS)
+                let c = &test_lights.coefficients[j];
+                let mut effect: Vec<f64> = (0..TEST_LIGHTS)
                     .map(|g| f64::from(c[g]) * f64::from(weights.each[g]).sqrt())
                     .collect();
-                let on_mix: f64 = (0..LAMPS)
+                let on_mix: f64 = (0..TEST_LIGHTS)
                     .map(|g| f64::from(c[g]) * f64::from(weights.mix[g]))
                     .sum();
                 effect.push(on_mix * f64::from(MIX_WEIGHT).sqrt());
@@ -343,7 +344,7 @@ mod tests {
             })
             .collect();
         let lacked = lacked.iter().map(|v| v.to_array().map(f64::from)).collect();
-        (lamps, missing, weights, room, Spelled { effects, lacked })
+        (test_lights, missing, weights, room, Spelled { effects, lacked })
     }
 
     impl Spelled {
@@ -382,15 +383,15 @@ mod tests {
     }
 
     fn pursued(seed: u64, gain: f32) -> (Vec<usize>, Vec<Vec3>, Spelled) {
-        let (lamps, missing, weights, mut room, spelled) = problem(seed);
-        let lacking = Lacking {
-            lamps: &lamps,
+        let (test_lights, missing, weights, mut room, spelled) = problem(seed);
+        let residual = Residual {
+            test_lights: &test_lights,
             missing: &missing,
             weights: &weights,
             gain,
         };
         let mut links = Vec::new();
-        pursue(&lacking, |v| v.length_squared(), &mut room, &mut links);
+        pursue(&residual, |v| v.length_squared(), &mut room, &mut links);
         (
             room.taken.clone(),
             links.iter().map(|link| link.1).collect(),
@@ -454,9 +455,9 @@ mod tests {
                 }
                 size(left)
             };
-            let of_lights: f64 =
-                (1..LAMPS).map(left_of).sum::<f64>() / (1..LAMPS).map(|g| size(lacked[g])).sum::<f64>();
-            let of_mix = left_of(LAMPS) / size(lacked[LAMPS]);
+            let of_lights: f64 = (1..TEST_LIGHTS).map(left_of).sum::<f64>()
+                / (1..TEST_LIGHTS).map(|g| size(lacked[g])).sum::<f64>();
+            let of_mix = left_of(TEST_LIGHTS) / size(lacked[TEST_LIGHTS]);
             // Most of each light stays, and a third as much of their sum at most, which counts as 200 of them.
             assert!(
                 of_lights > 0.5 && of_mix < 0.35 * of_lights,

@@ -8,5 +8,6 @@ pub mod gather;
 pub mod matching_pursuit;
 pub mod operators;
 pub mod refinement;
+pub mod row;
 pub mod solution;
 pub mod test_lights;

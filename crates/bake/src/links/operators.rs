@@ -6,12 +6,12 @@ use crate::links::fitting::TrialLights;
 use crate::links::gather::SenderField;
 use crate::links::refinement::{Refinement, RowWatch, Spared, most_rays, refine};
 use crate::links::solution::{Solution, solution};
-use crate::links::test_lights::Lamps;
-use crate::params::{BakeParams, Part};
+use crate::links::test_lights::TestLights;
+use crate::params::{BakeParams, Omittable};
 use crate::points::candidates::Candidate;
 use crate::points::poisson::{PointLevels, levels_of};
 use crate::points::seen::seen_by;
-use crate::points::separation::{self, Parted};
+use crate::points::separation::{self, Separations};
 use crate::senders::clusters::{SenderClusters, sender_clusters};
 use crate::senders::importance::importance;
 use crate::units::Units;
@@ -32,7 +32,7 @@ pub struct Transport {
     /// Senders.
     pub tree: SenderTree,
     /// Points that surfaces part from each other.
-    pub parted: Parted,
+    pub separations: Separations,
     /// T.
     pub links: Links,
     /// K: the flat bounce operator; empty where it is not needed.
@@ -115,14 +115,14 @@ pub fn transport(
     let Refining {
         outcome: (refined, bounce, bounce_level),
         tree,
-        parted,
+        separations,
         rays,
     } = made;
     let mut made = Transport {
         rays: refined.rays + points.rays + rays,
         points,
         tree,
-        parted,
+        separations,
         links: refined.links,
         bounce,
         bounce_level,
@@ -133,7 +133,7 @@ pub fn transport(
         idle_senders: (0, 0),
         row_bytes: refined.row_bytes,
     };
-    if !params.keeps(Part::Senders) {
+    if !params.keeps(Omittable::Senders) {
         leave_out_idle_senders(&mut made);
     }
     Ok(made)
@@ -185,7 +185,7 @@ pub struct Refining<T> {
     /// The senders.
     pub tree: SenderTree,
     /// Points that surfaces part.
-    pub parted: Parted,
+    pub separations: Separations,
     /// Rays cast to prepare it.
     pub rays: u64,
 }
@@ -204,7 +204,7 @@ pub fn with_refinement<T>(
 ) -> Result<Refining<T>, BakeError> {
     let levels = levels_of(points);
     let ranges = LevelRanges::new(levels.iter().map(Level::len));
-    let (parted, parents) = separation::find(surfaces, &levels);
+    let (separations, parents) = separation::find(surfaces, &levels);
     let nearest_point = NearestPoint::new(&levels[levels.len() - 1]);
     let near = NEAR * levels[0].disk_radius;
     let (importance, mut rays) = importance(surfaces, &nearest_point, near, viewpoints, params.seed, units)?;
@@ -213,7 +213,7 @@ pub fn with_refinement<T>(
     let radius = levels[0].disk_radius;
     let trials = TrialLights::new(&tree, &finest, &pilots, SOFTNESS * radius);
     let finest_points = &points.levels[points.levels.len() - 1].points;
-    let lamps = Lamps::new(
+    let test_lights = TestLights::new(
         surfaces,
         &tree,
         finest_points,
@@ -243,15 +243,15 @@ pub fn with_refinement<T>(
         places: &places,
         ranges: &ranges,
         fine_from_coarse: &parents,
-        parted_pairs: &parted.pairs,
+        separated_pairs: &separations.pairs,
         field: SenderField {
             points: nearest_point,
-            near_parted: &parted.near,
+            near_separated: &separations.near,
             tree: &tree,
             trials: &trials.at_points,
         },
         trials: &trials,
-        lamps: &lamps,
+        test_lights: &test_lights,
         coarse_positions: &levels[0].positions,
         rays: params.rays,
         epsilon: params.epsilon,
@@ -265,7 +265,7 @@ pub fn with_refinement<T>(
     Ok(Refining {
         outcome,
         tree,
-        parted,
+        separations,
         rays,
     })
 }

@@ -11,66 +11,29 @@
 
 mod predicted;
 mod wanted;
+mod work;
 
 use crate::error::BakeError;
 use crate::links::bounces::BounceSums;
-use crate::links::choice::{InLamplight, Row, SelectScratch, select, select_by_pursuit};
-use crate::links::fitting::{Answers, TrialLights};
-use crate::links::gather::{Gathered, RowScratch, SenderField, gather, scalar_row};
-use crate::links::test_lights::Lamps;
-use crate::points::candidates::Candidate;
+use crate::links::choice::{PursuitGoal, select, select_by_pursuit};
+use crate::links::fitting::Answers;
+use crate::links::gather::{Gathered, RowScratch, gather, scalar_row};
+use crate::links::row::{Row, SelectScratch};
 use crate::units::Units;
 use crate::units::key::Key;
 use glam::{Vec3, Vec3A};
 use predicted::Predicted;
 use rayon::prelude::*;
-use relight_scene::surface::Surfaces;
 use relight_transport::links::Links;
-use relight_transport::pyramid::LevelRanges;
 use relight_transport::random::Stream;
 use relight_transport::sampling::DirectionSet;
-use relight_transport::sparse::{SparseMatrix, row};
+use relight_transport::sparse::row;
 use std::ops::Range;
 use wanted::Forecast;
+use work::{is_remembered, rays_of};
 
-pub use predicted::Reconstructed;
 pub use wanted::Wanted;
-
-/// What refinement works on.
-pub struct Refinement<'a> {
-    /// The scene.
-    pub surfaces: &'a dyn Surfaces,
-    /// All points, level by level.
-    pub places: &'a [Candidate],
-    /// Levels of `places`.
-    pub ranges: &'a LevelRanges,
-    /// Parents of every point (rows and columns: all points).
-    pub fine_from_coarse: &'a SparseMatrix,
-    /// What is missing among them because surfaces part it ([`Parted::pairs`](crate::points::separation::Parted::pairs)).
-    pub parted_pairs: &'a [[u32; 2]],
-    /// What rays see.
-    pub field: SenderField<'a>,
-    /// Lights that rows are fitted to.
-    pub trials: &'a TrialLights,
-    /// Lights by which links are chosen.
-    pub lamps: &'a Lamps,
-    /// Positions of the senders of the coarsest level.
-    pub coarse_positions: &'a [Vec3],
-    /// Rays per receiver of the finest level.
-    pub rays: usize,
-    /// ε at the finest level.
-    pub epsilon: f32,
-    /// Sender level of the bounce operator.
-    pub bounce_level: usize,
-    /// Receiver level whose gathers make the bounce operator; `None`: it is not needed.
-    pub bounce_receivers: Option<usize>,
-    /// Receivers that are worth a gather; empty: all.
-    pub worthwhile: &'a [bool],
-    /// Whether links are stored in their short form.
-    pub short_links: bool,
-    /// Seed of the direction sets.
-    pub seed: u64,
-}
+pub use work::{Receiver, Receivers, Reconstructed, Refinement, most_rays};
 
 /// What refinement finds.
 #[derive(Debug, Default)]
@@ -116,15 +79,6 @@ impl Spared {
     }
 }
 
-impl Refinement<'_> {
-    fn is_worthwhile(&self, i: usize) -> bool {
-        self.worthwhile.get(i).copied().unwrap_or(true)
-    }
-}
-
-/// Most rays a receiver gets: the coarsest rows are few, and all others rest on them.
-const MOST_RAYS: usize = 1 << 14;
-
 /// The coarsest level whose links are chosen by what lights make of them. Those above are few, all others rest on them, and
 /// what they keep beyond that no later one needs to mend (docs/notebook/transfer.md).
 const FIRST_PURSUED: usize = 2;
@@ -141,42 +95,8 @@ pub fn is_pursued(level: usize, epsilon: f32) -> bool {
 /// Stage number of the direction sets' stream.
 const STAGE: u32 = 3;
 
-/// One receiver's outcome.
-#[derive(Clone, Debug, Default)]
-pub struct Receiver {
-    /// Links as stored, by ascending sender.
-    pub links: Vec<(u32, Vec3)>,
-    /// Scalar irradiance responses of the bounce sender level, on the bounce receiver level; empty once they are added up.
-    pub bounce: Vec<(u32, f32)>,
-    /// Whether it cast rays.
-    pub gathered: bool,
-    /// Rays that met a surface without points.
-    pub lost: u32,
-    /// Links that were dropped as too weak.
-    pub dropped: u32,
-    /// Reconstructed row for finer levels; empty on the two finest. It follows from the others.
-    pub reconstructed: Reconstructed,
-}
-
-impl Receiver {
-    fn row_bytes(&self) -> u64 {
-        let Reconstructed { row, answers } = &self.reconstructed;
-        (size_of_val(&row[..]) + answers.as_deref().map_or(0, size_of_val)) as u64
-    }
-
-    /// Gives back what its lists have room for: all receivers stay until the last is done.
-    fn shrink(&mut self) {
-        self.links.shrink_to_fit();
-        self.bounce.shrink_to_fit();
-        self.reconstructed.row.shrink_to_fit();
-    }
-}
-
-/// Receivers of a range.
-pub struct Receivers(pub Vec<Receiver>);
-
 /// Room to work in, for one thread.
-struct Room {
+struct Workspace {
     gathered: RowScratch,
     predicted: Predicted,
     select: SelectScratch,
@@ -313,7 +233,7 @@ pub fn rows(
     let mut forecast = Forecast::default();
     for level in 0..r.ranges.levels() {
         let sweep = Sweep::new(r, level);
-        watch.expect(forecast.rays(&sweep, &missing, &known));
+        watch.expect(forecast.rays(r, level, &missing, |i| sweep.is_active(i, &known)));
         for ((range, is_needed), (_, is_missing)) in needed.0[level].iter().zip(&missing.0[level]) {
             if *is_missing {
                 let made = sweep.rows(range.clone(), &known, &quantised, watch)?;
@@ -332,11 +252,6 @@ pub fn rows(
         }
     }
     Ok((known, row_bytes))
-}
-
-/// Whether finer levels are predicted from a level's reconstructed rows: all but the two finest are.
-fn is_remembered(r: &Refinement, level: usize) -> bool {
-    level + 2 < r.ranges.levels()
 }
 
 fn remember(known: &mut [Receiver], range: &Range<usize>, rows: Receivers) {
@@ -370,7 +285,7 @@ fn inputs(r: &Refinement, key: &mut Key) {
     r.trials.at_points.iter().for_each(|light| {
         key.f32s(&light.wide());
     });
-    r.lamps.leaf_means.iter().for_each(|light| {
+    r.test_lights.leaf_means.iter().for_each(|light| {
         key.f32s(light);
     });
     key.u32s(&tree.leaf_of_point)
@@ -385,35 +300,17 @@ fn inputs(r: &Refinement, key: &mut Key) {
             u64::from(r.short_links),
         ]);
     let worthwhile: Vec<u8> = r.worthwhile.iter().map(|&w| u8::from(w)).collect();
-    let near: Vec<u8> = r.field.near_parted.iter().map(|&n| u8::from(n)).collect();
+    let near: Vec<u8> = r.field.near_separated.iter().map(|&n| u8::from(n)).collect();
     key.bytes(&worthwhile)
         .bytes(&near)
-        .u32s(r.parted_pairs.as_flattened());
+        .u32s(r.separated_pairs.as_flattened());
     // Parents follow from the points, and rows of parents from all of this.
 }
 
-/// Rays of all receivers of all levels, if all cast some.
-pub fn most_rays(levels: impl ExactSizeIterator<Item = usize>, rays: usize) -> u64 {
-    let count = levels.len();
-    levels
-        .enumerate()
-        .map(|(level, receivers)| (receivers * rays_at(rays, count - 1 - level)) as u64)
-        .sum()
-}
-
-/// Rays of each receiver of a level.
-fn rays_of(r: &Refinement, level: usize) -> usize {
-    rays_at(r.rays, r.ranges.levels() - 1 - level)
-}
-
-fn rays_at(finest: usize, above_finest: usize) -> usize {
-    (finest << above_finest.min(20)).min(MOST_RAYS.max(finest))
-}
-
-impl Room {
-    fn new(r: &Refinement) -> Room {
+impl Workspace {
+    fn new(r: &Refinement) -> Workspace {
         let tree = r.field.tree;
-        Room {
+        Workspace {
             gathered: RowScratch::new(tree.ranges.total()),
             predicted: Predicted::new(r),
             select: SelectScratch::new(tree),
@@ -447,7 +344,7 @@ impl<'a> Sweep<'a> {
             .into_par_iter()
             .with_min_len(16)
             .map_init(
-                || Room::new(self.refinement),
+                || Workspace::new(self.refinement),
                 |room, i| {
                     let receiver = self.receiver(i, known, quantised, room);
                     watch.cast(if receiver.gathered {
@@ -504,12 +401,12 @@ impl<'a> Sweep<'a> {
         i: usize,
         known: &[Receiver],
         quantised: &impl Fn(Vec3) -> Vec3,
-        room: &mut Room,
+        room: &mut Workspace,
     ) -> Receiver {
         let r = self.refinement;
         let active = self.is_active(i, known);
         let bounces = Some(self.level) == r.bounce_receivers;
-        let Room {
+        let Workspace {
             gathered,
             predicted,
             select: scratch,
@@ -553,8 +450,8 @@ impl<'a> Sweep<'a> {
                 threshold: self.threshold,
             };
             receiver.links = if self.pursues() {
-                let light = InLamplight {
-                    lamps: r.lamps,
+                let light = PursuitGoal {
+                    test_lights: r.test_lights,
                     predicted: &predicted.answers,
                     gain: self.gain,
                 };

@@ -60,7 +60,7 @@ pub fn solution(
     let albedo: Vec<DVec3> = (tree.pulled(albedo).swap_remove(level).iter())
         .map(|a| a.as_dvec3().min(most))
         .collect();
-    let room = Room {
+    let room = Workspace {
         grey: albedo.iter().all(|a| a.x == a.y && a.y == a.z),
         brightest: albedo.iter().fold(DVec3::ZERO, |m, a| m.max(*a)),
         k,
@@ -103,7 +103,7 @@ pub struct SparseRows(pub Vec<Vec<(u32, f32)>>);
 
 /// What is solved. A row x of S = K + KρK + … is the row k of K and all that its senders receive: x = k + (x∘ρ) K. Rows
 /// are independent of each other.
-struct Room {
+struct Workspace {
     k: SparseMatrix,
     /// At most [`MOST_ALBEDO`].
     albedo: Vec<DVec3>,
@@ -115,7 +115,7 @@ struct Room {
     epsilon: f64,
 }
 
-impl Room {
+impl Workspace {
     /// The matrix of each channel.
     fn solved(
         &self,

@@ -12,7 +12,7 @@ use relight_transport::sampling::{r2, uniform_hemisphere};
 use relight_transport::senders::{PILOTS, SenderTree, Signed};
 
 /// Number of lights: even light, lamps, suns.
-pub const LAMPS: usize = 128;
+pub const TEST_LIGHTS: usize = 128;
 
 /// The even light.
 pub const EVEN: usize = 0;
@@ -21,22 +21,22 @@ pub const EVEN: usize = 0;
 const SUNS: usize = 31;
 
 /// Lamps at the first pilots: lights 1 to this.
-pub const AT_PILOTS: usize = LAMPS - 1 - SUNS;
+pub const AT_PILOTS: usize = TEST_LIGHTS - 1 - SUNS;
 const _: () = assert!(AT_PILOTS <= PILOTS);
 
 /// A value in each light.
-pub type InLamps = [f32; LAMPS];
+pub type InTestLights = [f32; TEST_LIGHTS];
 
 /// Radiosity in the lights, relative to its mean over all finest points.
 #[derive(Clone, Debug)]
-pub struct Lamps {
+pub struct TestLights {
     /// Coefficients of the senders (see [`SenderTree::coefficients`]).
-    pub coefficients: Vec<InLamps>,
+    pub coefficients: Vec<InTestLights>,
     /// Means over the clusters of the finest sender level.
-    pub leaf_means: Vec<InLamps>,
+    pub leaf_means: Vec<InTestLights>,
 }
 
-impl Lamps {
+impl TestLights {
     /// Lights of pilots and suns on the finest points, `places`, of which `signed` says what pilots they see. `softness`, m: how near
     /// a lamp comes to a surface.
     pub fn new(
@@ -46,7 +46,7 @@ impl Lamps {
         signed: &[Signed],
         pilots: &[Vec3],
         softness: f32,
-    ) -> Lamps {
+    ) -> TestLights {
         let suns: Vec<Vec3> = (0..SUNS).map(|i| sphere(r2(i as u32, Vec2::ZERO))).collect();
         let sunlit = sunlit(surfaces, places, &suns);
         let light = |g: usize, p: usize| {
@@ -64,15 +64,15 @@ impl Lamps {
                 0.0
             }
         };
-        Lamps::from_radiosity(tree, light)
+        TestLights::from_radiosity(tree, light)
     }
 
     /// From `light`, the radiosity in a light at a finest point: at any scale, for each light is scaled to a mean of 1.
-    pub fn from_radiosity(tree: &SenderTree, light: impl Fn(usize, usize) -> f32 + Sync) -> Lamps {
+    pub fn from_radiosity(tree: &SenderTree, light: impl Fn(usize, usize) -> f32 + Sync) -> TestLights {
         let points = tree.leaf_of_point.len();
         let (coefficients, leaf_means) = in_lights(tree, |first| {
             let channel = |c: usize, p: usize| {
-                if first + c < LAMPS {
+                if first + c < TEST_LIGHTS {
                     light(first + c, p)
                 } else {
                     0.0
@@ -87,7 +87,7 @@ impl Lamps {
                 .map(|s| if s > 0.0 { (points as f64 / s) as f32 } else { 0.0 });
             colours.iter().map(|&c| c * Vec3::from(scale)).collect()
         });
-        Lamps {
+        TestLights {
             coefficients,
             leaf_means,
         }
@@ -159,22 +159,26 @@ mod tests {
     fn every_light_has_a_mean_of_one_and_clusters_have_their_points_means() {
         let tree = tree();
         let mut s = Stream::new(1, 0, 0);
-        let light: Vec<InLamps> = (0..40).map(|_| std::array::from_fn(|_| s.uniform())).collect();
+        let light: Vec<InTestLights> = (0..40).map(|_| std::array::from_fn(|_| s.uniform())).collect();
         // The last light reaches nothing.
-        let lit = |g: usize, p: usize| if g == LAMPS - 1 { 0.0 } else { light[p][g] };
-        let lamps = Lamps::from_radiosity(&tree, lit);
-        for g in 0..LAMPS {
+        let lit = |g: usize, p: usize| if g == TEST_LIGHTS - 1 { 0.0 } else { light[p][g] };
+        let test_lights = TestLights::from_radiosity(&tree, lit);
+        for g in 0..TEST_LIGHTS {
             let mean = |points: std::ops::Range<usize>| {
                 let n = points.len() as f32;
                 points.map(|p| lit(g, p)).sum::<f32>() / n
             };
-            let scale = if g == LAMPS - 1 { 0.0 } else { 1.0 / mean(0..40) };
+            let scale = if g == TEST_LIGHTS - 1 {
+                0.0
+            } else {
+                1.0 / mean(0..40)
+            };
             for leaf in 0..4 {
                 let own = mean(10 * leaf..10 * leaf + 10) * scale;
                 let parent = mean(20 * (leaf / 2)..20 * (leaf / 2) + 20) * scale;
-                assert!((lamps.leaf_means[leaf][g] - own).abs() < 1e-5);
-                assert!((lamps.coefficients[2 + leaf][g] - (own - parent)).abs() < 1e-5);
-                assert!((lamps.coefficients[leaf / 2][g] - parent).abs() < 1e-5);
+                assert!((test_lights.leaf_means[leaf][g] - own).abs() < 1e-5);
+                assert!((test_lights.coefficients[2 + leaf][g] - (own - parent)).abs() < 1e-5);
+                assert!((test_lights.coefficients[leaf / 2][g] - parent).abs() < 1e-5);
             }
         }
     }

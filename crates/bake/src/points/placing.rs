@@ -2,7 +2,7 @@
 
 use crate::error::BakeError;
 use crate::memory;
-use crate::params::Part;
+use crate::params::Omittable;
 use crate::points::candidates::Candidate;
 use crate::points::coverage::everywhere;
 use crate::points::poisson::{self, PointLevels};
@@ -106,7 +106,7 @@ pub fn placed<'a>(
         rays,
     } = spread(surfaces, request, units, progress)?;
     memory::check(&points, request)?;
-    if params.keeps(Part::Points) {
+    if params.keeps(Omittable::Points) {
         points = everywhere(traced, points, params.seed);
     }
     let (tracks, cameras) = looking(request)?;

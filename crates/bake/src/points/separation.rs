@@ -10,7 +10,7 @@ use std::sync::Mutex;
 
 /// Points that surfaces part from their neighbours.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Parted {
+pub struct Separations {
     /// Points and points of coarser levels that would be their parents, numbered over all levels; ascending.
     pub pairs: Vec<[u32; 2]>,
     /// Of each finest point, whether a surface parts it from another whose function it lies in.
@@ -18,7 +18,7 @@ pub struct Parted {
 }
 
 /// Finds them, and the parents that are left (see [`fine_from_coarse`]).
-pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Parted, SparseMatrix) {
+pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Separations, SparseMatrix) {
     let scale = levels.last().map_or(0.0, |finest| finest.disk_radius);
     let places: Vec<_> = levels
         .iter()
@@ -36,7 +36,7 @@ pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Parted, SparseMatrix)
     let mut pairs = pairs.into_inner().unwrap_or_default();
     pairs.sort_unstable();
     (
-        Parted {
+        Separations {
             pairs,
             near: near(levels, parted),
         },

@@ -2,7 +2,7 @@
 
 use super::Unit;
 use crate::cuts::light_samples::Ordered;
-use crate::cuts::visibility::{Part, Parts, TASK};
+use crate::cuts::visibility::{TASK, TaskCuts, UnitCuts};
 use crate::links::refinement::{Receiver, Receivers};
 use crate::links::solution::SparseRows;
 use crate::points::poisson::Growth;
@@ -247,10 +247,10 @@ impl Unit for Ordered {
     }
 }
 
-impl Unit for Parts {
+impl Unit for UnitCuts {
     fn columns(&self) -> Vec<Column> {
         let ends = self.0.iter().flat_map(|p| p.ends.iter().map(|&e| e as u32));
-        let per_part = |pick: fn(&Part) -> f64| Column::F64(self.0.iter().map(pick).collect());
+        let per_part = |pick: fn(&TaskCuts) -> f64| Column::F64(self.0.iter().map(pick).collect());
         vec![
             Column::U32(ends.collect()),
             Column::U8(self.0.iter().flat_map(|p| p.heights.iter().copied()).collect()),
@@ -261,7 +261,7 @@ impl Unit for Parts {
         ]
     }
 
-    fn from_columns(columns: Vec<Column>, count: usize) -> Option<Parts> {
+    fn from_columns(columns: Vec<Column>, count: usize) -> Option<UnitCuts> {
         let mut take = taker(columns);
         let (ends, heights, values) = (take.u32s()?, take.u8s()?, take.f32s()?);
         let (rays, counts, squares) = (take.u64s()?, take.f64s()?, take.f64s()?);
@@ -276,9 +276,9 @@ impl Unit for Parts {
         let lengths: Vec<u32> = ends.chunks(TASK).filter_map(|e| e.last().copied()).collect();
         let (heights, values) = (split(&lengths, &heights)?, split(&lengths, &values)?);
         let parts = ends.chunks(TASK).zip(heights).zip(values).enumerate();
-        Some(Parts(
+        Some(UnitCuts(
             parts
-                .map(|(i, ((ends, heights), values))| Part {
+                .map(|(i, ((ends, heights), values))| TaskCuts {
                     ends: ends.iter().map(|&e| e as usize).collect(),
                     heights,
                     values,

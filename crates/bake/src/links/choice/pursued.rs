@@ -1,18 +1,18 @@
 //! Links of a row by pursuit.
 
-use super::{Row, SelectScratch, correct, open_families, predict_children};
 use crate::links::fitting::Answers;
-use crate::links::matching_pursuit::{Choice, Family, Lacking, NO_FAMILY, Weights, pursue};
-use crate::links::test_lights::{AT_PILOTS, LAMPS, Lamps};
+use crate::links::matching_pursuit::{Choice, Family, NO_FAMILY, Residual, Weights, pursue};
+use crate::links::row::{Row, SelectScratch, correct, open_families, predict_children};
+use crate::links::test_lights::{AT_PILOTS, TEST_LIGHTS, TestLights};
 use glam::{Vec3, Vec3A};
 
 /// What links are chosen by.
 #[derive(Clone, Copy, Debug)]
-pub struct InLamplight<'a> {
+pub struct PursuitGoal<'a> {
     /// The lights.
-    pub lamps: &'a Lamps,
+    pub test_lights: &'a TestLights,
     /// What the rows of the receiver's parents answer.
-    pub predicted: &'a Answers<LAMPS>,
+    pub predicted: &'a Answers<TEST_LIGHTS>,
     /// Squared error that a link takes away at least (see [`crate::links::matching_pursuit`]).
     pub gain: f32,
 }
@@ -23,23 +23,23 @@ const LEAST_DEVIATION: f32 = 0.1;
 /// The links of a row to keep, by ascending sender, as [`select`](super::select) does; by pursuit.
 pub fn select_by_pursuit(
     row: &Row,
-    light: &InLamplight,
+    light: &PursuitGoal,
     quantised: impl Fn(Vec3) -> Vec3,
     room: &mut SelectScratch,
 ) -> Vec<(u32, Vec3)> {
-    let mut missing = answered_by_gather(row, light.lamps);
+    let mut missing = answered_by_gather(row, light.test_lights);
     let weights = Weights::of(&missing);
     missing.subtract(light.predicted);
     find_choices(row, LEAST_DEVIATION * light.gain.sqrt(), room);
-    let lacking = Lacking {
-        lamps: light.lamps,
+    let residual = Residual {
+        test_lights: light.test_lights,
         missing: &missing,
         weights: &weights,
         gain: light.gain,
     };
     let strength_squared = |v| row.strength_squared(v);
     let mut links = Vec::new();
-    pursue(&lacking, strength_squared, &mut room.pursuit, &mut links);
+    pursue(&residual, strength_squared, &mut room.pursuit, &mut links);
     links.iter_mut().for_each(|link| link.1 = quantised(link.1));
     links.sort_unstable_by_key(|link| link.0);
     let coarse = row.tree.ranges.range(0).len() as u32;
@@ -51,19 +51,19 @@ pub fn select_by_pursuit(
 
 /// What the gather of `row` answers: its clusters' means, and lamps as much brighter as what rays met in the trial light of their
 /// group is than those.
-fn answered_by_gather(row: &Row, lamps: &Lamps) -> Answers<LAMPS> {
+fn answered_by_gather(row: &Row, test_lights: &TestLights) -> Answers<TEST_LIGHTS> {
     let leaves = row.tree.ranges.range(row.tree.levels() - 1);
     let mut answers = Answers::default();
     let mut of_clusters: Answers = Answers::default();
     for &j in &row.gathered.touched {
         if let Some(leaf) = (j as usize).checked_sub(leaves.start) {
             let vector = row.gathered.sum[j as usize];
-            answers.add(vector, &lamps.leaf_means[leaf]);
+            answers.add(vector, &test_lights.leaf_means[leaf]);
             of_clusters.add(vector, &row.trials.leaf_means[leaf]);
         }
     }
     let brighter = row.answers.gains_over(&of_clusters);
-    let mut factors = [1.0; LAMPS];
+    let mut factors = [1.0; TEST_LIGHTS];
     for (factor, &group) in factors[1..=AT_PILOTS].iter_mut().zip(&row.trials.group_of_pilot) {
         *factor = brighter[group];
     }
@@ -137,7 +137,7 @@ mod tests {
     fn lamps_are_answered_as_much_brighter_than_clusters_as_their_group_is() {
         let leaves = (0..40).map(|p| p / 10).collect();
         let tree = SenderTree::new(&[2, 4], leaves, vec![vec![0, 0, 1, 1]], vec![9; 40]);
-        let lamps = Lamps::from_radiosity(&tree, |g, p| 1.0 + ((g * p) % 7) as f32);
+        let test_lights = TestLights::from_radiosity(&tree, |g, p| 1.0 + ((g * p) % 7) as f32);
         let trials = TrialLights::from_radiosity(&tree, (0..40).map(|_| [1.0; TRIALS]));
         let mut gathered = RowScratch::new(6);
         let vector = Vec3A::new(0.1, 0.4, 0.0);
@@ -159,11 +159,11 @@ mod tests {
             normal: Vec3A::Y,
             threshold: 0.0,
         };
-        let answers = answered_by_gather(&row, &lamps);
-        for g in 0..LAMPS {
+        let answers = answered_by_gather(&row, &test_lights);
+        for g in 0..TEST_LIGHTS {
             let is_brighter = (1..=AT_PILOTS).contains(&g) && (g - 1) % 2 == 0;
             let factor = if is_brighter { 2.0 } else { 1.0 };
-            let wanted = vector * (lamps.leaf_means[1][g] * factor);
+            let wanted = vector * (test_lights.leaf_means[1][g] * factor);
             assert!((answers.at(g) - wanted).length() < 1e-5, "{g}");
         }
     }

@@ -1,21 +1,12 @@
 //! Rows that parents' rows give.
 
-use super::{Receiver, Refinement};
+use super::work::{Receiver, Reconstructed, Refinement};
 use crate::links::fitting::Answers;
 use crate::links::gather::RowScratch;
-use crate::links::test_lights::LAMPS;
+use crate::links::test_lights::TEST_LIGHTS;
 use glam::{Mat3, Vec3, Vec3A};
 use relight_transport::pyramid::carry;
 use relight_transport::sparse::row;
-
-/// A row as the file will have it, kept for finer levels.
-#[derive(Clone, Debug, Default)]
-pub struct Reconstructed {
-    /// Link coefficients by sender, in no order.
-    pub row: Vec<(u32, Vec3)>,
-    /// What they answer to the lights that links are chosen by; nothing where no row is kept.
-    pub answers: Option<Box<Answers<LAMPS>>>,
-}
 
 /// Entries of a reconstructed row below this share of ε are forgotten, except on the coarsest sender level, whose
 /// sum is the row's answer to even light. Rows would else hold half of all senders: forgetting 2 % takes half of the
@@ -27,7 +18,7 @@ pub(super) struct Predicted {
     /// Link coefficients.
     pub row: RowScratch,
     /// What they answer to the lights that links are chosen by.
-    pub answers: Answers<LAMPS>,
+    pub answers: Answers<TEST_LIGHTS>,
 }
 
 impl Predicted {
@@ -83,7 +74,7 @@ impl Predicted {
     fn add(&mut self, r: &Refinement, j: u32, vector: Vec3) {
         let vector = Vec3A::from(vector);
         self.row.add(j, vector);
-        self.answers.add(vector, &r.lamps.coefficients[j as usize]);
+        self.answers.add(vector, &r.test_lights.coefficients[j as usize]);
     }
 
     /// Adds the receiver's own links, and returns the row as the file will have it.

@@ -1,6 +1,6 @@
 //! Which rows are to be made, in units of work, and how many rays that will take.
 
-use super::{Receiver, Refinement, Sweep, is_remembered, rays_of};
+use super::work::{Refinement, is_remembered, rays_of};
 use crate::units::Units;
 use relight_transport::sparse::row;
 use std::ops::Range;
@@ -105,9 +105,14 @@ pub(super) struct Forecast {
 }
 
 impl Forecast {
-    /// Rays of all levels, as far as is known at the level of `sweep`.
-    pub fn rays(&mut self, sweep: &Sweep, missing: &Wanted, known: &[Receiver]) -> u64 {
-        let (r, level) = (sweep.refinement, sweep.level);
+    /// Rays of all levels, as far as is known at `level`; `is_active`: whether a receiver of it is looked at.
+    pub fn rays(
+        &mut self,
+        r: &Refinement,
+        level: usize,
+        missing: &Wanted,
+        is_active: impl Fn(usize) -> bool,
+    ) -> u64 {
         let of = |level: usize| {
             let ranges = missing.0[level].iter().filter(|range| range.1);
             ranges.flat_map(|range| range.0.clone())
@@ -122,7 +127,7 @@ impl Forecast {
             share * (of(level).count() * rays_of(r, level)) as f64
         };
         let rows = of(level).count();
-        let active = of(level).filter(|&i| sweep.is_active(i, known)).count();
+        let active = of(level).filter(|&i| is_active(i)).count();
         let mut share = active as f64 / rows.max(1) as f64;
         // 0 of 0 changes nothing.
         let change = self
