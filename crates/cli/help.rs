@@ -34,7 +34,6 @@ const HEADINGS: [(&str, &[&str]); 8] = [
             "resume",
             "keep_units",
             "dry_run",
-            "memory_limit",
             "plan",
             "slurm",
             "unit",

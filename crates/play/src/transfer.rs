@@ -2,7 +2,7 @@
 //!
 //! Source: Lehtinen et al. 2008, section 4: e = P↑↓ E, i = S e, flattened to the finest level. The pull goes to
 //! clusters (`relight_transport::senders`); further bounces are solved on one level of them before the one
-//! product with T (design section 6).
+//! product with T.
 
 use glam::Vec3;
 use relight_scene::separation::are_separated;

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use relight_transport::cuts::{Cut, SiteCuts};
 use relight_transport::sparse::{SparseMatrix, row};
 
-/// Sites of a fragment: "three or four are enough" (design section 7). Four gave the same errors, 5 % more nodes and a
+/// Sites of a fragment: three. Four gave the same errors, 5 % more nodes and a
 /// fifth cut to traverse (docs/notebook/cuts.md).
 pub const SITES: usize = 3;
 
