@@ -12,6 +12,7 @@ mod page;
 mod plot;
 mod reference;
 mod settings;
+mod summary;
 mod task;
 
 use crate::bake::log_path;
@@ -26,15 +27,16 @@ use anyhow::Context;
 use clap::Args;
 use measure::{Measured, Runs};
 use reference::Reference;
-use relight_format::{self as format, Limits};
+use relight_format::{self as format, Estimates, Limits};
 use relight_play::Player;
 use relight_play::open::{Parts, asset_hash};
 use relight_scene::image::{write_atomically, write_png};
 use relight_scene::sequence::{Sequence, read_sequence};
-use serde_json::{Value, json};
+use serde_json::Value;
 use settings::{Facts, Setting};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use summary::Summary;
 use task::Task;
 
 /// Measure error against run time, bake time and size, and show it.
@@ -168,24 +170,25 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
         until: start + budget,
     };
     let (measured, skipped) = measure::all(&runs, &settings, console)?;
-    let json = report_json(
+    let summary = summary(
         args,
         &preset,
         &task,
         &described,
+        player.estimates.as_ref(),
         &references,
         &measured,
         &skipped,
         start,
     );
-    write_report(&task, &json, &measured, &references)?;
+    write_report(&task, &summary, &measured, &references)?;
     console.close();
-    for sentence in json["findings"].as_array().into_iter().flatten() {
-        console.note(sentence.as_str().unwrap_or_default());
+    for sentence in &summary.findings {
+        console.note(sentence);
     }
     console.note(format!("Wrote {}.", task.folder.join("report.html").display()));
     if args.json {
-        output::print_json(&json)?;
+        output::print_json(&summary)?;
     }
     Ok(Outcome::Done)
 }
@@ -216,42 +219,43 @@ fn default_size(player: &Player, sequence: &Sequence, width: usize) -> Result<(u
     Ok((width, (width * h).div_ceil(w).max(1)))
 }
 
-fn report_json(
+fn summary<'a>(
     args: &ReportArgs,
     preset: &Preset,
     task: &Task,
-    asset: &Value,
+    asset: &'a Value,
+    estimates: Option<&Estimates>,
     references: &[Reference],
     measured: &[Measured],
     skipped: &[Setting],
     start: Instant,
-) -> Value {
+) -> Summary<'a> {
     let front = findings::pareto(measured);
     let settings: Vec<Value> = measured
         .iter()
         .zip(&front)
         .map(|(m, &pareto)| m.json(pareto))
         .collect();
-    json!({
-        "schema": SCHEMA,
-        "command": "report",
-        "preset": preset.name,
-        "asset": asset,
-        "lights": args.lights.display().to_string(),
-        "frames": task.frames.iter().collect::<Vec<_>>(),
-        "width": task.size.0,
-        "height": task.size.1,
-        "seed": task.seed,
-        "machine": machine(),
-        "threads": rayon::current_num_threads(),
-        "error_measure": "root of relMSE less the reference's own error",
-        "references": references.iter().map(Reference::json).collect::<Vec<_>>(),
-        "settings": settings,
-        "not_measured": skipped.iter().map(Setting::command).collect::<Vec<_>>(),
-        "findings": findings::sentences(measured, references, skipped.len(), &asset["estimates"]),
-        "commands": commands(task, references, measured),
-        "seconds": start.elapsed().as_secs_f64(),
-    })
+    Summary {
+        schema: SCHEMA,
+        command: "report",
+        preset: preset.name,
+        asset,
+        lights: args.lights.display().to_string(),
+        frames: task.frames.iter().collect(),
+        width: task.size.0,
+        height: task.size.1,
+        seed: task.seed,
+        machine: machine(),
+        threads: rayon::current_num_threads(),
+        error_measure: "root of relMSE less the reference's own error",
+        references: references.iter().map(Reference::json).collect(),
+        settings,
+        not_measured: skipped.iter().map(Setting::command).collect(),
+        findings: findings::sentences(measured, references, skipped.len(), estimates),
+        commands: commands(task, references, measured),
+        seconds: start.elapsed().as_secs_f64(),
+    }
 }
 
 /// Every command that does by hand what was done.
@@ -294,7 +298,7 @@ fn machine() -> String {
 
 fn write_report(
     task: &Task,
-    json: &Value,
+    summary: &Summary,
     measured: &[Measured],
     references: &[Reference],
 ) -> Result<(), Failure> {
@@ -311,8 +315,9 @@ fn write_report(
     write("report.csv", &page::csv(measured))?;
     write(
         "report.html",
-        &page::html(task, json, measured, references, &plots)?,
+        &page::html(task, summary, measured, references, &plots)?,
     )?;
+    let json = serde_json::to_value(summary)?;
     write("report.json", &format!("{json:#}\n"))?;
     Ok(())
 }

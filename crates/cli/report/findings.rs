@@ -2,9 +2,10 @@
 
 use super::measure::Measured;
 use super::reference::Reference;
+use crate::estimates::{Expected, percent};
 use crate::words;
+use relight_format::Estimates;
 use relight_scene::image::BEAUTY;
-use serde_json::Value;
 
 /// Errors that a report speaks of.
 const WANTED: [f64; 3] = [0.01, 0.03, 0.10];
@@ -30,7 +31,7 @@ pub fn sentences(
     measured: &[Measured],
     references: &[Reference],
     skipped: usize,
-    estimates: &Value,
+    estimates: Option<&Estimates>,
 ) -> Vec<String> {
     let mut all: Vec<String> = WANTED.iter().map(|&wanted| advice(measured, wanted)).collect();
     all.extend(asset_itself(measured, references, estimates));
@@ -56,20 +57,20 @@ pub fn sentences(
 }
 
 /// What the asset's indirect light errs by, and what its bake expected.
-fn asset_itself(measured: &[Measured], references: &[Reference], estimates: &Value) -> Option<String> {
+fn asset_itself(
+    measured: &[Measured],
+    references: &[Reference],
+    estimates: Option<&Estimates>,
+) -> Option<String> {
     let plain = |m: &&Measured| m.setting.bake.is_empty() && m.setting.play.is_empty() && m.needs_bake();
     let error = measured.iter().find(plain)?.indirect()?;
-    let expected = match (
-        estimates["error_indirect"].as_f64(),
-        estimates["target_error"].as_f64(),
-    ) {
-        (Some(expected), Some(target)) => format!(
-            "; its bake expected {:.1} % (--target-error {:.1} %)",
-            100.0 * expected,
-            100.0 * target
-        ),
-        _ => String::new(),
-    };
+    let expected = Expected::of(estimates).map_or_else(String::new, |expected| {
+        format!(
+            "; its bake expected {} (--target-error {})",
+            percent(expected.error),
+            percent(expected.target)
+        )
+    });
     let floor = references.iter().map(|r| r.floor_of("indirect")).sum::<f64>();
     let own = (floor / references.len().max(1) as f64).sqrt();
     let found = if own > 2.0 * error {

@@ -4,15 +4,15 @@ use super::findings::pareto;
 use super::measure::Measured;
 use super::plot::Plot;
 use super::reference::Reference;
+use super::summary::Summary;
 use super::task::Task;
 use crate::failure::Failure;
 use crate::statistics::median;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use relight_scene::image::{
-    FloatImage, Image8, Limits, display_encoded, error_map, read_exr, tone_mapped, write_png,
+    BEAUTY, FloatImage, Image8, Limits, display_encoded, error_map, read_exr, tone_mapped, write_png,
 };
-use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -61,7 +61,7 @@ pub fn csv(measured: &[Measured]) -> String {
 /// An image cannot be read or written.
 pub fn html(
     task: &Task,
-    json: &Value,
+    summary: &Summary,
     measured: &[Measured],
     references: &[Reference],
     plots: &[Plot],
@@ -77,14 +77,10 @@ pub fn html(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n\
          <style>\n{STYLE}</style></head>\n<body>\n<h1>{title}</h1>\n"
     );
-    for sentence in json["findings"].as_array().into_iter().flatten() {
-        let _ = writeln!(
-            page,
-            "<p class=\"finding\">{}</p>",
-            escaped(sentence.as_str().unwrap_or_default())
-        );
+    for sentence in &summary.findings {
+        let _ = writeln!(page, "<p class=\"finding\">{}</p>", escaped(sentence));
     }
-    facts(&mut page, task, json);
+    facts(&mut page, task, summary, measured, references);
     page += "<div class=\"plots\">\n";
     for plot in plots {
         let _ = writeln!(
@@ -105,7 +101,7 @@ pub fn html(
     stages(&mut page, measured);
     sections(&mut page, measured);
     strip(&mut page, task, measured, references)?;
-    commands(&mut page, task, json);
+    commands(&mut page, task, summary);
     let _ = write!(page, "<script>\n{SCRIPT}</script>\n</body></html>\n");
     Ok(page)
 }
@@ -117,19 +113,14 @@ fn escaped(text: &str) -> String {
         .replace('"', "&quot;")
 }
 
-fn facts(page: &mut String, task: &Task, json: &Value) {
+fn facts(page: &mut String, task: &Task, summary: &Summary, measured: &[Measured], references: &[Reference]) {
     let frames: Vec<String> = task.frames.iter().map(|f| f.to_string()).collect();
-    let references: Vec<String> = json["references"]
-        .as_array()
-        .into_iter()
-        .flatten()
+    let references: Vec<String> = (references.iter())
         .map(|r| {
-            let floor = r["floor_relmse"]["beauty"].as_f64().map(f64::sqrt);
+            let floor = r.floor.map(|_| r.floor_of(BEAUTY).sqrt());
             let own = floor.map_or("unknown".into(), |f| format!("{:.2} %", 100.0 * f));
-            let spp = r["spp"]
-                .as_u64()
-                .map_or("given".into(), |n| format!("{n} samples a pixel"));
-            format!("frame {}: {spp}, own error {own}", r["frame"])
+            let spp = r.spp.map_or("given".into(), |n| format!("{n} samples a pixel"));
+            format!("frame {}: {spp}, own error {own}", r.frame)
         })
         .collect();
     let _ = writeln!(
@@ -141,10 +132,10 @@ fn facts(page: &mut String, task: &Task, json: &Value) {
         task.size.0,
         task.size.1,
         task.seed,
-        escaped(json["machine"].as_str().unwrap_or_default()),
-        json["threads"],
+        escaped(&summary.machine),
+        summary.threads,
         references.join("; "),
-        json["settings"][0]["repetitions"].as_array().map_or(0, Vec::len),
+        measured.first().map_or(0, |m| m.milliseconds.len()),
     );
 }
 
@@ -359,21 +350,20 @@ fn embedded(path: &Path, image: &Image8) -> Result<String, Failure> {
     ))
 }
 
-fn commands(page: &mut String, task: &Task, json: &Value) {
+fn commands(page: &mut String, task: &Task, summary: &Summary) {
     let _ = write!(
         page,
         "<h2>Commands</h2>\n<p class=\"note\">SCENE is the file that {} was baked from.</p>\n<pre>",
         escaped(&task.asset.display().to_string()),
     );
-    for command in json["commands"].as_array().into_iter().flatten() {
-        let _ = writeln!(page, "{}", escaped(command.as_str().unwrap_or_default()));
+    for command in &summary.commands {
+        let _ = writeln!(page, "{}", escaped(command));
     }
     *page += "</pre>\n";
-    let skipped = json["not_measured"].as_array().map_or(&[][..], Vec::as_slice);
-    if !skipped.is_empty() {
+    if !summary.not_measured.is_empty() {
         *page += "<p class=\"note\">Not measured for want of time:</p>\n<pre>";
-        for command in skipped {
-            let _ = writeln!(page, "{}", escaped(command.as_str().unwrap_or_default()));
+        for command in &summary.not_measured {
+            let _ = writeln!(page, "{}", escaped(command));
         }
         *page += "</pre>\n";
     }
