@@ -321,7 +321,9 @@ pub fn round_trip(data: &[u8]) {
             );
         }
     }
-    assert_eq!(asset.transfer.as_ref().map(quantised_links), read.transfer);
+    let links = asset.transfer.as_ref();
+    let quantised = links.map(|links| quantised_links(links, asset.coding));
+    assert_eq!(quantised, read.transfer);
     let quantised = asset.bounce.as_ref().map(|b| quantised_weights(&b.matrix));
     assert_eq!(quantised.as_ref(), read.bounce.as_ref().map(|b| &b.matrix));
     let bits = |mesh: &Mesh| -> Vec<u32> { mesh.positions.iter().flatten().map(|c| c.to_bits()).collect() };

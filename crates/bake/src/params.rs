@@ -95,11 +95,11 @@ impl BakeParams {
 
     /// What a reader of the file will see of a link.
     pub fn stored_link(&self) -> impl Fn(Vec3) -> Vec3 + Copy + Sync + use<> {
-        let stored = match self.short_links() {
-            true => format::shortened_vector,
-            false => format::quantised_vector,
+        let coding = format::Coding {
+            short_links: self.short_links(),
+            ..format::Coding::default()
         };
-        move |v| Vec3::from(stored(v.to_array()))
+        move |v| Vec3::from(format::quantised_vector(v.to_array(), coding))
     }
 
     /// What takes fewer bits in the file, for points of these albedos.

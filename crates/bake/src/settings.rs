@@ -2,6 +2,7 @@
 
 use crate::error::BakeError;
 use crate::params::{BakeParams, CutMode};
+use relight_format::layout::setting;
 use relight_transport::light_tree::HEIGHTS;
 
 /// Most receiver levels: radii halve from level to level, and 2¹² is already finer than any pixel.
@@ -116,12 +117,19 @@ pub fn settings(params: &BakeParams) -> Vec<(String, String)> {
         ("epsilon", params.epsilon.to_string()),
         ("rays", params.rays.to_string()),
         (
-            "bounces",
-            params.bounces.map_or("converged".into(), |n| n.to_string()),
+            setting::BOUNCES,
+            params
+                .bounces
+                .map_or(setting::CONVERGED.into(), |n| n.to_string()),
         ),
         (
-            "solution",
-            if params.solution { "baked" } else { "at play time" }.into(),
+            setting::SOLUTION,
+            if params.solution {
+                setting::BAKED
+            } else {
+                "at play time"
+            }
+            .into(),
         ),
         (
             "viewpoints",

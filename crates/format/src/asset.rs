@@ -44,7 +44,7 @@ pub struct Asset {
 pub struct Coding {
     /// One channel of albedo at the points: red, green and blue are equal at each of all levels.
     pub grey: bool,
-    /// Mantissas of 8 bits instead of 10 in the vectors of T ([`shortened_vector`](crate::shortened_vector)).
+    /// Mantissas of 8 bits instead of 10 in the vectors of T ([`quantised_vector`](crate::quantised_vector)).
     pub short_links: bool,
 }
 

@@ -241,7 +241,7 @@ impl Kind {
             Kind::Materials => &[Kind::Textures],
             Kind::LinksTransfer | Kind::LinksBounce | Kind::LinksSolution => &[Kind::Senders],
             Kind::Senders | Kind::Separations => &[Kind::Points],
-            Kind::Cuts => &[Kind::LightTree, Kind::Points, Kind::Geometry],
+            Kind::Cuts => &[Kind::LightTree, Kind::Points],
             Kind::Provenance
             | Kind::Textures
             | Kind::Stage

@@ -36,7 +36,7 @@
 //!
 //! [`write_file`] checks an asset and writes it whole or not at all. Equal assets give equal bytes. What is quantised loses
 //! precision, within the bounds that [`codec`] states; a baker that corrects for the loss asks [`quantised_level`],
-//! [`quantised_links`], [`quantised_vector`], [`quantised_weights`], [`shortened_links`], [`quantised_light_tree`] and
+//! [`quantised_links`], [`quantised_vector`], [`quantised_weights`], [`quantised_light_tree`] and
 //! [`quantised_cuts`] what a reader will see.
 //!
 //! ```
@@ -71,7 +71,6 @@ pub use asset::{
     LightSamples, LightTree, Links, Material, Mesh, Provenance, Senders, Separations, Solution, Stage,
     Texture, TextureRef, WeightRows, Wrap,
 };
-pub use codec::vector::{quantised_vector, shortened_vector};
 pub use container::{Limits, SectionInfo};
 pub use content::{Content, CutContent};
 pub use error::{Fault, FormatError, Location, Result};
@@ -79,6 +78,6 @@ pub use file::{content_hash, write_asset, write_file};
 pub use read::{Summary, read_asset, read_file, read_parts, read_summary, summarise};
 pub use section::cuts::quantised_cuts;
 pub use section::light_tree::quantised_light_tree;
-pub use section::links::{quantised_links, shortened_links};
+pub use section::links::{quantised_links, quantised_vector};
 pub use section::points::quantised_level;
 pub use section::weights::quantised_weights;

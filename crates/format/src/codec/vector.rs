@@ -102,18 +102,7 @@ pub fn decode(code: Code, mantissa: Mantissa) -> [f32; 3] {
     vector
 }
 
-/// The vector that a reader of the file will see in place of `vector`: relative error ≤ 2⁻⁹.
-/// `quantised_vector(quantised_vector(v)) == quantised_vector(v)`.
-pub fn quantised_vector(vector: [f32; 3]) -> [f32; 3] {
-    quantised(vector, Mantissa::Long)
-}
-
-/// [`quantised_vector`] for assets whose links are short ([`Coding::short_links`](crate::Coding)): relative error ≤ 2⁻⁷.
-pub fn shortened_vector(vector: [f32; 3]) -> [f32; 3] {
-    quantised(vector, Mantissa::Short)
-}
-
-/// The vector that a reader will see.
+/// The vector that a reader will see: relative error ≤ 2⁻⁹, short ones 2⁻⁷. Quantising once more changes nothing.
 pub fn quantised(vector: [f32; 3], mantissa: Mantissa) -> [f32; 3] {
     decode(encode(vector, mantissa), mantissa)
 }
@@ -132,35 +121,36 @@ mod tests {
         fn relative_error_is_bounded(x in -1.0f32..1.0, y in -1.0f32..1.0, z in -1.0f32..1.0, e in -110i32..120) {
             let v = [x, y, z].map(|c| c * 2f32.powi(e));
             prop_assume!(norm(v) > 1e-35);
-            let q = quantised_vector(v);
-            let error = norm([v[0] - q[0], v[1] - q[1], v[2] - q[2]]);
-            prop_assert!(error <= norm(v) / 512.0);
-            prop_assert_eq!(quantised_vector(q).map(f32::to_bits), q.map(f32::to_bits));
-            let q = shortened_vector(v);
-            let error = norm([v[0] - q[0], v[1] - q[1], v[2] - q[2]]);
-            prop_assert!(error <= norm(v) / 128.0);
-            prop_assert_eq!(shortened_vector(q).map(f32::to_bits), q.map(f32::to_bits));
+            for (mantissa, most) in [(Mantissa::Long, 512.0), (Mantissa::Short, 128.0)] {
+                let q = quantised(v, mantissa);
+                prop_assert!(norm([v[0] - q[0], v[1] - q[1], v[2] - q[2]]) <= norm(v) / most);
+                prop_assert_eq!(quantised(q, mantissa).map(f32::to_bits), q.map(f32::to_bits));
+            }
         }
 
         #[test]
         fn any_bits_give_a_finite_vector_that_stays(bits in any::<[u32; 3]>()) {
-            let q = quantised_vector(bits.map(f32::from_bits));
-            prop_assert!(q.iter().all(|c| c.is_finite()));
-            prop_assert!(shortened_vector(bits.map(f32::from_bits)).iter().all(|c| c.is_finite()));
-            prop_assert_eq!(quantised_vector(q).map(f32::to_bits), q.map(f32::to_bits));
+            for mantissa in [Mantissa::Long, Mantissa::Short] {
+                let q = quantised(bits.map(f32::from_bits), mantissa);
+                prop_assert!(q.iter().all(|c| c.is_finite()));
+                prop_assert_eq!(quantised(q, mantissa).map(f32::to_bits), q.map(f32::to_bits));
+            }
         }
     }
 
     #[test]
     fn powers_of_two_scale_exactly() {
         let v = [0.7, -0.31, 0.002];
-        let q = quantised_vector(v);
-        assert_eq!(quantised_vector(v.map(|c| c * 1024.0)), q.map(|c| c * 1024.0));
+        let q = quantised(v, Mantissa::Long);
+        assert_eq!(
+            quantised(v.map(|c| c * 1024.0), Mantissa::Long),
+            q.map(|c| c * 1024.0)
+        );
     }
 
     #[test]
     fn the_largest_floats_do_not_overflow() {
-        let q = quantised_vector([f32::MAX, -f32::MAX, 0.0]);
+        let q = quantised([f32::MAX, -f32::MAX, 0.0], Mantissa::Long);
         assert!(q[0].is_finite() && q[0] >= f32::MAX * (1.0 - 1.0 / 512.0) && q[1] == -q[0]);
     }
 }

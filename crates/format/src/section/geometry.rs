@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::layout::MAX_UV_SETS;
 
 /// Bits of each component of an octahedral vertex normal or tangent.
-pub(crate) const NORMAL_BITS: u32 = 16;
+const NORMAL_BITS: u32 = 16;
 
 const FLAG_NORMALS: u8 = 1;
 const FLAG_COLORS: u8 = 2;

@@ -1,7 +1,7 @@
 //! Links of T: rows, columns, vectors (SPEC 6.7). In layout version 2 mantissas have 8 bits, so that there is no plane of
 //! their high bits.
 
-use crate::asset::Links;
+use crate::asset::{Coding, Links};
 use crate::codec::bytes::Cursor;
 use crate::codec::record;
 use crate::codec::vector::{self, Code, Mantissa};
@@ -80,27 +80,21 @@ pub fn decode(cursor: &mut Cursor<'_>, short: bool) -> Result<Links> {
     })
 }
 
+/// The vector that a reader of the file will see in place of `vector`: relative error ≤ 2⁻⁹, or 2⁻⁷ where links are short
+/// ([`Coding::short_links`]). Quantising once more changes nothing.
+pub fn quantised_vector(vector: [f32; 3], coding: Coding) -> [f32; 3] {
+    vector::quantised(vector, Mantissa::new(coding.short_links))
+}
+
 /// The links that a reader of the file will see in place of `links`: the same rows and columns, each vector through
-/// [`quantised_vector`](crate::quantised_vector).
-pub fn quantised_links(links: &Links) -> Links {
-    stored_links(links, Mantissa::Long)
-}
-
-/// [`quantised_links`] of an asset whose links are short ([`Coding::short_links`](crate::Coding)).
-pub fn shortened_links(links: &Links) -> Links {
-    stored_links(links, Mantissa::Short)
-}
-
-fn stored_links(links: &Links, mantissa: Mantissa) -> Links {
+/// [`quantised_vector`].
+pub fn quantised_links(links: &Links, coding: Coding) -> Links {
+    let vectors = links.vectors.iter().map(|&v| quantised_vector(v, coding));
     Links {
         receivers: links.receivers,
         senders: links.senders,
         row_offsets: links.row_offsets.clone(),
         columns: links.columns.clone(),
-        vectors: links
-            .vectors
-            .iter()
-            .map(|&v| vector::quantised(v, mantissa))
-            .collect(),
+        vectors: vectors.collect(),
     }
 }
