@@ -3,36 +3,21 @@
 mod args;
 mod estimate;
 mod farm;
+pub mod job;
 mod kept;
 mod lock;
 mod memory;
 mod slurm;
 
-use crate::console::{BakeProgress, Console};
+use crate::console::Console;
 use crate::failure::{Failure, Outcome};
-use crate::inspect;
-use crate::output::{self, SCHEMA};
-use crate::signals;
+use crate::output;
 use crate::target;
-use crate::words;
-use anyhow::Context;
-use relight_bake::error::BakeError;
-use relight_bake::params::BakeParams;
-use relight_bake::units::Ledger;
-use relight_bake::{BakeStats, Baked, Request, bake};
-use relight_format as format;
-use relight_scene::gltf::{ImportOptions, LightUnits, import};
-use relight_scene::image::write_atomically;
-use relight_scene::scene::Scene;
-use relight_scene::sequence::{Sequence, read_sequence};
-use relight_scene::surface_scene::read_meshed;
-use relight_scene::traced::Shading;
-use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use job::{read, store, tell, timed};
 use std::time::Instant;
 
-pub use args::{BakeArgs, Units, params};
+pub use args::{BakeArgs, LightUnitsName, params};
+pub use job::{Job, read_scene, run_job};
 pub use kept::Kept;
 
 /// Runs the command.
@@ -82,203 +67,4 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     };
     drop(lock);
     tell(&result, args.json, console)
-}
-
-fn tell(result: &JobResult, json: bool, console: &Console) -> Result<Outcome, Failure> {
-    console.close();
-    console.note(format!("{}\n\n{}", result.text, result.saved));
-    if json {
-        output::print_json(&result.json)?;
-    }
-    Ok(Outcome::Done)
-}
-
-/// What a bake's files hold.
-struct Inputs {
-    scene: Arc<Scene>,
-    source_hash: u64,
-    lights: Option<Sequence>,
-}
-
-fn read(args: &BakeArgs, console: &Console) -> Result<Inputs, Failure> {
-    console.begin("Reading the scene", None);
-    let lights = args.lights.as_deref().map(read_sequence).transpose()?;
-    let (scene, source_hash) = read_scene(args.scene()?, args.light_units)?;
-    signals::go_on()?;
-    Ok(Inputs {
-        scene,
-        source_hash,
-        lights,
-    })
-}
-
-/// How files end that describe surfaces instead of holding triangles.
-const DESCRIPTION: &str = ".scene.json";
-
-/// Reads a scene and the hash of its file.
-///
-/// # Errors
-/// The file cannot be read or is no scene that can be baked.
-pub fn read_scene(path: &Path, units: Units) -> Result<(Arc<Scene>, u64), Failure> {
-    if path.to_string_lossy().ends_with(DESCRIPTION) {
-        let (scene, bytes) = read_meshed(path)?;
-        return Ok((Arc::new(scene), format::content_hash(&bytes)));
-    }
-    let options = ImportOptions {
-        light_units: match units {
-            Units::Spec => LightUnits::Spec,
-            Units::Unitless => LightUnits::Unitless,
-            Units::Raw => LightUnits::Raw,
-        },
-    };
-    let scene = import(path, &options)?;
-    let bytes = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    Ok((Arc::new(scene), format::content_hash(&bytes)))
-}
-
-/// A bake, settled.
-pub struct Job<'a> {
-    /// Parameters.
-    pub params: &'a BakeParams,
-    /// How materials are evaluated.
-    pub shading: Shading,
-    /// The only sequence that will be played, if given.
-    pub lights: Option<&'a Sequence>,
-    /// Identifies the scene.
-    pub source_hash: u64,
-    /// Where units of work are kept, if they are.
-    pub kept: Option<Kept>,
-}
-
-/// What a bake tells.
-pub struct JobResult {
-    /// The fixed summary.
-    pub text: String,
-    /// One line on what was written.
-    pub saved: String,
-    /// The JSON of the command.
-    pub json: Value,
-}
-
-/// Bakes, writes the asset and its log.
-pub fn run_job(
-    job: &Job,
-    scene: Arc<Scene>,
-    target: &Path,
-    import_seconds: f64,
-    console: &Console,
-) -> Result<JobResult, Failure> {
-    let note = |text| console.note(text);
-    let folder = job.kept.as_ref().map(|kept| kept.open(&note)).transpose()?;
-    let ledger = folder
-        .as_ref()
-        .map(|folder| Ledger::new(folder, kept::this_program()));
-    let (baked, seconds) = timed(|| bake_job(job, job.params, scene, ledger.as_ref(), console))?;
-    let mut result = store(baked, target, import_seconds + seconds, import_seconds, console)?;
-    if let (Some(kept), Some(folder), Some(ledger)) = (&job.kept, &folder, &ledger) {
-        let (taken, made) = ledger.counts();
-        result.json["units"] = json!({ "all": taken + made, "reused": taken });
-        result.saved += &format!(" {taken} of {} units reused.", taken + made);
-        kept.done(folder, &ledger.used());
-    }
-    Ok(result)
-}
-
-/// Runs something and says how many seconds it took.
-fn timed<T>(act: impl FnOnce() -> Result<T, Failure>) -> Result<(T, f64), Failure> {
-    let start = Instant::now();
-    let done = act()?;
-    Ok((done, start.elapsed().as_secs_f64()))
-}
-
-/// Bakes with parameters of the caller's.
-pub fn bake_job(
-    job: &Job,
-    params: &BakeParams,
-    scene: Arc<Scene>,
-    ledger: Option<&Ledger>,
-    console: &Console,
-) -> Result<Baked, Failure> {
-    let request = Request {
-        scene,
-        shading: job.shading,
-        params,
-        lights: job.lights,
-        source_hash: job.source_hash,
-        memory: memory::of_this_machine(),
-    };
-    bake(&request, ledger, &BakeProgress::new(console)).map_err(baking_failed)
-}
-
-/// Writes an asset and its log; `seconds` is what all before took, `import_seconds` of it reading the scene.
-fn store(
-    baked: Baked,
-    target: &Path,
-    seconds: f64,
-    import_seconds: f64,
-    console: &Console,
-) -> Result<JobResult, Failure> {
-    signals::go_on()?;
-    console.begin("Writing the asset", None);
-    let encode = Instant::now();
-    format::write_file(target, &baked.asset)?;
-    let mut stats = baked.stats;
-    stats.seconds.push(("encode", encode.elapsed().as_secs_f64()));
-    if let Some(load) = stats.seconds.first_mut() {
-        load.1 += import_seconds;
-    }
-    let total = seconds + encode.elapsed().as_secs_f64();
-    let log = log_json(&stats, total);
-    let mut json = inspect::asset_json(target, &baked.asset)?;
-    merge(&mut json, &log);
-    inspect::add_saved_seconds(&mut json);
-    json["command"] = "bake".into();
-    let log_path = log_path(target);
-    write_atomically(&log_path, format!("{log:#}\n").as_bytes())?;
-    console.close();
-    let text = inspect::describe(&json);
-    let size = json["bytes"]["total"].as_u64().unwrap_or(0);
-    let saved = format!("Wrote {} ({}).", target.display(), words::bytes(size));
-    Ok(JobResult { text, saved, json })
-}
-
-/// A bake's failure as the command's.
-fn baking_failed(error: BakeError) -> Failure {
-    match error {
-        BakeError::Stopped => signals::failure(),
-        other => other.into(),
-    }
-}
-
-/// Name of the log beside an asset.
-pub fn log_path(asset: &Path) -> PathBuf {
-    let mut name = asset.as_os_str().to_owned();
-    name.push(".log.json");
-    name.into()
-}
-
-/// What varies from run to run.
-fn log_json(stats: &BakeStats, total: f64) -> Value {
-    let mut seconds = serde_json::Map::new();
-    for &(stage, value) in &stats.seconds {
-        seconds.insert(stage.into(), value.into());
-    }
-    seconds.insert("total".into(), total.into());
-    seconds.insert("ray_tracing".into(), stats.ray_tracing_seconds.into());
-    json!({
-        "schema": SCHEMA,
-        "seconds": seconds,
-        "peak_memory_bytes": output::peak_memory_bytes(),
-        "row_bytes": stats.row_bytes,
-        "threads": stats.threads,
-    })
-}
-
-/// Adds the fields of `more` to `object`.
-pub fn merge(object: &mut Value, more: &Value) {
-    if let (Some(object), Some(more)) = (object.as_object_mut(), more.as_object()) {
-        for (key, value) in more {
-            object.insert(key.clone(), value.clone());
-        }
-    }
 }

@@ -1,11 +1,11 @@
 //! `relight demo`: the main job on a scene of `data/`, from glTF to frames.
 
-use crate::bake::{self, Job, Units, log_path};
+use crate::bake::{self, Job, LightUnitsName};
 use crate::compare::results_table;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames;
-use crate::output;
+use crate::output::{self, log_path};
 use crate::play::{self, IntegratorName, Pace, PlayArgs, PlayReport};
 use crate::statistics::median;
 use crate::words;
@@ -57,7 +57,7 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     };
     let reading = Instant::now();
     let lights = read_sequence(&data.join(SEQUENCE))?;
-    let (scene, source_hash) = bake::read_scene(&data.join(SCENE), Units::Spec)?;
+    let (scene, source_hash) = bake::read_scene(&data.join(SCENE), LightUnitsName::Spec)?;
     let job = Job {
         params: &params,
         shading: Shading::Full,

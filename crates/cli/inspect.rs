@@ -1,11 +1,10 @@
 //! `relight inspect`: what an asset holds and what it costs.
 
-use crate::bake::{log_path, merge};
 use crate::console::Console;
 use crate::estimates;
 use crate::failure::{Failure, Outcome};
 use crate::images;
-use crate::output::{self, SCHEMA};
+use crate::output::{self, SCHEMA, log_path, merge};
 use crate::words::{self, bytes, count};
 use clap::Args;
 use comfy_table::presets;

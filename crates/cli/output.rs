@@ -2,8 +2,9 @@
 
 use anyhow::{Context, Result};
 use serde::Serialize;
+use serde_json::Value;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Version of the JSON that commands print: raised when a field changes its meaning or goes.
 pub const SCHEMA: u32 = 1;
@@ -66,6 +67,22 @@ pub fn prepare_output(path: &Path) -> Result<()> {
             )
         })?;
     Ok(())
+}
+
+/// Name of the log beside an asset.
+pub fn log_path(asset: &Path) -> PathBuf {
+    let mut name = asset.as_os_str().to_owned();
+    name.push(".log.json");
+    name.into()
+}
+
+/// Adds the fields of `more` to `object`.
+pub fn merge(object: &mut Value, more: &Value) {
+    if let (Some(object), Some(more)) = (object.as_object_mut(), more.as_object()) {
+        for (key, value) in more {
+            object.insert(key.clone(), value.clone());
+        }
+    }
 }
 
 /// Most memory that this process has used so far, bytes; `None` where the system does not say.

@@ -15,12 +15,11 @@ mod settings;
 mod summary;
 mod task;
 
-use crate::bake::log_path;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, FrameRange};
 use crate::inspect;
-use crate::output::{self, SCHEMA};
+use crate::output::{self, SCHEMA, log_path};
 use crate::play;
 use crate::words;
 use anyhow::Context;
@@ -199,7 +198,7 @@ fn described(path: &Path, asset: &format::Asset) -> Result<Value, Failure> {
     let log = std::fs::read_to_string(log_path(path)).ok();
     let log: Option<Value> = log.and_then(|text| serde_json::from_str(&text).ok());
     if let Some(log) = log {
-        crate::bake::merge(&mut json, &log);
+        output::merge(&mut json, &log);
     }
     Ok(json)
 }

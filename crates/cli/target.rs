@@ -7,7 +7,7 @@
 
 mod probes;
 
-use crate::bake::{Job, bake_job};
+use crate::bake::job::{Job, bake_job};
 use crate::console::Console;
 use crate::estimates::{ERROR, NOISE, TARGET, percent};
 use crate::failure::Failure;
@@ -75,21 +75,6 @@ pub struct Order<'a> {
     pub job: &'a Job<'a>,
     /// E.
     pub target: f64,
-}
-
-/// E from text: a share such as 0.05, or 5%.
-///
-/// # Errors
-/// It is no share above 0.
-pub fn parse(text: &str) -> Result<f64, String> {
-    let (number, scale) = match text.strip_suffix('%') {
-        Some(percent) => (percent.trim(), 0.01),
-        None => (text, 1.0),
-    };
-    match number.parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value * scale),
-        _ => Err("expected a relative error above 0, such as 0.05 or 5%".into()),
-    }
 }
 
 /// The lights for which errors are estimated: those given, else the scene's own, else a lamp.

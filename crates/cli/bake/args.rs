@@ -1,7 +1,7 @@
 //! Options of `relight bake`, and what they mean.
 
 use crate::failure::Failure;
-use crate::target;
+use crate::options::relative_error;
 use clap::{Args, ValueEnum};
 use glam::Vec3;
 use relight_bake::params::{BakeParams, CutMode, CutParams, Omittable, Preset};
@@ -35,7 +35,7 @@ pub struct BakeArgs {
     /// Choose levels, sender levels, epsilon and rays for this error of indirect light, such as 0.08 or 8%: the root of relMSE of
     /// the indirect layer, as `report` lists it, estimated at other viewpoints near the camera that `play` takes by itself, under --lights (or the
     /// scene's own lights, or a lamp). Bakes ever finer settings until one will do. A result's estimate is stored.
-    #[arg(long, value_name = "E", value_parser = target::parse, 
+    #[arg(long, value_name = "E", value_parser = relative_error,
           conflicts_with_all = ["preset", "levels", "sender_levels", "epsilon", "resume", "plan", "unit", "merge", "dry_run"])]
     pub target_error: Option<f64>,
     /// Keep only what this lighting sequence can use. Without it the asset keeps what any light could use.
@@ -96,8 +96,8 @@ pub struct BakeArgs {
     pub lambert: bool,
     /// How the exporter wrote light intensities: spec (candela and lux, as KHR_lights_punctual has them),
     /// unitless (W/sr), or raw (watts).
-    #[arg(long, value_enum, default_value_t = Units::Spec)]
-    pub light_units: Units,
+    #[arg(long, value_enum, default_value_t = LightUnitsName::Spec)]
+    pub light_units: LightUnitsName,
     #[command(flatten)]
     pub long: LongArgs,
     /// Print one JSON object on stdout.
@@ -198,9 +198,9 @@ impl KeepName {
     }
 }
 
-/// Names of the units in which lights may be written.
+/// Units in which an exporter wrote light intensities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Units {
+pub enum LightUnitsName {
     /// Candela and lux.
     Spec,
     /// W/sr and W/m².
@@ -384,7 +384,7 @@ mod tests {
         let again = parsed(&given.words().unwrap());
         assert_eq!(params(&again, 7).unwrap(), params(&given, 7).unwrap());
         assert_eq!(again.words().unwrap(), given.words().unwrap());
-        assert_eq!((again.lambert, again.light_units), (true, Units::Raw));
+        assert_eq!((again.lambert, again.light_units), (true, LightUnitsName::Raw));
         assert_eq!(again.lights, given.lights);
         assert_eq!(again.scene().unwrap(), Path::new("/s.glb"));
     }

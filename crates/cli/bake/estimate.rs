@@ -4,8 +4,8 @@
 //! have is seen by spreading those of all levels but the finest. What grows with them is scaled up by powers that were
 //! fitted on the scenes of docs/notebook/reliability.md.
 
+use super::job::{Inputs, baking_failed};
 use super::memory;
-use super::{Inputs, baking_failed};
 use crate::console::{BakeProgress, Console};
 use crate::failure::{Failure, Outcome};
 use crate::output::{self, SCHEMA};

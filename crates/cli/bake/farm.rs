@@ -4,9 +4,10 @@
 //! the units of work, DIR/done an empty file for each unit of the plan that is done. The scene itself stays where it
 //! is; if it has changed, units and merge refuse it.
 
-use super::args::BakeArgs;
+use super::args::{BakeArgs, params};
+use super::job::{Inputs, Job, baking_failed, read, run_job, tell};
 use super::kept::{Kept, this_program};
-use super::{Inputs, Job, baking_failed, lock, memory, params, read, run_job, slurm, tell};
+use super::{lock, memory, slurm};
 use crate::console::{BakeProgress, Console};
 use crate::failure::{Failure, Outcome};
 use crate::output::{self, SCHEMA};
