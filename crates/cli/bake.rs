@@ -7,6 +7,7 @@ pub mod job;
 mod kept;
 mod lock;
 mod memory;
+mod plan;
 mod slurm;
 
 use crate::console::Console;

@@ -83,7 +83,7 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     output::print_text(&format!("{errors}\n"))?;
     output::print_text(&format!(
         "Baked in {:.1} s, then {:.0} ms a frame (median of {}).\n",
-        result.json["seconds"]["total"].as_f64().unwrap_or(0.0),
+        (result.report.inspection.run).map_or(0.0, |run| run.seconds.total),
         median(played.totals()),
         words::plural(thumbnails.len(), "frame"),
     ))?;

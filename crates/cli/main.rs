@@ -16,6 +16,7 @@ mod frames;
 mod help;
 mod images;
 mod inspect;
+mod inspection;
 mod options;
 mod output;
 mod play;

@@ -2,20 +2,27 @@
 
 use anyhow::{Context, Result};
 use serde::Serialize;
-use serde_json::Value;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Version of the JSON that commands print: raised when a field changes its meaning or goes.
 pub const SCHEMA: u32 = 1;
 
-/// Prints one JSON object on stdout, its keys in alphabetical order. A reader that has gone away is no failure of ours.
+/// A JSON object as text for people: its keys in alphabetical order, one a line.
+///
+/// # Errors
+/// A map's key is no text.
+pub fn json_text(value: &impl Serialize) -> Result<String> {
+    // By way of a value, whose keys are in order.
+    Ok(format!("{:#}\n", serde_json::to_value(value)?))
+}
+
+/// Prints one JSON object on stdout, as [`json_text`]. A reader that has gone away is no failure of ours.
 ///
 /// # Errors
 /// stdout cannot be written, as on a full disk.
 pub fn print_json(value: &impl Serialize) -> Result<()> {
-    let value = serde_json::to_value(value)?;
-    print_text(&format!("{value:#}\n"))
+    print_text(&json_text(value)?)
 }
 
 /// Prints text on stdout, as [`print_json`].
@@ -74,15 +81,6 @@ pub fn log_path(asset: &Path) -> PathBuf {
     let mut name = asset.as_os_str().to_owned();
     name.push(".log.json");
     name.into()
-}
-
-/// Adds the fields of `more` to `object`.
-pub fn merge(object: &mut Value, more: &Value) {
-    if let (Some(object), Some(more)) = (object.as_object_mut(), more.as_object()) {
-        for (key, value) in more {
-            object.insert(key.clone(), value.clone());
-        }
-    }
 }
 
 /// Most memory that this process has used so far, bytes; `None` where the system does not say.

@@ -18,8 +18,8 @@ mod task;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, FrameRange};
-use crate::inspect;
-use crate::output::{self, SCHEMA, log_path};
+use crate::inspection::{BakeLog, Inspection};
+use crate::output::{self, SCHEMA};
 use crate::play;
 use crate::words;
 use anyhow::Context;
@@ -192,15 +192,13 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
     Ok(Outcome::Done)
 }
 
-/// What `inspect` says, with the bake's seconds from the log beside the asset, if there is one.
-fn described(path: &Path, asset: &format::Asset) -> Result<Value, Failure> {
-    let mut json = inspect::asset_json(path, asset)?;
-    let log = std::fs::read_to_string(log_path(path)).ok();
-    let log: Option<Value> = log.and_then(|text| serde_json::from_str(&text).ok());
-    if let Some(log) = log {
-        output::merge(&mut json, &log);
-    }
-    Ok(json)
+/// What is known of the asset, with what its bake took from the log beside it, if there is one.
+fn described(path: &Path, asset: &format::Asset) -> Result<Inspection, Failure> {
+    let inspection = Inspection::of_asset(path, asset)?;
+    Ok(match BakeLog::beside(path) {
+        Ok(Some(log)) => inspection.with_run(log.run),
+        _ => inspection,
+    })
 }
 
 /// So many frames of a sequence, the first among them.
@@ -222,7 +220,7 @@ fn summary<'a>(
     args: &ReportArgs,
     preset: &Preset,
     task: &Task,
-    asset: &'a Value,
+    asset: &'a Inspection,
     estimates: Option<&Estimates>,
     references: &[Reference],
     measured: &[Measured],
@@ -316,7 +314,6 @@ fn write_report(
         "report.html",
         &page::html(task, summary, measured, references, &plots)?,
     )?;
-    let json = serde_json::to_value(summary)?;
-    write("report.json", &format!("{json:#}\n"))?;
+    write("report.json", &output::json_text(summary)?)?;
     Ok(())
 }

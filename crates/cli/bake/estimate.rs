@@ -16,14 +16,14 @@ use relight_bake::params::BakeParams;
 use relight_bake::{Baked, Request, bake, coarse_radius, point_counts};
 use relight_format as format;
 use relight_scene::traced::Shading;
-use serde_json::json;
+use serde::Serialize;
 use std::time::Instant;
 
 /// Ratio of distances of the small bake to those of the real one: two levels.
 const COARSER: f32 = 4.0;
 
 /// What a bake will take.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Estimate {
     /// Points on all levels.
     points: u64,
@@ -36,34 +36,38 @@ pub struct Estimate {
     /// Bytes of the asset.
     bytes: u64,
     /// Most memory at once, bytes.
-    memory: u64,
+    memory_bytes: u64,
     /// Of that what reconstructed rows take.
-    rows: u64,
+    row_bytes: u64,
+}
+
+/// What `--dry-run` prints.
+#[derive(Serialize)]
+struct DryRunReport<'a> {
+    schema: u32,
+    command: &'static str,
+    dry_run: bool,
+    #[serde(flatten)]
+    estimate: &'a Estimate,
 }
 
 impl Estimate {
     /// Prints it.
     pub fn tell(&self, json: bool, console: &Console) -> Result<Outcome, Failure> {
         console.close();
-        if let Some(machine) = memory::of_this_machine().filter(|machine| self.memory > *machine) {
+        if let Some(machine) = memory::of_this_machine().filter(|machine| self.memory_bytes > *machine) {
             let machine = words::bytes(machine);
             console.note(format!(
                 "That is more memory than this machine has ({machine}): take fewer --levels or a larger --coarse-radius."
             ));
         }
         if json {
-            output::print_json(&json!({
-                "schema": SCHEMA,
-                "command": "bake",
-                "dry_run": true,
-                "points": self.points,
-                "rays": self.rays,
-                "links": self.links,
-                "seconds": self.seconds,
-                "bytes": self.bytes,
-                "memory_bytes": self.memory,
-                "row_bytes": self.rows,
-            }))?;
+            output::print_json(&DryRunReport {
+                schema: SCHEMA,
+                command: "bake",
+                dry_run: true,
+                estimate: self,
+            })?;
         } else {
             output::print_text(&format!(
                 "points   {}\nrays     {}\nlinks    {}\nseconds  {:.0}\nasset    {}\nmemory   {}\n",
@@ -72,7 +76,7 @@ impl Estimate {
                 words::count(self.links),
                 self.seconds,
                 words::bytes(self.bytes),
-                words::bytes(self.memory),
+                words::bytes(self.memory_bytes),
             ))?;
         }
         Ok(Outcome::Done)
@@ -270,7 +274,7 @@ fn scaled(
         links: links as u64,
         seconds,
         bytes: size as u64,
-        memory: memory as u64,
-        rows: rows as u64,
+        memory_bytes: memory as u64,
+        row_bytes: rows as u64,
     })
 }

@@ -7,37 +7,27 @@
 use super::args::{BakeArgs, params};
 use super::job::{Inputs, Job, baking_failed, read, run_job, tell};
 use super::kept::{Kept, this_program};
+use super::plan::{self, Plan};
 use super::{lock, memory, slurm};
 use crate::console::{BakeProgress, Console};
 use crate::failure::{Failure, Outcome};
 use crate::output::{self, SCHEMA};
 use anyhow::{Context, anyhow};
-use clap::Parser;
 use relight_bake::params::BakeParams;
-use relight_bake::units::{Ledger, key};
+use relight_bake::units::Ledger;
 use relight_bake::{Portion, Request, bake_part};
 use relight_format::unit::write_durably;
-use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use serde::Serialize;
+use std::path::Path;
 use std::time::Instant;
 
-/// Version of plan.json.
-const VERSION: u64 = 1;
-
-/// A plan, read.
-struct Plan {
-    folder: PathBuf,
-    args: BakeArgs,
-    seed: u64,
+/// What `--plan` and `--unit` print.
+#[derive(Serialize)]
+struct FarmReport {
+    schema: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unit: Option<usize>,
     units: usize,
-    json: Value,
-}
-
-/// The options of a plan's bake, parsed again.
-#[derive(Parser)]
-struct Line {
-    #[command(flatten)]
-    args: BakeArgs,
 }
 
 /// `--plan`.
@@ -52,18 +42,11 @@ pub fn plan(args: &BakeArgs, seed: u64, folder: &Path, console: &Console) -> Res
     })?;
     let folder = std::path::absolute(folder)?;
     let read = read(args, console)?;
-    let mut json = json!({
-        "relight_plan": VERSION,
-        "program": format!("{:032x}", this_program()),
-        "seed": seed,
-        "words": args.words()?,
-        "files": files(&read),
-    });
+    // Before the work: a path may be one that no plan can hold.
+    let words = args.words()?;
     let made = compute(&folder, &read, &params, args, Portion::Shared, console)?;
-    json["units"] = made.into();
     console.close();
-    write_durably(&folder.join("plan.json"), format!("{json:#}\n").as_bytes())
-        .with_context(|| format!("{}: the plan cannot be written", folder.display()))?;
+    plan::write(&folder, words, seed, &read, made)?;
     if args.long.slurm {
         slurm::write(&folder, made)?;
         console.note(format!(
@@ -76,7 +59,11 @@ pub fn plan(args: &BakeArgs, seed: u64, folder: &Path, console: &Console) -> Res
         folder.display()
     ));
     if args.json {
-        output::print_json(&json!({ "schema": SCHEMA, "units": made }))?;
+        output::print_json(&FarmReport {
+            schema: SCHEMA,
+            unit: None,
+            units: made,
+        })?;
     }
     Ok(Outcome::Done)
 }
@@ -119,7 +106,11 @@ pub fn unit(piece: &Path, folder: &Path, json: bool, console: &Console) -> Resul
         console.note(format!("Unit {number} of {} is done.", plan.units));
     }
     if json {
-        output::print_json(&json!({ "schema": SCHEMA, "unit": number, "units": plan.units }))?;
+        output::print_json(&FarmReport {
+            schema: SCHEMA,
+            unit: Some(number),
+            units: plan.units,
+        })?;
     }
     Ok(Outcome::Done)
 }
@@ -181,85 +172,4 @@ fn compute(
     let store = Kept::shared(folder.join("units")).open(&note)?;
     let ledger = Ledger::new(&store, this_program());
     bake_part(&request, &ledger, part, &BakeProgress::new(console)).map_err(baking_failed)
-}
-
-/// Hashes of what the files of a bake hold, by what they are.
-fn files(read: &Inputs) -> Value {
-    let lights = read.lights.as_ref().map(|lights| {
-        let mut key = key::Key::default();
-        format!("{:032x}", key.bytes(format!("{lights:?}").as_bytes()).hash())
-    });
-    json!({
-        "scene": format!("{:016x}", read.source_hash),
-        "scene_content": format!("{:032x}", key::scene(&read.scene)),
-        "lights": lights,
-    })
-}
-
-impl Plan {
-    fn read(folder: &Path) -> Result<Plan, Failure> {
-        let path = folder.join("plan.json");
-        let text = std::fs::read_to_string(&path).with_context(|| {
-            format!(
-                "{}: cannot be read; is {} a plan?",
-                path.display(),
-                folder.display()
-            )
-        })?;
-        let json: Value = serde_json::from_str(&text).with_context(|| format!("{}", path.display()))?;
-        let broken = || {
-            anyhow!(
-                "{}: it is no plan of this version of relight; plan again",
-                path.display()
-            )
-        };
-        if json["relight_plan"] != VERSION {
-            return Err(broken().into());
-        }
-        if json["program"] != format!("{:032x}", this_program()) {
-            return Err(anyhow!(
-                "{}: the plan was made by another build of relight, whose numbers may differ; use that one, or plan \
-                 again with this one",
-                path.display()
-            )
-            .into());
-        }
-        let words: Option<Vec<&str>> = json["words"]
-            .as_array()
-            .and_then(|words| words.iter().map(Value::as_str).collect());
-        let line = Line::try_parse_from(std::iter::once("bake").chain(words.ok_or_else(broken)?));
-        Ok(Plan {
-            folder: std::path::absolute(folder)?,
-            args: line.map_err(|_| broken())?.args,
-            seed: json["seed"].as_u64().ok_or_else(broken)?,
-            units: json["units"].as_u64().filter(|&n| n > 0).ok_or_else(broken)? as usize,
-            json,
-        })
-    }
-
-    /// Reads the scene and the lights, which must be those that were planned.
-    fn checked_files(&self, console: &Console) -> Result<Inputs, Failure> {
-        let read = read(&self.args, console)?;
-        let (now, then) = (files(&read), &self.json["files"]);
-        let changed = if now["scene"] != then["scene"] || now["scene_content"] != then["scene_content"] {
-            self.args.scene()?
-        } else if now["lights"] != then["lights"] {
-            self.args.lights.as_deref().unwrap_or(Path::new("the lights"))
-        } else {
-            return Ok(read);
-        };
-        Err(anyhow!(
-            "{}: it has changed since the plan in {} was made; plan again",
-            changed.display(),
-            self.folder.display()
-        )
-        .into())
-    }
-
-    /// The file that says that a unit is done. Another plan in the same folder has others.
-    fn done(&self, number: usize) -> PathBuf {
-        let mut key = key::Key::default();
-        let plan = key.bytes(self.json.to_string().as_bytes()).hash();
-        self.folder.join("done").join(format!("{plan:032x}-{number}"))
-    }
 }

@@ -6,7 +6,8 @@ use super::memory;
 use crate::console::{BakeProgress, Console};
 use crate::failure::{Failure, Outcome};
 use crate::inspect;
-use crate::output::{self, SCHEMA, log_path, merge};
+use crate::inspection::{BakeLog, BakeRun, Inspection, Seconds};
+use crate::output::{self, SCHEMA, log_path};
 use crate::signals;
 use crate::words;
 use anyhow::Context;
@@ -21,7 +22,7 @@ use relight_scene::scene::Scene;
 use relight_scene::sequence::{Sequence, read_sequence};
 use relight_scene::surface_scene::read_meshed;
 use relight_scene::traced::Shading;
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -96,8 +97,29 @@ pub struct JobResult {
     pub text: String,
     /// One line on what was written.
     pub saved: String,
-    /// The JSON of the command.
-    pub json: Value,
+    /// What the command prints.
+    pub report: BakeReport,
+}
+
+/// What `relight bake` prints.
+#[derive(Clone, Debug, Serialize)]
+pub struct BakeReport {
+    command: &'static str,
+    /// The asset, with what its bake took.
+    #[serde(flatten)]
+    pub inspection: Inspection,
+    /// Units of work, if they were kept.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    units: Option<UnitCounts>,
+}
+
+/// Units of work.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct UnitCounts {
+    /// All.
+    all: u64,
+    /// Those that were taken from an earlier run.
+    reused: u64,
 }
 
 /// Bakes, writes the asset and its log.
@@ -118,7 +140,10 @@ pub fn run_job(
     let mut result = store(baked, target, import_seconds + seconds, import_seconds, console)?;
     if let (Some(kept), Some(folder), Some(ledger)) = (&job.kept, &folder, &ledger) {
         let (taken, made) = ledger.counts();
-        result.json["units"] = json!({ "all": taken + made, "reused": taken });
+        result.report.units = Some(UnitCounts {
+            all: taken + made,
+            reused: taken,
+        });
         result.saved += &format!(" {taken} of {} units reused.", taken + made);
         kept.done(folder, &ledger.used());
     }
@@ -178,17 +203,27 @@ pub fn store(
         load.1 += import_seconds;
     }
     let total = seconds + encode.elapsed().as_secs_f64();
-    let log = log_json(&stats, total);
-    let mut json = inspect::asset_json(target, &baked.asset)?;
-    merge(&mut json, &log);
-    inspect::add_saved_seconds(&mut json);
-    json["command"] = "bake".into();
-    write_atomically(&log_path(target), format!("{log:#}\n").as_bytes())?;
+    let run = run_of(&stats, total);
+    let log = BakeLog {
+        schema: SCHEMA,
+        run: run.clone(),
+    };
+    let inspection = Inspection::of_asset(target, &baked.asset)?.with_run(run);
+    write_atomically(&log_path(target), output::json_text(&log)?.as_bytes())?;
     console.close();
-    let text = inspect::describe(&json);
-    let size = json["bytes"]["total"].as_u64().unwrap_or(0);
-    let saved = format!("Wrote {} ({}).", target.display(), words::bytes(size));
-    Ok(JobResult { text, saved, json })
+    Ok(JobResult {
+        text: inspect::describe(&inspection),
+        saved: format!(
+            "Wrote {} ({}).",
+            target.display(),
+            words::bytes(inspection.bytes.total)
+        ),
+        report: BakeReport {
+            command: "bake",
+            inspection,
+            units: None,
+        },
+    })
 }
 
 /// A bake's failure as the command's.
@@ -199,21 +234,20 @@ pub fn baking_failed(error: BakeError) -> Failure {
     }
 }
 
-/// What varies from run to run.
-fn log_json(stats: &BakeStats, total: f64) -> Value {
-    let mut seconds = serde_json::Map::new();
-    for &(stage, value) in &stats.seconds {
-        seconds.insert(stage.into(), value.into());
+/// What a bake took.
+fn run_of(stats: &BakeStats, total: f64) -> BakeRun {
+    BakeRun {
+        seconds: Seconds {
+            stages: (stats.seconds.iter())
+                .map(|&(stage, seconds)| (stage.to_owned(), seconds))
+                .collect(),
+            total,
+            ray_tracing: Some(stats.ray_tracing_seconds),
+        },
+        peak_memory_bytes: output::peak_memory_bytes(),
+        row_bytes: Some(stats.row_bytes),
+        threads: stats.threads,
     }
-    seconds.insert("total".into(), total.into());
-    seconds.insert("ray_tracing".into(), stats.ray_tracing_seconds.into());
-    json!({
-        "schema": SCHEMA,
-        "seconds": seconds,
-        "peak_memory_bytes": output::peak_memory_bytes(),
-        "row_bytes": stats.row_bytes,
-        "threads": stats.threads,
-    })
 }
 
 /// Tells what was baked, and prints its JSON where asked to.
@@ -224,7 +258,7 @@ pub fn tell(result: &JobResult, json: bool, console: &Console) -> Result<Outcome
     console.close();
     console.note(format!("{}\n\n{}", result.text, result.saved));
     if json {
-        output::print_json(&result.json)?;
+        output::print_json(&result.report)?;
     }
     Ok(Outcome::Done)
 }

@@ -8,6 +8,7 @@ use super::task::Task;
 use crate::bake::{self, BakeArgs, Job};
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::inspection::Inspection;
 use crate::options::parsed;
 use crate::output;
 use crate::play::{self, FrameReport, Pace};
@@ -34,7 +35,7 @@ pub struct Runs<'a> {
     /// What they are judged by.
     pub references: &'a [Reference],
     /// What is known of the asset's own bake.
-    pub base_bake: &'a Value,
+    pub base_bake: &'a Inspection,
     /// Times each setting is timed.
     pub repetitions: usize,
     /// When no new setting is begun.
@@ -84,7 +85,7 @@ pub struct Measured {
     /// Seconds of the bake; `None` where no log says.
     pub bake_seconds: Option<f64>,
     /// What `inspect` says of the asset.
-    pub described: Value,
+    pub described: Inspection,
     /// Most memory during play, bytes.
     pub peak_memory: Option<u64>,
 }
@@ -107,7 +108,7 @@ impl Measured {
 
     /// Rays of the bake, or nothing where nothing was baked.
     pub fn bake_rays(&self) -> Option<u64> {
-        self.described["rays"].as_u64().filter(|_| self.needs_bake())
+        self.described.rays.filter(|_| self.needs_bake())
     }
 
     /// Median milliseconds a frame.
@@ -122,7 +123,7 @@ impl Measured {
 
     /// Bytes of the asset file.
     pub fn asset_bytes(&self) -> u64 {
-        self.described["bytes"]["total"].as_u64().unwrap_or(0)
+        self.described.bytes.total
     }
 
     /// Whether the integrator needs what the bake made.
@@ -169,8 +170,8 @@ impl Measured {
             "repetitions": self.milliseconds,
             "bake_seconds": self.bake_seconds,
             "asset_bytes": self.asset_bytes(),
-            "bytes": self.described["bytes"],
-            "rays": self.described["rays"],
+            "bytes": self.described.bytes,
+            "rays": self.described.rays,
             "error": errors.relative(),
             "error_indirect": self.indirect(),
             "rmse": errors.rmse,
@@ -267,10 +268,9 @@ pub fn all(
 }
 
 /// Seconds of a bake by itself, without the search for its settings (`--target-error`).
-fn bake_seconds(described: &Value) -> Option<f64> {
-    let seconds = &described["seconds"];
-    let search = seconds["search"].as_f64().unwrap_or(0.0);
-    seconds["total"].as_f64().map(|total| total - search)
+fn bake_seconds(described: &Inspection) -> Option<f64> {
+    let seconds = &described.run.as_ref()?.seconds;
+    Some(seconds.total - seconds.stages.get("search").unwrap_or(&0.0))
 }
 
 /// Bakes a setting's asset, if it isn't there yet.
@@ -294,16 +294,16 @@ fn begin(runs: &Runs, setting: &Setting, console: &Console) -> Result<Measured, 
     })
 }
 
-/// An asset by the given options of `bake`, and what the command says of it.
-fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf, Value), Failure> {
+/// An asset by the given options of `bake`, and what is known of it.
+fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf, Inspection), Failure> {
     let task = runs.task;
     let asset = cache::place(task, "assets", &options.join(" "), ".relight");
     let said = asset.with_extension("json");
     let kept = std::fs::read_to_string(&said).ok();
-    if let Some(json) = kept.and_then(|text| serde_json::from_str(&text).ok())
+    if let Some(known) = kept.and_then(|text| serde_json::from_str(&text).ok())
         && asset.exists()
     {
-        return Ok((asset, json));
+        return Ok((asset, known));
     }
     output::prepare_output(&asset)?;
     let words: Vec<String> = [
@@ -320,13 +320,13 @@ fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf,
         params: &params,
         shading: runs.shading,
         lights: None,
-        source_hash: u64::from_str_radix(runs.base_bake["source_hash"].as_str().unwrap_or("0"), 16)
-            .unwrap_or(0),
+        source_hash: runs.base_bake.source_hash,
         kept: None,
     };
     let result = bake::run_job(&job, runs.scene.clone(), &asset, 0.0, &console.silent())?;
-    write_atomically(&said, format!("{:#}\n", result.json).as_bytes())?;
-    Ok((asset, result.json))
+    let known = result.report.inspection;
+    write_atomically(&said, output::json_text(&known)?.as_bytes())?;
+    Ok((asset, known))
 }
 
 /// Plays a setting once more.

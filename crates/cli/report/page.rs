@@ -270,15 +270,16 @@ fn stages(page: &mut String, measured: &[Measured]) {
 }
 
 fn section_names(m: &Measured) -> Vec<&str> {
-    let sections = m.described["bytes"].as_object().into_iter();
-    let all = sections.flat_map(|s| s.keys()).map(String::as_str);
-    all.filter(|name| *name != "total").collect()
+    m.described.bytes.sections.keys().map(String::as_str).collect()
 }
 
 /// Kilobytes of the assets' sections.
 fn sections(page: &mut String, measured: &[Measured]) {
     let baked: Vec<&Measured> = measured.iter().filter(|m| m.is_another_asset()).collect();
-    let stored = |m: &Measured, name: &str| m.described["bytes"][name]["stored"].as_f64().map(|b| b * 1e-3);
+    let stored = |m: &Measured, name: &str| {
+        let section = m.described.bytes.sections.get(name);
+        section.map(|s| s.stored as f64 * 1e-3)
+    };
     let columns = names(baked.iter().map(|m| section_names(m)));
     let rows = baked
         .iter()

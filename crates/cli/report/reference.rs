@@ -5,11 +5,13 @@ use super::task::Task;
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::frames::FrameRange;
+use crate::output;
 use crate::play::{self, Pace};
 use relight_scene::image::metrics::compare;
 use relight_scene::image::{
     BEAUTY, ExrHeader, FloatImage, ImageError, Layers, Limits, read_exr, write_atomically, write_exr,
 };
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -35,6 +37,13 @@ pub struct Reference {
     pub floor: Option<[f64; 3]>,
     /// Samples a pixel of both halves together, where known.
     pub spp: Option<u32>,
+}
+
+/// What is kept beside the halves of a reference.
+#[derive(Serialize, Deserialize)]
+struct KeptSamples {
+    /// Samples a pixel of each.
+    spp_of_each_half: u32,
 }
 
 impl Reference {
@@ -186,11 +195,11 @@ impl Growing {
 
     fn kept(folder: &Path, frame: u32, size: (usize, usize)) -> Option<(u32, [Layers; 2])> {
         let text = std::fs::read_to_string(folder.join(format!("frame_{frame:04}.json"))).ok()?;
-        let spp = serde_json::from_str::<Value>(&text).ok()?["spp_of_each_half"].as_u64()?;
+        let spp = serde_json::from_str::<KeptSamples>(&text).ok()?.spp_of_each_half;
         let [a, b] = half_names(frame).map(|name| read_exr(&folder.join(name), &Limits::default()).ok());
         let halves = [a?, b?];
         let fits = |half: &Layers| (half.width, half.height) == size;
-        halves.iter().all(fits).then_some((spp as u32, halves))
+        halves.iter().all(fits).then_some((spp, halves))
     }
 
     fn error(&self) -> f64 {
@@ -248,7 +257,10 @@ impl Growing {
         for (half, name) in self.halves.iter().zip(half_names(self.frame)) {
             write_exr(&self.folder.join(name), half, &ExrHeader::new(), true)?;
         }
-        let text = json!({ "spp_of_each_half": self.spp }).to_string();
+        let samples = KeptSamples {
+            spp_of_each_half: self.spp,
+        };
+        let text = output::json_text(&samples)?;
         let name = format!("frame_{:04}.json", self.frame);
         Ok(write_atomically(&self.folder.join(name), text.as_bytes())?)
     }

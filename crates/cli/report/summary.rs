@@ -1,5 +1,6 @@
 //! What a report says, as JSON and on its page.
 
+use crate::inspection::Inspection;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -13,7 +14,7 @@ pub struct Summary<'a> {
     /// `quick` or `full`.
     pub preset: &'static str,
     /// What `inspect` says of the asset.
-    pub asset: &'a Value,
+    pub asset: &'a Inspection,
     /// The lighting sequence's file.
     pub lights: String,
     /// Frames that were measured.
