@@ -65,6 +65,26 @@ fn without_its_log_an_asset_has_no_times() {
 }
 
 #[test]
+fn a_log_that_is_none_is_left_aside_with_a_note() {
+    let folder = folder();
+    let asset = folder.path().join("a.relight");
+    std::fs::copy(cornell(), &asset).unwrap();
+    let log = folder.path().join("a.relight.log.json");
+    for text in ["{", r#"{"schema": 1, "seconds": 3, "threads": 2}"#] {
+        std::fs::write(&log, text).unwrap();
+        let mut command = relight();
+        command.arg("inspect").arg(&asset).arg("--json");
+        let output = command.assert().success().get_output().clone();
+        assert!(json(&output.stdout).get("seconds").is_none());
+        let notes = String::from_utf8(output.stderr).unwrap();
+        assert!(
+            notes.contains("a.relight.log.json") && notes.contains("left aside"),
+            "{notes}"
+        );
+    }
+}
+
+#[test]
 fn damage_anywhere_is_noticed() {
     let whole = std::fs::read(cornell()).unwrap();
     let folder = folder();

@@ -445,6 +445,32 @@ fn units_in_any_order_merge_to_the_asset_of_one_go() {
     );
 }
 
+/// What is wrong with a plan is said with its file and place, before anything is read or baked.
+#[test]
+fn a_plan_that_is_none_is_refused_by_its_place() {
+    let folder = folder();
+    let asset = folder.path().join("a.relight");
+    let (plan, of) = planned(folder.path(), &data("cornell.glb"), &asset, &TINY);
+    let file = plan.join("plan.json");
+    let good: Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+    for (key, value, wanted) in [
+        ("relight_plan", json!(7), "version 7, expected 1"),
+        ("program", json!("00"), "another build"),
+        ("seed", json!("one"), "expected u64 at line"),
+        ("units", json!(0), "at line"),
+        ("words", json!(["--no-such-option"]), "`words`"),
+    ] {
+        let mut bad = good.clone();
+        bad[key] = value;
+        std::fs::write(&file, format!("{bad:#}")).unwrap();
+        let text = complaint(&mut unit(&plan, 1, of), 1);
+        assert!(
+            text.contains("plan.json") && text.contains(wanted) && text.contains("again"),
+            "{text}"
+        );
+    }
+}
+
 /// As a farm does it: all at once, some killed, tried again until they are done.
 #[cfg(unix)]
 #[test]
