@@ -3,12 +3,15 @@
 //!
 //! `cargo run --release -p relight-bake --example bases`, in the repository root.
 
+#[path = "radiosity/point_light.rs"]
+mod point_light;
+
 use glam::{Vec2, Vec3};
+use point_light::from_point_light;
 use rayon::prelude::*;
 use relight_bake::points::candidates::{self, Candidate};
 use relight_bake::points::poisson::distribute;
 use relight_bake::points::poisson::levels_of;
-use relight_bake::radiosity::from_point_light;
 use relight_bake::units::Units;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::rays::Ray;

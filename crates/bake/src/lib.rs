@@ -37,6 +37,10 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr, clippy::dbg_macro)]
 
+// The scenes of tests name this crate as the examples do that share them.
+#[cfg(test)]
+extern crate self as relight_bake;
+
 mod bake;
 pub mod convert;
 pub mod cuts;
@@ -50,11 +54,12 @@ pub mod params;
 pub mod points;
 mod portion;
 mod progress;
-pub mod radiosity;
 mod report;
 mod request;
 pub mod senders;
 pub mod settings;
+#[cfg(test)]
+mod test_scenes;
 pub mod timed;
 pub mod units;
 

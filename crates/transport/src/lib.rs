@@ -57,4 +57,3 @@ pub mod sh;
 pub mod sight;
 pub mod sparse;
 pub mod spectrum;
-pub mod tensor;

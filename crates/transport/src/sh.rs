@@ -1,4 +1,4 @@
-//! Real spherical harmonics of degrees 0 to 3: the directional half of the tensor product basis.
+//! Real spherical harmonics of degrees 0 to 3: functions of direction.
 //!
 //! Source: Lehtinen et al. 2008, section 2.1 (tensor product bases) names them; the polynomials are those of
 //! Sloan 2008, "Stupid spherical harmonics tricks", appendix A2, and the cosine factors of [`irradiance`] those

@@ -199,7 +199,7 @@ pub fn scalar_row(
 mod tests {
     use crate::links::operators::{Viewers, transport};
     use crate::params::BakeParams;
-    use crate::radiosity::tests::hollow;
+    use crate::test_scenes::hollow;
     use crate::units::Units;
     use glam::{Quat, Vec3};
     use relight_transport::sparse::row;

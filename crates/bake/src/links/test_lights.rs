@@ -145,7 +145,7 @@ fn sunlit(surfaces: &dyn Surfaces, places: &[Candidate], suns: &[Vec3]) -> Vec<u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::radiosity::tests::hollow;
+    use crate::test_scenes::hollow;
     use relight_transport::random::Stream;
 
     /// Two coarse senders of two leaves of ten points each.

@@ -341,7 +341,7 @@ impl Surfaces for Followed<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::radiosity::tests::hollow;
+    use crate::test_scenes::hollow;
     use relight_transport::random::Stream;
     use relight_transport::sampling::uniform_hemisphere;
 
