@@ -1,135 +1,41 @@
 //! Statements about light that the two reference integrators must show. Truths are closed forms, or the other
 //! integrator: `brute` knows neither BRDF samples, nor a choice among lights, nor recursion.
 
-use glam::{Affine3A, Vec3};
+#[path = "../src/test_scenes.rs"]
+#[allow(dead_code, reason = "unit tests use all of it")]
+mod test_scenes;
+
+use glam::Vec3;
 use relight_render::brute::{self, BruteSettings};
 use relight_render::layers::RenderSize;
 use relight_render::path::{self, PathSettings};
 use relight_render::watch::{Cancelled, Watch};
-use relight_scene::animated::Animated;
-use relight_scene::camera::{Camera, CameraTrack};
+use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
 use relight_scene::light::{EnvironmentMap, LightKind, LightTrack};
 use relight_scene::light_set::{LightSet, SceneEmitters};
 use relight_scene::material::Material;
-use relight_scene::scene::{Instance, Mesh, Scene};
-use relight_scene::sequence::Sequence;
-use relight_scene::traced::{Shading, TracedScene};
+use relight_scene::scene::Mesh;
+use relight_scene::traced::TracedScene;
 use std::f64::consts::PI;
 use std::sync::Arc;
+use test_scenes::{camera, constant, level, light, matt, quad, traced};
 
 const SIZE: RenderSize = RenderSize {
     width: 16,
     height: 16,
 };
 
-fn constant<T>(value: T) -> Animated<T> {
-    Animated::Constant(value)
-}
-
-fn matt(albedo: f32, emission: f32) -> Material {
-    Material {
-        name: "matt".into(),
-        base_color: Vec3::splat(albedo).extend(1.0),
-        metallic: 0.0,
-        emission: Vec3::splat(emission),
-        ..Material::default()
-    }
-}
-
-/// A quadrilateral as a mesh, front where its corners run counter-clockwise.
-fn quad(corners: [Vec3; 4], material: u32) -> Mesh {
-    Mesh {
-        positions: corners.to_vec(),
-        triangles: vec![[0, 1, 2], [0, 2, 3]],
-        material,
-        ..Mesh::default()
-    }
-}
-
 /// A floor of the given half width around the origin, facing up.
 fn floor(half: f32, material: u32) -> Mesh {
-    let corner = |x: f32, z: f32| Vec3::new(x, 0.0, z) * half;
-    quad(
-        [
-            corner(-1.0, 1.0),
-            corner(1.0, 1.0),
-            corner(1.0, -1.0),
-            corner(-1.0, -1.0),
-        ],
-        material,
-    )
+    level(half, 0.0, material)
 }
 
-/// The box from −1 to 1, fronts inwards, in 12 triangles.
+/// The box from −`size` to `size`, fronts inwards, in 12 triangles.
 fn room(size: f32) -> Mesh {
-    let positions: Vec<Vec3> = (0..8)
-        .map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - 1.0)
-        .map(|p| p * size)
-        .collect();
-    let mut triangles = Vec::new();
-    for [a, b, c, d] in [
-        [0, 1, 3, 2],
-        [4, 5, 7, 6],
-        [0, 1, 5, 4],
-        [2, 3, 7, 6],
-        [0, 2, 6, 4],
-        [1, 3, 7, 5],
-    ] {
-        for [i, j, k] in [[a, b, c], [a, c, d]] {
-            let [p, q, r] = [i, j, k].map(|v: u32| positions[v as usize]);
-            let outwards = (q - p).cross(r - p).dot(p + q + r) > 0.0;
-            triangles.push(if outwards { [i, k, j] } else { [i, j, k] });
-        }
-    }
-    Mesh {
-        positions,
-        triangles,
-        ..Mesh::default()
-    }
-}
-
-fn traced(meshes: Vec<Mesh>, materials: Vec<Material>) -> TracedScene {
-    let instances = (0..meshes.len() as u32)
-        .map(|mesh| Instance {
-            mesh,
-            world_from_mesh: Affine3A::IDENTITY,
-        })
-        .collect();
-    let scene = Scene {
-        meshes,
-        instances,
-        materials,
-        textures: Vec::new(),
-        cameras: Vec::new(),
-        sequence: Sequence {
-            frames: 1,
-            fps: 24.0,
-            camera: None,
-            lights: Vec::new(),
-        },
-        notes: Vec::new(),
-    };
-    TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap()
-}
-
-fn camera(position: Vec3, look_at: Vec3, vfov_deg: f32) -> Camera {
-    CameraTrack {
-        name: String::new(),
-        position: constant(position),
-        look_at: constant(look_at),
-        up: constant(Vec3::new(0.1, 1.0, 0.2)),
-        vfov_deg: constant(vfov_deg),
-        aspect: None,
-    }
-    .at(0.0)
-}
-
-fn light(name: &str, kind: LightKind) -> LightTrack {
-    LightTrack {
-        name: name.into(),
-        kind,
-    }
+    let mut room = test_scenes::room(0);
+    room.positions.iter_mut().for_each(|p| *p *= size);
+    room
 }
 
 fn point(position: Vec3, intensity: f32) -> LightKind {
