@@ -144,7 +144,7 @@ pub fn reflectances(
 pub struct DirectionTree {
     /// Height of the root.
     pub height: u8,
-    /// The nodes, by [`Node::slot`].
+    /// The nodes, by [`relight_transport::light_tree::Node::slot`].
     pub views: Vec<NodeView>,
 }
 

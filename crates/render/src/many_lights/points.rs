@@ -81,7 +81,7 @@ pub struct PointLights {
     /// World space: first what shines directly, then virtual lights. Intensities are finite and not negative, and
     /// not all zero.
     pub lights: Vec<PointLight>,
-    /// For each the light of the [`LightSet`] that it is of, or whose light it passes on.
+    /// For each the light of the [`relight_scene::light_set::LightSet`] that it is of, or whose light it passes on.
     pub source: Vec<u32>,
     /// How many shine directly; the rest is virtual.
     pub direct: usize,
