@@ -58,6 +58,7 @@ pub mod image;
 pub mod implicit;
 pub mod isosurface;
 pub mod json;
+mod lfs;
 pub mod light;
 pub mod light_set;
 pub mod material;

@@ -4,9 +4,11 @@
 //! The crate answers out-of-range views with silence and bad types with panics, so it only ever sees a
 //! document rebuilt from what was checked here.
 
-use super::error::ImportError;
+use super::error::{Fault, ImportError};
 use super::extensions::advice;
 use super::json::{At, Faults};
+use super::list::List;
+use super::notes::Notes;
 use super::uri;
 use gltf::accessor::{Item, Iter};
 use serde_json::{Value, json};
@@ -44,6 +46,13 @@ pub(super) struct Accessor {
     pub normalized: bool,
     pub sparse: Option<Sparse>,
     kind: String,
+}
+
+impl Accessor {
+    /// Whether all elements, if any, are 0 without a byte that says so.
+    fn is_zeros(&self) -> bool {
+        self.count == 0 || (self.view.is_none() && self.sparse.is_none())
+    }
 }
 
 /// Elements that replace those of the view.
@@ -89,41 +98,45 @@ impl Component {
     }
 }
 
-/// What the JSON says about data. Entries that are wrong are `None` (and reported), so that indices keep
-/// their meaning and one pass finds all faults.
+/// What the JSON says about data.
 pub(super) struct Layout {
-    pub buffers: Vec<Option<Buffer>>,
-    pub views: Vec<Option<View>>,
-    pub accessors: Vec<Option<Accessor>>,
+    pub buffers: List<Buffer>,
+    pub views: List<View>,
+    pub accessors: List<Accessor>,
 }
 
 impl Layout {
     /// Reads and checks buffers, views and accessors.
-    pub fn parse(root: &At, has_bin: bool) -> Layout {
-        let buffers: Vec<_> = (root.objects("buffers").iter().enumerate())
-            .map(|(i, at)| parse_buffer(at, i == 0 && has_bin))
-            .collect();
-        let total = buffers
-            .iter()
-            .flatten()
-            .fold(0u64, |sum, b| sum.saturating_add(b.length));
+    pub fn parse(root: &At, has_bin: bool, notes: &mut Notes) -> Layout {
+        let mut total = 0u64;
+        let buffers = List::parse(root, "buffers", |at| {
+            // Only the first one may mean the binary chunk.
+            let buffer = parse_buffer(at, has_bin && at.path == "buffers[0]")?;
+            total = total.saturating_add(buffer.length);
+            Some(buffer)
+        });
         if total > MAX_BYTES {
             root.fault_at(
                 "buffers",
                 format!("declare {total} bytes together; at most {MAX_BYTES} are read: split the scene"),
             );
         }
-        let views: Vec<_> = (root.objects("bufferViews").iter())
-            .map(|at| parse_view(at, &buffers))
-            .collect();
-        let accessors = (root.objects("accessors").iter())
-            .map(|at| parse_accessor(at, &views))
-            .collect();
+        let views = List::parse(root, "bufferViews", |at| parse_view(at, &buffers, notes));
+        let accessors = List::parse(root, "accessors", |at| parse_accessor(at, &views, notes));
         Layout {
             buffers,
             views,
             accessors,
         }
+    }
+}
+
+impl Layout {
+    /// Notes what is wrong with what nobody used.
+    pub fn note_unused(&self, notes: &mut Notes) {
+        self.accessors.note_unused(notes);
+        self.views.note_unused(notes);
+        self.buffers.note_unused(notes);
     }
 }
 
@@ -142,25 +155,27 @@ fn parse_buffer(at: &At, is_bin: bool) -> Option<Buffer> {
         });
         return None;
     }
+    if length > MAX_BYTES {
+        at.fault_at(
+            "byteLength",
+            format!("is {length}; at most {MAX_BYTES} bytes are read: split the scene"),
+        );
+        return None;
+    }
     Some(Buffer { uri, length })
 }
 
-fn parse_view(at: &At, buffers: &[Option<Buffer>]) -> Option<View> {
+fn parse_view(at: &At, buffers: &List<Buffer>, notes: &mut Notes) -> Option<View> {
     let buffer = at.required_index("buffer", buffers.len(), "buffers")?;
     let length = at.required_uint("byteLength")?;
     let offset = at.uint("byteOffset").unwrap_or(0);
+    // 0 is what older exporters write for elements without gaps. Any other stride means one thing, too.
     let stride = at.uint("byteStride");
-    if let Some(stride) = stride
-        && !(4..=252).contains(&stride)
-    {
-        at.fault_at("byteStride", format!("is {stride}; it must be 4 to 252"));
-        return None;
+    if stride.is_some_and(|stride| !(4..=252).contains(&stride)) {
+        notes.count("buffer views with a byteStride that is not 4 to 252", 1);
     }
-    let available = buffers[buffer].as_ref()?.length;
-    if length == 0 {
-        at.fault_at("byteLength", "is 0; a view has at least one byte");
-        return None;
-    }
+    let stride = stride.filter(|&stride| stride != 0);
+    let available = buffers.get(buffer, at.faults())?.length;
     if offset.checked_add(length).is_none_or(|end| end > available) {
         at.fault(format!(
             "covers {length} bytes from {offset}, but buffers[{buffer}] has {available}; export the scene again"
@@ -176,15 +191,8 @@ fn parse_view(at: &At, buffers: &[Option<Buffer>]) -> Option<View> {
 }
 
 /// Reports a fault unless `count` elements of `size` bytes from `offset` lie in the view.
-fn check_range(
-    at: &At,
-    views: &[Option<View>],
-    view: usize,
-    offset: u64,
-    count: u64,
-    size: u64,
-) -> Option<()> {
-    let v = views[view].as_ref()?;
+fn check_range(at: &At, views: &List<View>, view: usize, offset: u64, count: u64, size: u64) -> Option<()> {
+    let v = views.get(view, at.faults())?;
     let stride = v.stride.unwrap_or(size);
     if stride < size {
         at.fault(format!(
@@ -206,7 +214,7 @@ fn check_range(
     Some(())
 }
 
-fn parse_accessor(at: &At, views: &[Option<View>]) -> Option<Accessor> {
+fn parse_accessor(at: &At, views: &List<View>, notes: &mut Notes) -> Option<Accessor> {
     let component = Component::parse(at);
     let count = at.required_uint("count");
     let kind = at.text("type");
@@ -233,10 +241,6 @@ fn parse_accessor(at: &At, views: &[Option<View>]) -> Option<Accessor> {
         }
     };
     let (component, count) = (component?, count?);
-    if count == 0 {
-        at.fault_at("count", "is 0; an accessor has at least one element");
-        return None;
-    }
     // Columns of matrices start at multiples of four bytes.
     let column = width as u64 * component.bytes();
     let size = match columns {
@@ -244,7 +248,11 @@ fn parse_accessor(at: &At, views: &[Option<View>]) -> Option<Accessor> {
         _ => column.next_multiple_of(4) * columns,
     };
     let offset = at.uint("byteOffset").unwrap_or(0);
+    // An empty accessor reads nothing, wherever it says that it would.
+    let is_empty = count == 0;
+    notes.count("accessors of 0 elements", u64::from(is_empty));
     let view = match at.get("bufferView") {
+        Some(_) if is_empty => None,
         Some(_) => Some(at.index("bufferView", views.len(), "bufferViews")?),
         None => None,
     };
@@ -252,6 +260,7 @@ fn parse_accessor(at: &At, views: &[Option<View>]) -> Option<Accessor> {
         check_range(at, views, view, offset, count, size)?;
     }
     let sparse = match at.object("sparse") {
+        _ if is_empty => None,
         Some(sparse) => Some(parse_sparse(&sparse, views, count, size)?),
         None if at.get("sparse").is_some() => return None,
         None => None,
@@ -268,7 +277,7 @@ fn parse_accessor(at: &At, views: &[Option<View>]) -> Option<Accessor> {
     })
 }
 
-fn parse_sparse(at: &At, views: &[Option<View>], accessor_count: u64, size: u64) -> Option<Sparse> {
+fn parse_sparse(at: &At, views: &List<View>, accessor_count: u64, size: u64) -> Option<Sparse> {
     let count = at.required_uint("count")?;
     if count == 0 || count > accessor_count {
         at.fault_at(
@@ -306,58 +315,60 @@ fn parse_sparse(at: &At, views: &[Option<View>], accessor_count: u64, size: u64)
     })
 }
 
-/// The bytes of every buffer; buffers with faults are reported and stay empty.
-pub(super) fn load_buffers<'a>(
-    layout: &Layout,
-    bin: Option<&'a [u8]>,
-    folder: &Path,
-    faults: &Faults,
-) -> Vec<Cow<'a, [u8]>> {
-    let load = |(i, buffer): (usize, &Option<Buffer>)| {
-        let Some(buffer) = buffer else {
-            return Cow::Borrowed(&[][..]);
+/// The bytes of a buffer, or why there are none.
+pub(super) type Bytes<'a> = Result<Cow<'a, [u8]>, Fault>;
+
+/// Reads every buffer that is not broken.
+pub(super) fn load_buffers<'a>(layout: &Layout, bin: Option<&'a [u8]>, folder: &Path) -> Vec<Bytes<'a>> {
+    let load = |i: usize| {
+        let fault = |key: &str, message: String| Fault {
+            path: format!("buffers[{i}]{key}"),
+            message,
+        };
+        let Some(buffer) = layout.buffers.peek(i) else {
+            return Err(fault("", "is broken; export the scene again".into()));
         };
         let bytes = match &buffer.uri {
-            None => Ok(Cow::Borrowed(bin.unwrap_or_default())),
+            None => Cow::Borrowed(bin.unwrap_or_default()),
             Some(uri) => uri::decode_data_uri(uri)
                 .unwrap_or_else(|| uri::read_relative(folder, uri, buffer.length))
-                .map(Cow::Owned),
-        };
-        let bytes = match bytes {
-            Ok(bytes) => bytes,
-            Err(message) => {
-                faults.add(format!("buffers[{i}].uri"), message);
-                return Cow::Borrowed(&[][..]);
-            }
+                .map(Cow::Owned)
+                .map_err(|message| fault(".uri", message))?,
         };
         if (bytes.len() as u64) < buffer.length {
-            faults.add(
-                format!("buffers[{i}].byteLength"),
+            return Err(fault(
+                ".byteLength",
                 format!(
                     "is {}, but there are only {} bytes; copy or export the scene again",
                     buffer.length,
                     bytes.len()
                 ),
-            );
+            ));
         }
-        bytes
+        Ok(bytes)
     };
-    layout.buffers.iter().enumerate().map(load).collect()
+    (0..layout.buffers.len()).map(load).collect()
 }
 
 /// Accessors with their bytes.
 pub(super) struct Data<'a> {
     pub layout: &'a Layout,
-    pub buffers: &'a [Cow<'a, [u8]>],
+    buffers: &'a [Bytes<'a>],
     document: gltf::Document,
+    faults: &'a Faults,
 }
 
 impl<'a> Data<'a> {
-    /// Joins a layout without faults and its bytes.
+    /// Joins a layout and its bytes. What is wrong with those that are asked for goes to `faults`.
     ///
     /// # Errors
     /// [`ImportError::Internal`] if the crate rejects what was checked.
-    pub fn new(file: &Path, layout: &'a Layout, buffers: &'a [Cow<'a, [u8]>]) -> Result<Self, ImportError> {
+    pub fn new(
+        file: &Path,
+        layout: &'a Layout,
+        buffers: &'a [Bytes<'a>],
+        faults: &'a Faults,
+    ) -> Result<Self, ImportError> {
         let root = crate_json(layout);
         let root: gltf::json::Root = serde_json::from_value(root).map_err(|e| ImportError::Internal {
             file: file.into(),
@@ -367,40 +378,81 @@ impl<'a> Data<'a> {
             layout,
             buffers,
             document: gltf::Document::from_json_without_validation(root),
+            faults,
         })
     }
 
-    /// Reports sparse indices that are out of range or don't rise: the decoder relies on both.
-    pub fn check_sparse(&self, faults: &Faults) {
-        for (i, accessor) in self.layout.accessors.iter().enumerate() {
-            let Some((accessor, sparse)) = accessor.as_ref().and_then(|a| Some((a, a.sparse.as_ref()?)))
-            else {
-                continue;
-            };
-            let (view, offset, component) = sparse.indices;
-            let Some(view) = &self.layout.views[view] else {
-                continue;
-            };
-            let bytes = &self.buffers[view.buffer][(view.offset + offset) as usize..];
-            let (size, mut previous) = (component.bytes() as usize, None);
-            let stride = view.stride.map_or(size, |s| s as usize);
-            for k in 0..sparse.count as usize {
-                let mut word = [0; 4];
-                word[..size].copy_from_slice(&bytes[k * stride..k * stride + size]);
-                let index = u32::from_le_bytes(word);
-                if index as usize >= accessor.count || previous.is_some_and(|p| p >= index) {
-                    faults.add(
-                        format!("accessors[{i}].sparse.indices"),
-                        format!(
-                            "element {k} is {index}: they must rise and stay under the accessor's count, {}",
-                            accessor.count
-                        ),
-                    );
-                    break;
-                }
-                previous = Some(index);
+    /// Bytes of all buffers together.
+    pub fn total_bytes(&self) -> u64 {
+        self.buffers
+            .iter()
+            .flatten()
+            .map(|bytes| bytes.len() as u64)
+            .sum()
+    }
+
+    /// The bytes of a view.
+    ///
+    /// # Errors
+    /// What is wrong with it or its buffer.
+    pub fn view_bytes(&self, view: usize) -> Result<&[u8], Fault> {
+        let sink = Faults::default();
+        let broken = || Fault {
+            path: format!("bufferViews[{view}]"),
+            message: "is broken; export the scene again".into(),
+        };
+        let Some(view) = self.layout.views.get(view, &sink) else {
+            return Err(sink.take().pop().unwrap_or_else(broken));
+        };
+        let bytes = self.buffers[view.buffer].as_ref().map_err(Fault::clone)?;
+        let range = view.offset as usize..(view.offset + view.length) as usize;
+        bytes.get(range).ok_or_else(broken)
+    }
+
+    /// An accessor whose bytes can be decoded.
+    fn readable(&self, accessor: usize) -> Option<&'a Accessor> {
+        let info = self.layout.accessors.get(accessor, self.faults)?;
+        let sparse = info.sparse.as_ref();
+        let views = [info.view, sparse.map(|s| s.indices.0), sparse.map(|s| s.values.0)];
+        for view in views.into_iter().flatten() {
+            if let Err(fault) = self.view_bytes(view) {
+                self.faults.add(fault.path, fault.message);
+                return None;
             }
         }
+        match sparse {
+            Some(sparse) => self.check_sparse(accessor, info, sparse).then_some(info),
+            None => Some(info),
+        }
+    }
+
+    /// Reports sparse indices that are out of range or don't rise: the decoder relies on both.
+    fn check_sparse(&self, accessor: usize, info: &Accessor, sparse: &Sparse) -> bool {
+        let (view, offset, component) = sparse.indices;
+        let stride = self.layout.views.peek(view).and_then(|view| view.stride);
+        let (Ok(bytes), size) = (self.view_bytes(view), component.bytes() as usize) else {
+            return false;
+        };
+        let bytes = &bytes[offset as usize..];
+        let stride = stride.map_or(size, |s| s as usize);
+        let mut previous = None;
+        for k in 0..sparse.count as usize {
+            let mut word = [0; 4];
+            word[..size].copy_from_slice(&bytes[k * stride..k * stride + size]);
+            let index = u32::from_le_bytes(word);
+            if index as usize >= info.count || previous.is_some_and(|p| p >= index) {
+                self.faults.add(
+                    format!("accessors[{accessor}].sparse.indices"),
+                    format!(
+                        "element {k} is {index}: they must rise and stay under the accessor's count, {}",
+                        info.count
+                    ),
+                );
+                return false;
+            }
+            previous = Some(index);
+        }
+        true
     }
 
     /// Elements of an accessor of `N` components as floats; normalised integers become 0..1 or −1..1 and
@@ -414,10 +466,10 @@ impl<'a> Data<'a> {
         [i16; N]: Item,
         [u32; N]: Item,
     {
-        let Some(info) = self.layout.accessors[accessor].as_ref().filter(|a| a.width == N) else {
+        let Some(info) = self.readable(accessor).filter(|a| a.width == N) else {
             return Vec::new();
         };
-        if info.view.is_none() && info.sparse.is_none() {
+        if info.is_zeros() {
             return vec![[0.0; N]; info.count];
         }
         let n = info.normalized;
@@ -433,10 +485,10 @@ impl<'a> Data<'a> {
 
     /// Elements of a scalar accessor as floats, as [`Data::vectors`].
     pub fn scalars(&self, accessor: usize) -> Vec<f32> {
-        let Some(info) = self.layout.accessors[accessor].as_ref().filter(|a| a.width == 1) else {
+        let Some(info) = self.readable(accessor).filter(|a| a.width == 1) else {
             return Vec::new();
         };
-        if info.view.is_none() && info.sparse.is_none() {
+        if info.is_zeros() {
             return vec![0.0; info.count];
         }
         let n = info.normalized;
@@ -452,10 +504,10 @@ impl<'a> Data<'a> {
 
     /// Elements of a scalar accessor of unsigned integers; empty for any other.
     pub fn indices(&self, accessor: usize) -> Vec<u32> {
-        let Some(info) = self.layout.accessors[accessor].as_ref().filter(|a| a.width == 1) else {
+        let Some(info) = self.readable(accessor).filter(|a| a.width == 1) else {
             return Vec::new();
         };
-        if info.view.is_none() && info.sparse.is_none() {
+        if info.is_zeros() {
             return vec![0; info.count];
         }
         match info.component {
@@ -470,7 +522,7 @@ impl<'a> Data<'a> {
         let Some(accessor) = self.document.accessors().nth(accessor) else {
             return Vec::new();
         };
-        let bytes = |buffer: gltf::Buffer| self.buffers.get(buffer.index()).map(|b| &b[..]);
+        let bytes = |buffer: gltf::Buffer| self.buffers.get(buffer.index())?.as_deref().ok();
         match Iter::<T>::new(accessor, bytes) {
             Some(iter) => iter.map(convert).collect(),
             None => Vec::new(),
@@ -488,18 +540,22 @@ fn signed(x: f32, normalized: bool, max: f32) -> f32 {
 
 /// The checked layout as the JSON that the gltf crate reads: no URIs, no extensions, nothing unchecked.
 fn crate_json(layout: &Layout) -> Value {
-    let buffers: Vec<Value> = (layout.buffers.iter().flatten())
-        .map(|b| json!({ "byteLength": b.length }))
-        .collect();
-    let view = |v: &View| {
+    // Broken entries become ones that nobody reads, so that indices keep their meaning.
+    let buffer = |i| json!({ "byteLength": layout.buffers.peek(i).map_or(1, |b| b.length) });
+    let view = |i| {
+        let Some(v) = layout.views.peek(i) else {
+            return json!({ "buffer": 0, "byteLength": 1 });
+        };
         let mut view = json!({ "buffer": v.buffer, "byteOffset": v.offset, "byteLength": v.length });
         if let Some(stride) = v.stride {
             view["byteStride"] = stride.into();
         }
         view
     };
-    let views: Vec<Value> = layout.views.iter().flatten().map(view).collect();
-    let accessor = |a: &Accessor| {
+    let accessor = |i| {
+        let Some(a) = layout.accessors.peek(i) else {
+            return json!({ "componentType": Component::U8 as u32, "count": 1, "type": "SCALAR" });
+        };
         let mut accessor = json!({
             "byteOffset": a.offset, "componentType": a.component as u32, "count": a.count,
             "type": a.kind, "normalized": a.normalized,
@@ -518,7 +574,9 @@ fn crate_json(layout: &Layout) -> Value {
         }
         accessor
     };
-    let accessors: Vec<Value> = layout.accessors.iter().flatten().map(accessor).collect();
+    let buffers: Vec<Value> = (0..layout.buffers.len()).map(buffer).collect();
+    let views: Vec<Value> = (0..layout.views.len()).map(view).collect();
+    let accessors: Vec<Value> = (0..layout.accessors.len()).map(accessor).collect();
     json!({
         "asset": { "version": "2.0" }, "buffers": buffers, "bufferViews": views, "accessors": accessors,
     })

@@ -8,7 +8,7 @@ use super::json::{At, Faults};
 use super::nodes::{Graph, Local, Trs};
 use super::notes::Notes;
 use glam::{DAffine3, DQuat, DVec3, DVec4};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A property that can move. The numbers index nodes, lights and cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -58,24 +58,69 @@ pub(super) struct Curve {
     is_rotation: bool,
 }
 
-/// Reads and checks the channels. Those that move only meshes, or what is not imported, are noted.
+/// All that could move a light or camera of the scene, and how many of these there are.
+pub(super) fn targets_of_tracks(graph: &Graph) -> (BTreeSet<Target>, u32) {
+    let (mut targets, mut tracks) = (BTreeSet::new(), 0);
+    for &i in &graph.order {
+        let node = &graph.nodes[i];
+        if node.light.is_none() && node.camera.is_none() {
+            continue;
+        }
+        tracks += 1;
+        for ancestor in graph.chain(i) {
+            targets.extend(movements(graph.nodes[ancestor].source));
+        }
+        if let Some(l) = node.light {
+            targets.extend([
+                Target::Intensity(l),
+                Target::Color(l),
+                Target::InnerAngle(l),
+                Target::OuterAngle(l),
+            ]);
+        }
+        targets.extend(node.camera.map(Target::Yfov));
+    }
+    (targets, tracks)
+}
+
+/// What can move a node of the file.
+fn movements(source: usize) -> [Target; 3] {
+    [
+        Target::Translation(source),
+        Target::Rotation(source),
+        Target::Scale(source),
+    ]
+}
+
+/// Reads and checks the channels. Those that move only meshes, or what is not imported, are noted, and so are
+/// broken ones that move no light or camera.
 pub(super) fn parse(
     root: &At,
     layout: &Layout,
     graph: &Graph,
     notes: &mut Notes,
 ) -> BTreeMap<Target, Channel> {
+    let (used, _) = targets_of_tracks(graph);
     let mut channels: BTreeMap<Target, Channel> = BTreeMap::new();
-    for animation in root.objects("animations") {
-        let samplers = animation.objects("samplers");
-        for at in animation.objects("channels") {
-            let Some(sampler) = at.required_index("sampler", samplers.len(), "samplers") else {
-                continue;
-            };
+    let broken = Faults::default();
+    for animation in root.items("animations") {
+        let animation = animation.reporting_to(&broken);
+        let samplers = animation.items("samplers");
+        for at in animation.items("channels") {
             let Some(target) = parse_target(&at, graph, notes) else {
                 continue;
             };
-            let Some(channel) = parse_sampler(&samplers[sampler], layout, target) else {
+            let faults = if used.contains(&target) {
+                root.faults()
+            } else {
+                &broken
+            };
+            let sampler = at
+                .reporting_to(faults)
+                .required_index("sampler", samplers.len(), "samplers");
+            let channel =
+                sampler.and_then(|i| parse_sampler(&samplers[i].reporting_to(faults), layout, target));
+            let Some(channel) = channel else {
                 continue;
             };
             if channels.contains_key(&target) {
@@ -87,6 +132,11 @@ pub(super) fn parse(
             }
             channels.insert(target, channel);
         }
+    }
+    for fault in broken.take() {
+        notes.say(format!(
+            "an animation that moves no light or camera is broken: {fault}"
+        ));
     }
     channels
 }
@@ -196,7 +246,7 @@ fn parse_sampler(at: &At, layout: &Layout, target: Target) -> Option<Channel> {
     };
     let accessor = |key| {
         let index = at.required_index(key, layout.accessors.len(), "accessors")?;
-        Some((index, layout.accessors[index].as_ref()?))
+        Some((index, layout.accessors.get(index, at.faults())?))
     };
     let (input, output) = (accessor("input"), accessor("output"));
     let ((input, times), (output, values)) = (input?, output?);
@@ -249,14 +299,16 @@ fn parse_sampler(at: &At, layout: &Layout, target: Target) -> Option<Channel> {
     })
 }
 
-/// Decodes channels into curves.
+/// Decodes the channels that move lights and cameras into curves.
 pub(super) fn decode(
+    graph: &Graph,
     channels: &BTreeMap<Target, Channel>,
     data: &Data,
     faults: &Faults,
 ) -> BTreeMap<Target, Curve> {
     let mut curves = BTreeMap::new();
-    for (&target, channel) in channels {
+    let (used, _) = targets_of_tracks(graph);
+    for (&target, channel) in channels.iter().filter(|(target, _)| used.contains(target)) {
         let times: Vec<f64> = data.scalars(channel.input).into_iter().map(f64::from).collect();
         let rising = times.windows(2).all(|pair| pair[0] < pair[1]);
         if times.is_empty() || !rising || !times.iter().all(|t| t.is_finite() && *t >= 0.0) {
@@ -362,7 +414,7 @@ pub(super) fn world_from_node(
 ) -> DAffine3 {
     let mut world = DAffine3::IDENTITY;
     for &node in chain {
-        let local = &graph.nodes[node].local;
+        let (local, node) = (&graph.nodes[node].local, graph.nodes[node].source);
         let value = |target| curves.get(&target).map(|curve: &Curve| curve.at(time));
         let (t, r, s) = (
             value(Target::Translation(node)),
@@ -385,16 +437,12 @@ pub(super) fn world_from_node(
 }
 
 /// Whether a node of the chain moves.
-pub(super) fn moves(curves: &BTreeMap<Target, Curve>, chain: &[usize]) -> bool {
-    chain.iter().any(|&node| {
-        [
-            Target::Translation(node),
-            Target::Rotation(node),
-            Target::Scale(node),
-        ]
+pub(super) fn moves(graph: &Graph, curves: &BTreeMap<Target, Curve>, chain: &[usize]) -> bool {
+    let moves = |node: &usize| movements(graph.nodes[*node].source);
+    chain
         .iter()
-        .any(|target| curves.contains_key(target))
-    })
+        .flat_map(moves)
+        .any(|target| curves.contains_key(&target))
 }
 
 /// Notes how many animated nodes carry meshes: those stay at rest.
@@ -408,11 +456,7 @@ pub(super) fn note_moving_meshes(graph: &Graph, curves: &BTreeMap<Target, Channe
         }
     }
     let moving = (0..graph.nodes.len()).filter(|&node| {
-        let targets = [
-            Target::Translation(node),
-            Target::Rotation(node),
-            Target::Scale(node),
-        ];
+        let targets = movements(graph.nodes[node].source);
         carries[node] && targets.iter().any(|target| curves.contains_key(target))
     });
     notes.count(

@@ -5,6 +5,9 @@
 //! names no offsets.
 
 use super::error::ImportError;
+use super::mend;
+use super::notes::Notes;
+use crate::lfs::{LFS_ADVICE, is_lfs_pointer};
 use serde_json::Value;
 use std::ops::Range;
 use std::path::Path;
@@ -23,7 +26,7 @@ pub(super) struct Container {
 ///
 /// # Errors
 /// [`ImportError::Io`], [`ImportError::Container`], [`ImportError::Json`].
-pub(super) fn read(file: &Path) -> Result<Container, ImportError> {
+pub(super) fn read(file: &Path, notes: &mut Notes) -> Result<Container, ImportError> {
     let io = |source| ImportError::Io {
         file: file.into(),
         source,
@@ -33,54 +36,71 @@ pub(super) fn read(file: &Path) -> Result<Container, ImportError> {
         return Err(io(std::io::Error::from(std::io::ErrorKind::IsADirectory)));
     }
     let bytes = std::fs::read(file).map_err(io)?;
-    let (json_range, bin) = split(&bytes).map_err(|(offset, message)| ImportError::Container {
+    let (json_range, bin) = split(&bytes, notes).map_err(|(offset, message)| ImportError::Container {
         file: file.into(),
         offset,
         message,
     })?;
-    let mut text = &bytes[json_range];
-    // A byte order mark is forbidden, but some editors add one.
-    if let Some(rest) = text.strip_prefix(b"\xef\xbb\xbf") {
-        text = rest;
-    }
-    let json = serde_json::from_slice(text).map_err(|e| ImportError::Json {
+    let text = mend::text(&bytes[json_range], notes);
+    let parsed = serde_json::from_str(&text).or_else(|e| {
+        let Some(quoted) = mend::quoted_non_numbers(&text) else {
+            return Err(e);
+        };
+        let parsed = serde_json::from_str(&quoted)?;
+        notes.say("the JSON holds NaN or infinite numbers, which JSON doesn't have");
+        Ok(parsed)
+    });
+    let mut json = parsed.map_err(|e| ImportError::Json {
         file: file.into(),
         line: e.line(),
         column: e.column(),
         message: e.to_string(),
     })?;
+    mend::document(&mut json, notes);
     Ok(Container { bytes, json, bin })
 }
 
 type Split = (Range<usize>, Option<Range<usize>>);
 
+/// Chunk types, ASCII words, little-endian.
+const JSON: u32 = 0x4E4F_534A;
+const BIN: u32 = 0x004E_4942;
+
 /// The byte ranges of JSON and binary chunk, or an offset and what is wrong there.
-fn split(bytes: &[u8]) -> Result<Split, (usize, String)> {
-    if !bytes.starts_with(b"glTF") {
-        let start = bytes
-            .strip_prefix(b"\xef\xbb\xbf")
-            .unwrap_or(bytes)
-            .trim_ascii_start();
-        if start.first() != Some(&b'{') {
-            let what = if bytes.is_empty() {
-                "the file is empty"
-            } else {
-                "this is no glTF file"
-            };
-            return Err((
-                0,
-                format!(
-                    "{what}: a .glb starts with \"glTF\", a .gltf with \"{{\"; export the scene as glTF 2.0"
-                ),
-            ));
-        }
+fn split(bytes: &[u8], notes: &mut Notes) -> Result<Split, (usize, String)> {
+    if bytes.starts_with(b"glTF") {
+        return split_glb(bytes, notes);
+    }
+    let start = bytes
+        .strip_prefix(b"\xef\xbb\xbf")
+        .unwrap_or(bytes)
+        .trim_ascii_start();
+    let is_utf16 = [b"\xff\xfe", b"\xfe\xff"]
+        .iter()
+        .any(|mark| bytes.starts_with(*mark));
+    if start.first() == Some(&b'{') || is_utf16 {
         return Ok((0..bytes.len(), None));
     }
+    let what = match bytes {
+        _ if is_lfs_pointer(bytes) => return Err((0, format!("this {LFS_ADVICE}"))),
+        [] => "the file is empty",
+        _ => "this is no glTF file",
+    };
+    Err((
+        0,
+        format!("{what}: a .glb starts with \"glTF\", a .gltf with \"{{\"; export the scene as glTF 2.0"),
+    ))
+}
+
+/// Chunks are to end on multiples of four, with padding that counts; early exporters and other libraries left out
+/// the padding, or didn't count it.
+fn split_glb(bytes: &[u8], notes: &mut Notes) -> Result<Split, (usize, String)> {
+    let peek = |offset: usize| {
+        let four = bytes.get(offset..offset.checked_add(4)?)?;
+        Some(u32::from_le_bytes(four.try_into().ok()?))
+    };
     let word = |offset: usize| {
-        let four = bytes
-            .get(offset..offset + 4)
-            .and_then(|b| <[u8; 4]>::try_from(b).ok());
-        four.map(u32::from_le_bytes).ok_or_else(|| {
+        peek(offset).ok_or_else(|| {
             (
                 bytes.len(),
                 "the file ends inside a header; copy or download it again".to_owned(),
@@ -95,7 +115,9 @@ fn split(bytes: &[u8]) -> Result<Split, (usize, String)> {
         ));
     }
     let length = word(8)? as usize;
-    if length < 20 || length > bytes.len() {
+    // Padding of the last chunk that was counted, but not written.
+    let lost_padding = length.checked_sub(bytes.len()).is_some_and(|lost| lost <= 3);
+    if length < 20 || (length > bytes.len() && !lost_padding) {
         return Err((
             8,
             format!(
@@ -104,34 +126,42 @@ fn split(bytes: &[u8]) -> Result<Split, (usize, String)> {
             ),
         ));
     }
+    let mut odd = length > bytes.len();
+    let mut end = length.min(bytes.len());
     let mut chunks = Vec::new();
     let mut offset = 12;
-    while offset < length {
+    while offset < end {
         let (size, kind) = (word(offset)? as usize, word(offset + 4)?);
         let start = offset + 8;
-        if size > length.saturating_sub(start) {
+        let left = bytes.len().saturating_sub(start);
+        if size > left + 3 {
             return Err((
                 offset,
                 format!(
-                    "a chunk says that it has {size} bytes, but only {} are left; copy or download the file again",
-                    length.saturating_sub(start)
+                    "a chunk says that it has {size} bytes, but only {left} are left; copy or download the file again"
                 ),
             ));
         }
-        chunks.push((kind, start..start + size));
-        // Chunks end on multiples of four; writers that forget it still have the next chunk there.
-        offset = (start + size).next_multiple_of(4);
+        let chunk = start..start + size.min(left);
+        // Longer than the header's length: that one didn't count padding or the binary chunk.
+        odd |= chunk.end > end || size > left;
+        end = end.max(chunk.end);
+        let padded = chunk.end.next_multiple_of(4);
+        let follows = |at: usize| peek(at + 4) == Some(BIN);
+        let at_once = padded != chunk.end && !follows(padded) && follows(chunk.end);
+        odd |= padded != chunk.end;
+        offset = if at_once { chunk.end } else { padded };
+        chunks.push((kind, chunk));
     }
-    // Chunk types are ASCII words, little-endian: "JSON" and "BIN\0". Unknown ones are skipped, as the
-    // specification wants it.
+    if odd {
+        notes.say("the file's chunks are not padded as glTF 2.0 wants it");
+    }
+    // Unknown chunk types are skipped, as the specification wants it.
     let mut chunks = chunks.into_iter();
     let json = match chunks.next() {
-        Some((0x4E4F_534A, range)) => range,
+        Some((JSON, range)) => range,
         _ => return Err((12, "the first chunk is not JSON; export the scene again".into())),
     };
-    let bin = chunks
-        .next()
-        .filter(|chunk| chunk.0 == 0x004E_4942)
-        .map(|chunk| chunk.1);
+    let bin = chunks.next().filter(|chunk| chunk.0 == BIN).map(|chunk| chunk.1);
     Ok((json, bin))
 }

@@ -10,6 +10,7 @@ const SUPPORTED: &[&str] = &[
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_unlit",
+    "KHR_node_visibility",
     "KHR_texture_transform",
 ];
 

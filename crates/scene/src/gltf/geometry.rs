@@ -5,9 +5,10 @@
 
 use super::accessors::Data;
 use super::json::Faults;
+use super::list::List;
 use super::nodes::Graph;
 use super::notes::Notes;
-use super::primitives::{Mode, Primitive};
+use super::primitives::{MeshPrimitives, Mode, Primitive};
 use crate::scene::{Instance, Mesh};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 use std::collections::HashMap;
@@ -33,9 +34,9 @@ struct Budget {
 
 impl Budget {
     fn new(data: &Data) -> Budget {
-        let bytes: u64 = data.buffers.iter().map(|b| b.len() as u64).sum();
         Budget {
-            left: bytes
+            left: data
+                .total_bytes()
                 .saturating_mul(ELEMENTS_PER_BYTE)
                 .clamp(FREE_ELEMENTS, MAX_ELEMENTS),
         }
@@ -62,7 +63,7 @@ pub(super) struct Geometry {
 /// `default_material` is used where a primitive has none.
 pub(super) fn build(
     data: &Data,
-    primitives: &[Vec<(Primitive, String)>],
+    meshes: &List<MeshPrimitives>,
     graph: &Graph,
     default_material: u32,
     faults: &Faults,
@@ -84,7 +85,7 @@ pub(super) fn build(
         if node.skinned {
             notes.count("skinned meshes, imported at rest", 1);
         }
-        for (primitive, path) in &primitives[mesh] {
+        for (primitive, path) in meshes.peek(mesh).into_iter().flatten() {
             let index = *mesh_of.entry(primitive).or_insert_with(|| {
                 budget.take(element_count(data, primitive), path, faults)?;
                 let mesh = decode(data, primitive, path, default_material, faults, notes)?;
@@ -99,7 +100,7 @@ pub(super) fn build(
             let Some(index) = index else { continue };
             drawn += geometry.meshes[index as usize].triangles.len() as u64;
             if drawn > MAX_DRAWN {
-                let path = format!("nodes[{i}].mesh");
+                let path = format!("nodes[{}].mesh", node.source);
                 let message =
                     format!("brings the scene to more than {MAX_DRAWN} drawn triangles; split the scene");
                 faults.add(path, message);
@@ -136,11 +137,7 @@ pub(super) fn build(
 }
 
 fn element_count(data: &Data, primitive: &Primitive) -> u64 {
-    let count = |accessor: usize| {
-        data.layout.accessors[accessor]
-            .as_ref()
-            .map_or(0, |a| a.count as u64)
-    };
+    let count = |accessor: usize| data.layout.accessors.peek(accessor).map_or(0, |a| a.count as u64);
     let attributes = 1
         + primitive.uvs.len()
         + [primitive.normals, primitive.tangents, primitive.colors]
@@ -386,7 +383,7 @@ fn tangents(read: Vec<[f32; 4]>, notes: &mut Notes) -> Vec<Vec4> {
 
 /// Linear RGBA; alpha 1 where there is none. Negative and non-finite values become 0 and 1.
 fn colors(data: &Data, accessor: usize, notes: &mut Notes) -> Vec<Vec4> {
-    let info = data.layout.accessors[accessor].as_ref();
+    let info = data.layout.accessors.peek(accessor);
     let (width, max) = info.map_or((4, 1.0), |info| {
         use super::accessors::Component::*;
         // Some exporters forget `normalized`: plain integers are meant the same way.

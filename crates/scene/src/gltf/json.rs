@@ -14,17 +14,26 @@ pub(super) struct Faults {
 }
 
 impl Faults {
-    /// Adds a fault, or only counts it when the list is long enough.
+    /// Adds a fault that is not there yet, or only counts it when the list is long enough.
     pub fn add(&self, path: impl Into<String>, message: impl Into<String>) {
         let mut list = self.list.borrow_mut();
+        let fault = Fault {
+            path: path.into(),
+            message: message.into(),
+        };
+        if list.contains(&fault) {
+            return;
+        }
         if list.len() < MAX_FAULTS {
-            list.push(Fault {
-                path: path.into(),
-                message: message.into(),
-            });
+            list.push(fault);
         } else {
             self.more.set(self.more.get() + 1);
         }
+    }
+
+    /// The faults listed so far, which are forgotten.
+    pub fn take(&self) -> Vec<Fault> {
+        self.list.take()
     }
 
     /// An error if there were any faults so far.
@@ -59,6 +68,23 @@ impl<'a> At<'a> {
             path: String::new(),
             faults,
         }
+    }
+
+    /// The same place, with faults going elsewhere.
+    pub fn reporting_to<'b>(&self, faults: &'b Faults) -> At<'b>
+    where
+        'a: 'b,
+    {
+        At {
+            value: self.value,
+            path: self.path.clone(),
+            faults,
+        }
+    }
+
+    /// Where faults go.
+    pub fn faults(&self) -> &'a Faults {
+        self.faults
     }
 
     /// Reports a fault here.
@@ -132,9 +158,12 @@ impl<'a> At<'a> {
         items
     }
 
-    /// This value as a non-negative integer.
+    /// This value as a non-negative integer, which may be written with a fraction of zero or an exponent.
     pub fn as_uint(&self) -> Option<u64> {
-        let value = self.value.as_u64();
+        // Up to 2⁵³ every integer is a number of JSON.
+        let whole = |x: &f64| (0.0..=9_007_199_254_740_992.0).contains(x) && x.fract() == 0.0;
+        let float = || self.value.as_f64().filter(whole).map(|x| x as u64);
+        let value = self.value.as_u64().or_else(float);
         if value.is_none() {
             self.fault(format!(
                 "must be a non-negative integer, found {}",
@@ -192,14 +221,42 @@ impl<'a> At<'a> {
 
     /// An array of exactly `N` numbers that are finite as f32.
     pub fn floats<const N: usize>(&self, key: &str) -> Option<[f32; N]> {
+        self.numbers(key, |x| (x as f32).is_finite())
+            .map(|numbers: [f64; N]| numbers.map(|x| x as f32))
+    }
+
+    /// An array of exactly `N` finite numbers.
+    pub fn doubles<const N: usize>(&self, key: &str) -> Option<[f64; N]> {
+        self.numbers(key, f64::is_finite)
+    }
+
+    fn numbers<const N: usize>(&self, key: &str, fits: impl Fn(f64) -> bool) -> Option<[f64; N]> {
         let member = self.get(key)?;
-        let array = member.value.as_array().filter(|array| array.len() == N);
+        let Some(array) = member.value.as_array().filter(|array| array.len() == N) else {
+            member.fault(format!(
+                "must be an array of {N} finite numbers, found {}",
+                match member.value {
+                    Value::Array(array) => format!("one of {} values", array.len()),
+                    other => brief(other),
+                }
+            ));
+            return None;
+        };
         let mut values = [0.0; N];
-        for i in 0..N {
-            match array.and_then(|array| array[i].as_f64()).map(|x| x as f32) {
-                Some(x) if x.is_finite() => values[i] = x,
-                _ => {
-                    member.fault(format!("must be an array of {N} finite numbers"));
+        for (i, entry) in array.iter().enumerate() {
+            match entry.as_f64().filter(|&x| fits(x)) {
+                Some(x) => values[i] = x,
+                None => {
+                    let nan = if entry.is_null() {
+                        " (which is how some write NaN)"
+                    } else {
+                        ""
+                    };
+                    member.fault(format!(
+                        "must be an array of {N} finite numbers, found {}{nan} at [{i}]; mend it where the scene was \
+                         made and export it again",
+                        brief(entry)
+                    ));
                     return None;
                 }
             }

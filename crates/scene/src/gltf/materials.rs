@@ -5,8 +5,10 @@
 //! Occlusion textures are left out: relight computes occlusion.
 
 use super::accessors::{Data, Layout, MAX_BYTES};
+use super::error::Fault;
 use super::extensions::advice;
 use super::json::{At, Faults};
+use super::list::List;
 use super::notes::Notes;
 use super::uri;
 use crate::material::{AlphaMode, Material, Texture, TextureUse, Wrap};
@@ -34,35 +36,38 @@ pub(super) struct TextureSource {
 
 /// Everything about materials that the JSON says. Texture uses refer to `textures`.
 pub(super) struct Materials {
-    pub materials: Vec<Material>,
-    pub textures: Vec<Option<TextureSource>>,
-    pub images: Vec<Option<ImageSource>>,
-    image_names: Vec<String>,
+    pub materials: List<Material>,
+    pub textures: List<TextureSource>,
+    pub images: List<(String, ImageSource)>,
 }
 
 impl Materials {
     /// Reads and checks images, samplers, textures and materials.
     pub fn parse(root: &At, layout: &Layout, notes: &mut Notes) -> Materials {
-        let image_items = root.objects("images");
-        let images: Vec<_> = image_items.iter().map(|at| parse_image(at, layout)).collect();
-        let name = |(i, at): (usize, &At)| {
+        let images = List::parse(root, "images", |at| {
             let name = at.text("name").filter(|name| !name.is_empty());
-            name.map_or_else(|| format!("images[{i}]"), str::to_owned)
-        };
-        let image_names = image_items.iter().enumerate().map(name).collect();
-        let samplers: Vec<_> = root.objects("samplers").iter().map(parse_sampler).collect();
-        let textures: Vec<_> = (root.objects("textures").iter())
-            .map(|at| parse_texture(at, images.len(), &samplers))
-            .collect();
-        let materials = (root.objects("materials").iter())
-            .map(|at| parse_material(at, textures.len(), notes))
-            .collect();
+            let name = name.map_or_else(|| at.path.clone(), str::to_owned);
+            Some((name, parse_image(at, layout)?))
+        });
+        let samplers = List::parse(root, "samplers", |at| Some(parse_sampler(at)));
+        let textures = List::parse(root, "textures", |at| parse_texture(at, &images, &samplers));
+        let materials = List::parse(root, "materials", |at| {
+            Some(parse_material(at, textures.len(), notes))
+        });
         Materials {
             materials,
             textures,
             images,
-            image_names,
         }
+    }
+}
+
+impl Materials {
+    /// Notes what is wrong with what nobody used.
+    pub fn note_unused(&self, notes: &mut Notes) {
+        self.materials.note_unused(notes);
+        self.textures.note_unused(notes);
+        self.images.note_unused(notes);
     }
 }
 
@@ -109,9 +114,14 @@ fn parse_sampler(at: &At) -> ([u8; 2], bool) {
     ([wrap("wrapS"), wrap("wrapT")], nearest)
 }
 
-fn parse_texture(at: &At, images: usize, samplers: &[([u8; 2], bool)]) -> Option<TextureSource> {
+fn parse_texture(
+    at: &At,
+    images: &List<(String, ImageSource)>,
+    samplers: &List<([u8; 2], bool)>,
+) -> Option<TextureSource> {
     let sampler = at.index("sampler", samplers.len(), "samplers");
-    let (wrap, nearest) = sampler.map_or(([0, 0], false), |s| samplers[s]);
+    let sampler = sampler.and_then(|sampler| samplers.get(sampler, at.faults()));
+    let &(wrap, nearest) = sampler.unwrap_or(&([0, 0], false));
     if at.get("source").is_none() {
         let name = [
             "KHR_texture_basisu",
@@ -127,7 +137,8 @@ fn parse_texture(at: &At, images: usize, samplers: &[([u8; 2], bool)]) -> Option
         });
         return None;
     }
-    let image = at.index("source", images, "images")?;
+    let image = at.index("source", images.len(), "images")?;
+    images.get(image, at.faults())?;
     Some(TextureSource { image, wrap, nearest })
 }
 
@@ -229,18 +240,22 @@ fn parse_material(at: &At, textures: usize, notes: &mut Notes) -> Material {
 }
 
 /// Loads the images that `materials` use, and points their texture uses at the list that is returned:
-/// every pair of image and sampler once.
+/// every pair of image and sampler once. What is wrong with those of materials that are not `used` is noted, no fault.
 pub(super) fn load_textures(
     source: &Materials,
     materials: &mut [Material],
+    used: &[bool],
     data: &Data,
     folder: &Path,
     faults: &Faults,
+    notes: &mut Notes,
 ) -> Vec<Texture> {
     let mut textures: Vec<Texture> = Vec::new();
-    let mut index_of: BTreeMap<TextureSource, Option<u32>> = BTreeMap::new();
+    let mut index_of: BTreeMap<TextureSource, Result<u32, Fault>> = BTreeMap::new();
     let mut total = 0;
-    for material in materials {
+    let unused = Faults::default();
+    for (i, material) in materials.iter_mut().enumerate() {
+        let faults = if used[i] { faults } else { &unused };
         for slot in [
             &mut material.base_color_texture,
             &mut material.metallic_roughness_texture,
@@ -248,29 +263,41 @@ pub(super) fn load_textures(
             &mut material.emission_texture,
         ] {
             let Some(texture_use) = slot else { continue };
-            let Some(key) = source.textures[texture_use.texture as usize] else {
+            let Some(&key) = source.textures.get(texture_use.texture as usize, faults) else {
+                *slot = None;
                 continue;
             };
             let index = index_of.entry(key).or_insert_with(|| {
-                let encoded = load_image(source, key.image, data, folder, &mut total)
-                    .map_err(|message| faults.add(format!("images[{}]", key.image), message))
-                    .ok()?;
+                let encoded =
+                    load_image(source, key.image, data, folder, &mut total).map_err(|message| Fault {
+                        path: format!("images[{}]", key.image),
+                        message,
+                    })?;
                 let wrap = key
                     .wrap
                     .map(|w| [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp][w as usize]);
                 textures.push(Texture {
-                    name: source.image_names[key.image].clone(),
+                    name: source
+                        .images
+                        .peek(key.image)
+                        .map_or_else(String::new, |image| image.0.clone()),
                     encoded,
                     wrap,
                     nearest: key.nearest,
                 });
-                Some(textures.len() as u32 - 1)
+                Ok(textures.len() as u32 - 1)
             });
             match index {
-                Some(index) => texture_use.texture = *index,
-                None => *slot = None,
+                Ok(index) => texture_use.texture = *index,
+                Err(fault) => {
+                    faults.add(fault.path.clone(), fault.message.clone());
+                    *slot = None;
+                }
             }
         }
+    }
+    for fault in unused.take() {
+        notes.say(format!("nothing that is shown uses what is wrong here: {fault}"));
     }
     textures
 }
@@ -282,17 +309,18 @@ fn load_image(
     folder: &Path,
     total: &mut u64,
 ) -> Result<Vec<u8>, String> {
-    let image_source = source.images[image].as_ref().ok_or("cannot be read")?;
+    let (_, image_source) = source.images.peek(image).ok_or("cannot be read")?;
     let left = MAX_BYTES - *total;
     let too_big = || format!("brings the images to more than {MAX_BYTES} bytes; scale them down");
     let bytes = match image_source {
         ImageSource::View(view) => {
-            let view = data.layout.views[*view].as_ref().ok_or("has no view")?;
-            if view.length > left {
+            let bytes = data
+                .view_bytes(*view)
+                .map_err(|fault| format!("cannot be read: {fault}"))?;
+            if bytes.len() as u64 > left {
                 return Err(too_big());
             }
-            let buffer = &data.buffers[view.buffer];
-            buffer[view.offset as usize..(view.offset + view.length) as usize].to_vec()
+            bytes.to_vec()
         }
         ImageSource::Uri(uri) => {
             uri::decode_data_uri(uri).unwrap_or_else(|| uri::read_relative(folder, uri, left + 1))?

@@ -1,11 +1,11 @@
 //! Import of glTF 2.0 scenes (feature `gltf`).
 //!
 //! Implements the Khronos glTF 2.0 specification with KHR_lights_punctual, KHR_materials_emissive_strength,
-//! KHR_materials_unlit, KHR_texture_transform and, for lights and cameras, KHR_animation_pointer.
+//! KHR_materials_unlit, KHR_node_visibility, KHR_texture_transform and, for lights and cameras, KHR_animation_pointer.
 //!
 //! **Anybody may have written the file.** Every index, range, count and type is checked against the JSON and
 //! the real bytes before anything is decoded or allocated; all faults of a stage are reported together, each
-//! with its JSON path. The `gltf` crate, which panics or silently drops geometry on many malformed files,
+//! with its JSON path, but for those in parts that nothing shown uses: they are noted. The `gltf` crate, which panics or silently drops geometry on many malformed files,
 //! decodes accessors of a document rebuilt from what was checked, and sees nothing else. Other files are read
 //! only from the scene's own folder.
 //!
@@ -14,9 +14,10 @@
 //! triangles with vertices that are not finite, the range of lights. Occlusion textures are left out without
 //! one: relight computes occlusion. What the specification forbids but can only mean one thing is accepted:
 //! quaternions that are not quite of unit length, factors slightly out of range, an incomplete last triangle,
-//! vertex colours of plain integers.
+//! vertex colours of plain integers, nodes on several paths, strides of 0, empty accessors, `null` for absent, names in
+//! Latin-1, chunks without padding; all but the commonest with a note.
 //!
-//! The way of the data: `container` splits the file, `accessors`, `materials`, `nodes`,
+//! The way of the data: `container` splits the file, `mend` makes JSON of it, `list` holds entries, `accessors`, `materials`, `nodes`,
 //! `primitives` and `animation` read and check, `geometry` and `tracks` build the scene.
 
 mod accessors;
@@ -26,7 +27,9 @@ mod error;
 mod extensions;
 mod geometry;
 mod json;
+mod list;
 mod materials;
+mod mend;
 mod nodes;
 mod notes;
 mod primitives;
@@ -77,8 +80,8 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
-    let container = container::read(path)?;
     let (faults, mut notes) = (Faults::default(), Notes::default());
+    let container = container::read(path, &mut notes)?;
     let root = At::root(&container.json, &faults);
     check_version(&root);
     faults.finish(path)?;
@@ -90,24 +93,34 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
         });
     }
 
-    let layout = accessors::Layout::parse(&root, container.bin.is_some());
-    let mut source = materials::Materials::parse(&root, &layout, &mut notes);
-    let primitives = primitives::parse(&root, &layout, source.materials.len(), &mut notes);
-    let graph = nodes::Graph::parse(&root, primitives.len(), &mut notes);
+    let layout = accessors::Layout::parse(&root, container.bin.is_some(), &mut notes);
+    let source = materials::Materials::parse(&root, &layout, &mut notes);
+    let meshes = primitives::parse(&root, &layout, source.materials.len(), &mut notes);
+    let graph = nodes::Graph::parse(&root, meshes.len(), &mut notes);
+    // Asking for what is shown reports what is wrong with it.
+    let mut used = vec![false; source.materials.len()];
+    for mesh in graph.order.iter().filter_map(|&i| graph.nodes[i].mesh) {
+        for (primitive, _) in meshes.get(mesh, &faults).into_iter().flatten() {
+            if let Some(material) = primitive.material {
+                source.materials.get(material, &faults);
+                used[material] = true;
+            }
+        }
+    }
+    meshes.note_unused(&mut notes);
     let channels = animation::parse(&root, &layout, &graph, &mut notes);
     animation::note_moving_meshes(&graph, &channels, &mut notes);
     faults.finish(path)?;
 
     let bin = container.bin.clone().map(|range| &container.bytes[range]);
-    let buffers = accessors::load_buffers(&layout, bin, folder, &faults);
-    faults.finish(path)?;
-    let data = accessors::Data::new(path, &layout, &buffers)?;
-    data.check_sparse(&faults);
-    faults.finish(path)?;
+    let buffers = accessors::load_buffers(&layout, bin, folder);
+    let data = accessors::Data::new(path, &layout, &buffers, &faults)?;
 
-    let mut materials = std::mem::take(&mut source.materials);
+    let mut materials: Vec<Material> = (0..used.len())
+        .map(|i| source.materials.peek(i).cloned().unwrap_or_default())
+        .collect();
     let default_material = materials.len() as u32;
-    let mut geometry = geometry::build(&data, &primitives, &graph, default_material, &faults, &mut notes);
+    let mut geometry = geometry::build(&data, &meshes, &graph, default_material, &faults, &mut notes);
     if geometry
         .meshes
         .iter()
@@ -115,8 +128,12 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
     {
         materials.push(Material::default());
     }
-    let textures = materials::load_textures(&source, &mut materials, &data, folder, &faults);
-    let curves = animation::decode(&channels, &data, &faults);
+    used.push(true);
+    let textures =
+        materials::load_textures(&source, &mut materials, &used, &data, folder, &faults, &mut notes);
+    source.note_unused(&mut notes);
+    layout.note_unused(&mut notes);
+    let curves = animation::decode(&graph, &channels, &data, &faults);
     let tracks = tracks::build(&graph, &curves, options.light_units, &faults, &mut notes);
     faults.finish(path)?;
     add_missing_uvs(&mut geometry, &materials, &mut notes);

@@ -1,12 +1,21 @@
-//! Nodes, scenes, cameras and KHR_lights_punctual (glTF 2.0, section 3.5): the tree, proved to be one, and
-//! what hangs on it.
+//! Nodes, scenes, cameras and KHR_lights_punctual (glTF 2.0, section 3.5), with KHR_node_visibility: the tree that is
+//! shown, and what hangs on it.
+//!
+//! Nodes must form trees whose roots scenes list. Files in which a node is reached by several paths mean what they
+//! say: it is there once per path, as a copy of its own after the file's nodes. Circles mean nothing.
 
 use super::json::At;
+use super::list::List;
 use super::notes::Notes;
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
+use serde_json::Value;
+use std::collections::HashSet;
 
 /// How deep nodes may be nested: transforms of moving lights cost time in proportion.
 const MAX_DEPTH: u32 = 1000;
+
+/// Copies of nodes that several paths reach. Paths double at every diamond, so a small file can ask for any number.
+const MAX_COPIES: usize = 1 << 16;
 
 /// Translation, rotation and scale, in the order in which they are applied last to first; f64, since chains
 /// of them get long.
@@ -71,15 +80,22 @@ impl Trs {
 }
 
 /// A node of the tree.
+#[derive(Clone)]
 pub(super) struct Node {
+    /// Its index in the file, which animations and messages name.
+    pub source: usize,
     pub name: Option<String>,
     pub local: Local,
+    /// Above it in the tree that is shown.
     pub parent: Option<usize>,
-    pub children: Vec<usize>,
+    /// As the file lists them.
+    children: Vec<usize>,
     pub mesh: Option<usize>,
     pub camera: Option<usize>,
     pub light: Option<usize>,
     pub skinned: bool,
+    /// Neither it nor what is below it is seen or shines.
+    hidden: bool,
 }
 
 /// A perspective camera.
@@ -110,43 +126,46 @@ pub(super) struct Punctual {
     pub intensity: f32,
 }
 
-/// The scene graph. `cameras` holds `None` for orthographic ones.
+/// The scene graph. Orthographic cameras are left out. What nodes of the scene refer to is there.
 pub(super) struct Graph {
+    /// Those of the file, and copies.
     pub nodes: Vec<Node>,
-    pub cameras: Vec<Option<Perspective>>,
-    pub lights: Vec<Punctual>,
+    pub cameras: List<Perspective>,
+    pub lights: List<Punctual>,
     /// All nodes of the scene that is shown, parents before children, in the order of the file.
     pub order: Vec<usize>,
 }
 
 impl Graph {
-    /// Reads and checks the graph. Faults leave defaults, so that one pass finds them all.
+    /// Reads the graph and checks what is shown.
     pub fn parse(root: &At, meshes: usize, notes: &mut Notes) -> Graph {
-        let cameras: Vec<_> = root
-            .objects("cameras")
-            .iter()
-            .map(|at| parse_camera(at, notes))
-            .collect();
-        let lights: Vec<Punctual> = match root.extension("KHR_lights_punctual") {
-            Some(extension) => extension
-                .objects("lights")
-                .iter()
-                .map(|at| parse_light(at, notes))
-                .collect(),
-            None => Vec::new(),
-        };
-        let items = root.objects("nodes");
-        let skins = root.objects("skins").len();
-        let mut nodes: Vec<Node> = (items.iter())
-            .map(|at| parse_node(at, items.len(), meshes, cameras.len(), lights.len(), skins))
-            .collect();
-        link_parents(&mut nodes, &items);
-        let order = parse_scene(root, &nodes, notes);
+        let cameras = List::parse(root, "cameras", |at| parse_camera(at, notes));
+        let punctual = root.extension("KHR_lights_punctual");
+        // Without the extension there is no such list.
+        let empty = Value::Null;
+        let none = At::root(&empty, root.faults());
+        let lights = List::parse(punctual.as_ref().unwrap_or(&none), "lights", |at| {
+            Some(parse_light(at, notes))
+        });
+        let skins = root.items("skins").len();
+        let count = root.items("nodes").len();
+        let nodes = List::parse(root, "nodes", |at| {
+            Some(parse_node(at, count, meshes, cameras.len(), lights.len(), skins))
+        });
+        let mut graph = shown_tree(root, &nodes, notes);
+        nodes.note_unused(notes);
+        for &i in &graph.order {
+            let node = &mut graph.nodes[i];
+            node.camera = node.camera.filter(|&c| cameras.get(c, root.faults()).is_some());
+            node.light = node.light.filter(|&l| lights.get(l, root.faults()).is_some());
+        }
+        cameras.note_unused(notes);
+        lights.note_unused(notes);
         Graph {
-            nodes,
+            nodes: graph.nodes,
             cameras,
             lights,
-            order,
+            order: graph.order,
         }
     }
 
@@ -259,7 +278,12 @@ fn parse_node(at: &At, nodes: usize, meshes: usize, cameras: usize, lights: usiz
     let light = at
         .extension("KHR_lights_punctual")
         .and_then(|extension| extension.required_index("light", lights, "lights"));
+    let visibility = at.extension("KHR_node_visibility");
+    let shown =
+        visibility.is_none_or(|visibility| visibility.get("visible").is_none() || visibility.flag("visible"));
     Node {
+        source: 0,
+        hidden: !shown,
         name: name_of(at),
         local: parse_local(at),
         parent: None,
@@ -272,7 +296,7 @@ fn parse_node(at: &At, nodes: usize, meshes: usize, cameras: usize, lights: usiz
 }
 
 fn parse_local(at: &At) -> Local {
-    let translation = at.floats("translation").map_or(Vec3::ZERO, Vec3::from_array);
+    let translation = at.doubles("translation").map_or(DVec3::ZERO, DVec3::from_array);
     let scale = at.floats("scale").map_or(Vec3::ONE, Vec3::from_array);
     let rotation: [f32; 4] = at.floats("rotation").unwrap_or([0.0, 0.0, 0.0, 1.0]);
     let rotation = DQuat::from_array(rotation.map(f64::from));
@@ -282,7 +306,7 @@ fn parse_local(at: &At) -> Local {
     }
     if at.get("matrix").is_none() {
         return Local::Trs(Trs {
-            translation: translation.as_dvec3(),
+            translation,
             rotation: rotation.normalize(),
             scale: scale.as_dvec3(),
         });
@@ -296,10 +320,7 @@ fn parse_local(at: &At) -> Local {
             "stands beside translation, rotation or scale; keep one or the other",
         );
     }
-    let matrix: [f32; 16] = at
-        .floats("matrix")
-        .unwrap_or(glam::Mat4::IDENTITY.to_cols_array());
-    let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
+    let matrix = (at.doubles("matrix")).map_or(DMat4::IDENTITY, |matrix| DMat4::from_cols_array(&matrix));
     // Exporters round; a real projection is far from this.
     if (matrix.row(3) - glam::DVec4::W).abs().max_element() > 1e-4 {
         at.fault_at(
@@ -310,103 +331,138 @@ fn parse_local(at: &At) -> Local {
     Local::Matrix(DAffine3::from_mat4(matrix))
 }
 
-/// Sets parents and reports nodes with two of them, and cycles.
-fn link_parents(nodes: &mut [Node], items: &[At]) {
-    for i in 0..nodes.len() {
-        for k in 0..nodes[i].children.len() {
-            let child = nodes[i].children[k];
-            match nodes[child].parent {
-                None => nodes[child].parent = Some(i),
-                Some(other) => items[i].fault_at(
-                    "children",
-                    format!(
-                        "holds node {child}, which is a child of node {other} already; a node has one parent"
-                    ),
-                ),
-            }
-        }
-    }
-    // With one parent each, following parents either ends at a root or runs in a circle. `seen` holds the
-    // walk that visited a node first.
-    let mut seen = vec![usize::MAX; nodes.len()];
-    for start in 0..nodes.len() {
-        let mut at = Some(start);
-        while let Some(i) = at {
-            if seen[i] == start {
-                items[i].fault_at(
-                    "children",
-                    "makes the node an ancestor of itself; nodes must form a tree",
-                );
-            }
-            if seen[i] != usize::MAX {
-                break;
-            }
-            seen[i] = start;
-            at = nodes[i].parent;
-        }
-    }
+/// Nodes with parents as they are shown, and their order.
+struct Tree {
+    nodes: Vec<Node>,
+    order: Vec<usize>,
 }
 
-/// The nodes of the scene that is shown, parents first: `scene`, else the first scene, else all roots.
-fn parse_scene(root: &At, nodes: &[Node], notes: &mut Notes) -> Vec<usize> {
-    let scenes = root.objects("scenes");
-    let mut shown: Vec<usize> = Vec::new();
-    let chosen = root.index("scene", scenes.len(), "scenes").unwrap_or(0);
-    for (i, scene) in scenes.iter().enumerate() {
-        let mut roots: Vec<usize> = Vec::new();
-        for item in scene.items("nodes") {
-            let Some(node) = item.as_index(nodes.len(), "nodes") else {
-                continue;
-            };
-            if let Some(parent) = nodes[node].parent {
-                item.fault(format!(
-                    "is node {node}, a child of node {parent}; a scene lists root nodes only"
-                ));
-                continue;
-            }
-            roots.push(node);
-        }
-        let mut sorted = roots.clone();
-        sorted.sort_unstable();
-        if let Some(twice) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
-            scene.fault_at("nodes", format!("lists node {} twice", twice[0]));
-            roots.clear();
-        }
-        if i == chosen {
-            shown = roots;
+/// Follows every path from the roots of the scene that is shown.
+fn shown_tree(root: &At, list: &List<Node>, notes: &mut Notes) -> Tree {
+    let none = Node {
+        source: 0,
+        hidden: false,
+        name: None,
+        local: Local::Matrix(DAffine3::IDENTITY),
+        parent: None,
+        children: Vec::new(),
+        mesh: None,
+        camera: None,
+        light: None,
+        skinned: false,
+    };
+    let mut nodes: Vec<Node> = (0..list.len())
+        .map(|source| Node {
+            source,
+            ..list.peek(source).unwrap_or(&none).clone()
+        })
+        .collect();
+    let mut children: Vec<Vec<usize>> = nodes.iter().map(|node| node.children.clone()).collect();
+    let mut is_child = vec![false; nodes.len()];
+    let mut repeated = 0;
+    for children in &mut children {
+        repeated += drop_repeated(children);
+        for &child in &*children {
+            is_child[child] = true;
         }
     }
-    if scenes.is_empty() {
-        shown = (0..nodes.len()).filter(|&i| nodes[i].parent.is_none()).collect();
-    } else if scenes.len() > 1 {
+    let mut roots = roots(root, &is_child, notes);
+    repeated += drop_repeated(&mut roots);
+    notes.count("nodes listed twice in one list, drawn once", repeated);
+
+    let (mut order, mut hidden_count, mut copies) = (Vec::new(), 0, 0);
+    let mut placed = vec![false; nodes.len()];
+    let mut depth = vec![0u32; nodes.len()];
+    let mut hidden = vec![false; nodes.len()];
+    // Nodes of the file to place, and the placed ones above them.
+    let mut stack: Vec<(usize, Option<usize>)> = roots.into_iter().rev().map(|i| (i, None)).collect();
+    while let Some((source, parent)) = stack.pop() {
+        list.get(source, root.faults());
+        let mut i = source;
+        if std::mem::replace(&mut placed[source], true) {
+            let above = std::iter::successors(parent, |&p| nodes[p].parent);
+            if above.into_iter().any(|p| nodes[p].source == source) {
+                root.fault_at(
+                    &format!("nodes[{source}].children"),
+                    "makes the node an ancestor of itself; nodes must form a tree",
+                );
+                continue;
+            }
+            copies += 1;
+            if copies > MAX_COPIES {
+                root.fault_at(
+                    "nodes",
+                    format!("are reached by more than {MAX_COPIES} paths beside the first, as node {source} is; list them once"),
+                );
+                break;
+            }
+            i = nodes.len();
+            nodes.push(Node {
+                source,
+                ..list.peek(source).unwrap_or(&none).clone()
+            });
+            depth.push(0);
+            hidden.push(false);
+        }
+        order.push(i);
+        nodes[i].parent = parent;
+        if let Some(p) = parent {
+            depth[i] = depth[p] + 1;
+        }
+        hidden[i] = nodes[i].hidden || parent.is_some_and(|p| hidden[p]);
+        if hidden[i] {
+            hidden_count += 1;
+            // Visibility does not affect cameras.
+            (nodes[i].mesh, nodes[i].light) = (None, None);
+        }
+        if depth[i] > MAX_DEPTH {
+            root.fault_at(
+                "nodes",
+                format!("are nested more than {MAX_DEPTH} deep, at node {source}; flatten them"),
+            );
+            break;
+        }
+        stack.extend(children[source].iter().rev().map(|&child| (child, Some(i))));
+    }
+    notes.count("nodes that KHR_node_visibility hides, left out", hidden_count);
+    notes.count(
+        "nodes that more than one path leads to, drawn once per path: copies",
+        copies as u64,
+    );
+    Tree { nodes, order }
+}
+
+/// Keeps the first of equal indices; returns how many others there were.
+fn drop_repeated(list: &mut Vec<usize>) -> u64 {
+    let before = list.len();
+    let mut seen = HashSet::new();
+    list.retain(|&i| seen.insert(i));
+    (before - list.len()) as u64
+}
+
+/// The roots of the scene that is shown: `scene`, else the first scene, else all nodes that are no child.
+fn roots(root: &At, is_child: &[bool], notes: &mut Notes) -> Vec<usize> {
+    let scenes = root.items("scenes");
+    let chosen = root.index("scene", scenes.len(), "scenes").unwrap_or(0);
+    let Some(scene) = scenes.get(chosen) else {
+        return (0..is_child.len()).filter(|&i| !is_child[i]).collect();
+    };
+    if scenes.len() > 1 {
         notes.say(format!(
             "scenes[{chosen}] is imported; the file has {} scenes",
             scenes.len()
         ));
     }
-    let mut order = Vec::new();
-    let mut depth = vec![0u32; nodes.len()];
-    let mut stack: Vec<usize> = shown.into_iter().rev().collect();
-    // The tree has at most as many nodes as there are; more means a fault that was reported above.
-    while let Some(i) = stack.pop()
-        && order.len() < nodes.len()
-    {
-        order.push(i);
-        depth[i] = nodes[i].parent.map_or(0, |p| depth[p] + 1);
-        if depth[i] > MAX_DEPTH {
-            root.fault_at(
-                "nodes",
-                format!("are nested more than {MAX_DEPTH} deep, at node {i}; flatten them"),
-            );
-            break;
-        }
-        stack.extend(
-            nodes[i]
-                .children
-                .iter()
-                .rev()
-                .filter(|&&c| nodes[c].parent == Some(i)),
-        );
+    if !scene.value.is_object() {
+        scene.fault("must be an object");
     }
-    order
+    let items = scene.items("nodes");
+    let roots: Vec<usize> = (items.iter())
+        .filter_map(|item| item.as_index(is_child.len(), "nodes"))
+        .collect();
+    notes.count(
+        "nodes that the scene lists although they are children of others, drawn once per path",
+        roots.iter().filter(|&&i| is_child[i]).count() as u64,
+    );
+    roots
 }

@@ -4,6 +4,7 @@
 use super::accessors::{Accessor, Component, Layout};
 use super::extensions::advice;
 use super::json::At;
+use super::list::List;
 use super::materials::MAX_UV_SETS;
 use super::notes::Notes;
 
@@ -34,22 +35,19 @@ pub(super) struct Primitive {
     pub material: Option<usize>,
 }
 
-/// All meshes: lists of primitives with their JSON path; those without triangles are left out.
-pub(super) fn parse(
-    root: &At,
-    layout: &Layout,
-    materials: usize,
-    notes: &mut Notes,
-) -> Vec<Vec<(Primitive, String)>> {
-    let mesh = |at: &At| {
+/// The primitives of a mesh with their JSON paths.
+pub(super) type MeshPrimitives = Vec<(Primitive, String)>;
+
+/// All meshes; primitives without triangles are left out.
+pub(super) fn parse(root: &At, layout: &Layout, materials: usize, notes: &mut Notes) -> List<MeshPrimitives> {
+    List::parse(root, "meshes", |at| {
         let primitives = at.objects("primitives");
         let parsed = primitives.iter().filter_map(|at| {
             let primitive = parse_primitive(at, layout, materials, notes)?;
             Some((primitive, at.path.clone()))
         });
-        parsed.collect()
-    };
-    root.objects("meshes").iter().map(mesh).collect()
+        Some(parsed.collect())
+    })
 }
 
 fn parse_primitive(at: &At, layout: &Layout, materials: usize, notes: &mut Notes) -> Option<Primitive> {
@@ -86,7 +84,7 @@ fn parse_primitive(at: &At, layout: &Layout, materials: usize, notes: &mut Notes
     }
     let accessor = |at: &At, key: &str| -> Option<(usize, &Accessor)> {
         let index = at.index(key, layout.accessors.len(), "accessors")?;
-        let info = layout.accessors[index].as_ref()?;
+        let info = layout.accessors.get(index, at.faults())?;
         if info.view.is_none() && info.count > MAX_UNBACKED {
             at.fault_at(
                 key,
@@ -122,15 +120,35 @@ fn parse_primitive(at: &At, layout: &Layout, materials: usize, notes: &mut Notes
         None
     };
     let positions = attribute("POSITION", &[3], &[F32]);
-    let normals = attribute("NORMAL", &[3], &[F32]);
-    let tangents = attribute("TANGENT", &[4], &[F32]);
-    let colors = attribute("COLOR_0", &[3, 4], &[F32, U8, U16]);
+    let mut normals = attribute("NORMAL", &[3], &[F32]);
+    let mut tangents = attribute("TANGENT", &[4], &[F32]);
+    let mut colors = attribute("COLOR_0", &[3, 4], &[F32, U8, U16]);
     let mut uvs: Vec<Option<usize>> = (0..MAX_UV_SETS)
         .map(|set| attribute(&format!("TEXCOORD_{set}"), &[2], &[F32, U8, U16]))
         .collect();
-    uvs.truncate(uvs.iter().rposition(Option::is_some).map_or(0, |last| last + 1));
     let positions = positions?;
-    let info = layout.accessors[positions].as_ref()?;
+    let info = layout.accessors.peek(positions)?;
+    if info.count == 0 {
+        notes.count("primitives of 0 vertices left out", 1);
+        return None;
+    }
+    // Attributes of 0 elements are as absent.
+    let filled = |attribute: &Option<usize>| {
+        let info = attribute.and_then(|index| layout.accessors.peek(index));
+        info.is_none_or(|info| info.count > 0)
+    };
+    let mut empty = 0;
+    for attribute in [&mut normals, &mut tangents, &mut colors]
+        .into_iter()
+        .chain(&mut uvs)
+    {
+        if !filled(attribute) {
+            empty += 1;
+            *attribute = None;
+        }
+    }
+    notes.count("vertex attributes of 0 elements left out", empty);
+    uvs.truncate(uvs.iter().rposition(Option::is_some).map_or(0, |last| last + 1));
     if info.view.is_none() && info.sparse.is_none() {
         let name = ["KHR_draco_mesh_compression"]
             .into_iter()
@@ -149,7 +167,7 @@ fn parse_primitive(at: &At, layout: &Layout, materials: usize, notes: &mut Notes
         .chain(uvs.iter().copied())
         .flatten()
     {
-        let count = layout.accessors[other].as_ref()?.count;
+        let count = layout.accessors.peek(other)?.count;
         if count != info.count {
             attributes.fault(format!(
                 "use accessors[{other}] with {count} elements, but there are {} positions; export the scene again",

@@ -4,7 +4,7 @@
 //! Linear keys at every frame hold any chain of rotating parents and any of glTF's interpolations exactly at
 //! the frames, which is where they are looked up.
 
-use super::animation::{Curve, Target, forward_and_up, moves, world_from_node};
+use super::animation::{Curve, Target, forward_and_up, moves, targets_of_tracks, world_from_node};
 use super::json::Faults;
 use super::nodes::{Graph, Perspective, Punctual, PunctualKind};
 use super::notes::Notes;
@@ -54,7 +54,7 @@ pub(super) fn build(
     let (mut cameras, mut lights) = (Vec::new(), Vec::new());
     for &i in &graph.order {
         let node = &graph.nodes[i];
-        if let Some((index, camera)) = node.camera.and_then(|c| Some((c, graph.cameras[c].as_ref()?))) {
+        if let Some((index, camera)) = node.camera.and_then(|c| Some((c, graph.cameras.peek(c)?))) {
             let name = node
                 .name
                 .as_ref()
@@ -68,8 +68,7 @@ pub(super) fn build(
                 None => notes.count("cameras without a place or direction left out", 1),
             }
         }
-        if let Some(index) = node.light {
-            let light = &graph.lights[index];
+        if let Some((index, light)) = node.light.and_then(|l| Some((l, graph.lights.peek(l)?))) {
             let name = node
                 .name
                 .as_ref()
@@ -104,31 +103,7 @@ fn unique(name: &str, taken: &mut BTreeSet<String>) -> String {
 
 /// The number of frames up to and with the last key that moves a light or camera of the scene.
 fn frame_count(graph: &Graph, curves: &BTreeMap<Target, Curve>, faults: &Faults) -> Option<u32> {
-    let mut targets: BTreeSet<Target> = BTreeSet::new();
-    let mut tracks = 0;
-    for &i in &graph.order {
-        let node = &graph.nodes[i];
-        if node.light.is_none() && node.camera.is_none() {
-            continue;
-        }
-        tracks += 1;
-        for ancestor in graph.chain(i) {
-            targets.extend([
-                Target::Translation(ancestor),
-                Target::Rotation(ancestor),
-                Target::Scale(ancestor),
-            ]);
-        }
-        if let Some(l) = node.light {
-            targets.extend([
-                Target::Intensity(l),
-                Target::Color(l),
-                Target::InnerAngle(l),
-                Target::OuterAngle(l),
-            ]);
-        }
-        targets.extend(node.camera.map(Target::Yfov));
-    }
+    let (targets, tracks) = targets_of_tracks(graph);
     let ends = targets
         .iter()
         .filter_map(|target| curves.get(target))
@@ -206,7 +181,7 @@ impl Sampler<'_> {
 
     fn camera(&self, node: usize, index: usize, camera: &Perspective) -> Option<CameraTrack> {
         let chain = self.graph.chain(node);
-        let moving = moves(self.curves, &chain);
+        let moving = moves(self.graph, self.curves, &chain);
         let world = |t| world_from_node(self.graph, self.curves, &chain, t);
         let axes = |t| axes_or_default(&world(t));
         usable(&world(0.0))?;
@@ -230,7 +205,7 @@ impl Sampler<'_> {
 
     fn light(&self, node: usize, index: usize, light: &Punctual, units: LightUnits) -> Option<LightKind> {
         let chain = self.graph.chain(node);
-        let moving = moves(self.curves, &chain);
+        let moving = moves(self.graph, self.curves, &chain);
         let world = |t| world_from_node(self.graph, self.curves, &chain, t);
         if light.kind != PunctualKind::Point {
             usable(&world(0.0))?;

@@ -3,6 +3,7 @@
 //! A scene may come from anybody, so a relative path must stay inside the folder of the file that names it,
 //! whatever percent-encoding or symbolic links it uses.
 
+use crate::lfs::{LFS_ADVICE, is_lfs_pointer};
 use base64::Engine;
 use base64::engine::DecodePaddingMode;
 use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
@@ -125,7 +126,14 @@ pub(super) fn read_relative(folder: &Path, uri: &str, limit: u64) -> Result<Vec<
         return Err(format!("names {}, which is not a plain file", relative.display()));
     }
     let mut bytes = Vec::with_capacity(metadata.len().min(limit) as usize);
-    file.take(limit).read_to_end(&mut bytes).map_err(missing)?;
+    // Enough to know a pointer, which is shorter than what it stands for.
+    file.take(limit.max(64))
+        .read_to_end(&mut bytes)
+        .map_err(missing)?;
+    if is_lfs_pointer(&bytes) {
+        return Err(format!("names {}, which {LFS_ADVICE}", relative.display()));
+    }
+    bytes.truncate(usize::try_from(limit).unwrap_or(usize::MAX));
     Ok(bytes)
 }
 

@@ -2,6 +2,7 @@
 
 use super::error::JsonError;
 use super::path::JsonPath;
+use crate::lfs::{LFS_ADVICE, is_lfs_pointer};
 use serde::de::value::{StrDeserializer, StringDeserializer};
 use serde::de::{
     DeserializeSeed, Deserializer, EnumAccess, Error as _, IgnoredAny, IntoDeserializer, MapAccess,
@@ -26,11 +27,16 @@ pub(crate) type ObjectReader<'t, 'de> = serde_path_to_error::Deserializer<'t, 't
 
 /// Reads a text file; `what` it should be stands in the message if that fails.
 pub(crate) fn read_text(path: &Path, what: &'static str) -> Result<String, JsonError> {
-    std::fs::read_to_string(path).map_err(|source| JsonError::Read {
+    let fail = |source| JsonError::Read {
         what,
         file: path.to_owned(),
         source,
-    })
+    };
+    let text = std::fs::read_to_string(path).map_err(fail)?;
+    if is_lfs_pointer(text.as_bytes()) {
+        return Err(fail(std::io::Error::other(format!("this {LFS_ADVICE}"))));
+    }
+    Ok(text)
 }
 
 impl<'a> Document<'a> {
