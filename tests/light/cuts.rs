@@ -3,7 +3,7 @@
 
 use crate::stage::data;
 use glam::{DVec3, Vec2, Vec3};
-use relight_bake::cuts::light_samples::{Lights, in_tree};
+use relight_bake::cuts::light_samples::{LightLeaves, Lights, in_tree};
 use relight_bake::cuts::visibility::site_cuts;
 use relight_bake::params::CutParams;
 use relight_bake::points::candidates::Candidate;
@@ -19,7 +19,7 @@ use relight_scene::rays::Ray;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::{Shading, TracedScene};
-use relight_transport::cuts::SiteCuts;
+use relight_transport::cuts::{Selector, SiteCuts};
 use relight_transport::random::Stream;
 use std::sync::Arc;
 
@@ -60,6 +60,25 @@ fn fragments(scene: &TracedScene) -> Vec<(SurfaceHit, ShadingPoint, Vec3)> {
     seen
 }
 
+/// Cuts of all leaves over a ray to every light: a bake casts fewer, which miss what falls between them.
+fn cuts_of_every_light(scene: &TracedScene, sites: &[Candidate], leaves: &LightLeaves) -> SiteCuts {
+    let lights = &leaves.lights;
+    let mut cuts = SiteCuts {
+        offsets: vec![0],
+        ..SiteCuts::default()
+    };
+    for site in sites {
+        let seen = |light| match lights.factor(site, light) {
+            factor if factor > 0.0 && scene.occluded(&lights.ray(site, light)) => 0.0,
+            factor => factor,
+        };
+        let seen: Vec<f32> = (0..lights.len()).map(seen).collect();
+        Selector::default().select(&seen, 1e-6, usize::MAX, &mut cuts.heights, &mut cuts.values);
+        cuts.offsets.push(cuts.heights.len() as u32);
+    }
+    cuts
+}
+
 #[test]
 fn at_a_site_cuts_of_all_leaves_are_brute_force() {
     let scene = Arc::new(import(&data("cornell.glb"), &ImportOptions::default()).unwrap());
@@ -71,16 +90,7 @@ fn at_a_site_cuts_of_all_leaves_are_brute_force() {
     let Lights::Directions { directions, .. } = &leaves.lights else {
         unreachable!()
     };
-    let params = CutParams {
-        lights: LIGHTS,
-        sigma: 1e-4,
-        every_light: true,
-        ..CutParams::default()
-    };
-    let made = site_cuts(&scene, &candidates, &leaves, &params, (Units::none(), 0), |_| {
-        Ok(())
-    })
-    .unwrap();
+    let made = cuts_of_every_light(&scene, &candidates, &leaves);
     let mut random = Stream::new(4, 0, 0);
     let flux: Vec<Vec3> = (0..LIGHTS)
         .map(|_| Vec3::new(random.uniform(), 0.5, random.uniform()) * random.uniform())
@@ -95,7 +105,7 @@ fn at_a_site_cuts_of_all_leaves_are_brute_force() {
     };
     let points: Vec<Option<ShadingPoint>> = fragments.iter().map(|f| Some(f.1)).collect();
     let views: Vec<Vec3> = fragments.iter().map(|f| f.2).collect();
-    let cuts = VisibilityCuts::of_directions(made.cuts, directions);
+    let cuts = VisibilityCuts::of_directions(made, directions);
     let light = Illumination::of_directions(cuts.directions().unwrap(), &flux, LIGHTS as usize);
     let shaded = shade(
         &cuts,
@@ -128,7 +138,7 @@ fn at_a_site_cuts_of_all_leaves_are_brute_force() {
     assert!(shadowed > all / 4 && shadowed < all, "{shadowed} of {all}");
 }
 
-/// What σ lets nodes scatter is more than what their means lose in the file. Truth: cuts of all leaves.
+/// What σ lets nodes scatter is more than what their means lose in the file. Truth: cuts of all leaves, by the same rays.
 #[test]
 fn bits_of_means_that_sigma_cannot_use_change_less_than_sigma_does() {
     let scene = Arc::new(import(&data("cornell.glb"), &ImportOptions::default()).unwrap());
@@ -143,7 +153,6 @@ fn bits_of_means_that_sigma_cannot_use_change_less_than_sigma_does() {
         let params = CutParams {
             lights: LIGHTS,
             sigma,
-            every_light: true,
             ..CutParams::default()
         };
         let made = site_cuts(&scene, &candidates, &leaves, &params, (Units::none(), 0), |_| {

@@ -144,8 +144,6 @@ pub struct CutParams {
     pub most: usize,
     /// Made only if an environment or a sky may shine.
     pub if_used: bool,
-    /// Casts a ray at every light above a site's horizon instead of only where shadows have edges: for studies.
-    pub every_light: bool,
 }
 
 /// Lights for which σ is given (section 4.1 of the paper).
@@ -167,7 +165,6 @@ impl Default for CutParams {
             beta: 0.45,
             most: 4096,
             if_used: false,
-            every_light: false,
         }
     }
 }

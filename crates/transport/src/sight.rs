@@ -23,7 +23,6 @@ const RAYS_HEIGHT: u8 = 3;
 /// Looks from one place after the other.
 #[derive(Debug)]
 pub struct Sampler {
-    every_light: bool,
     /// Per light: 1 for visible, 0 for occluded, times its factor once all are known; NaN for what lies below the
     /// horizon.
     seen: Vec<f32>,
@@ -42,11 +41,9 @@ const UNKNOWN: f32 = -1.0;
 const AWAY: f32 = -2.0;
 
 impl Sampler {
-    /// For `lights` in the order of their tree's leaves, a power of two and at least 64 of them. `every_light`: casts a
-    /// ray at every light above the horizon.
-    pub fn new(lights: usize, every_light: bool) -> Sampler {
+    /// For `lights` in the order of their tree's leaves, a power of two and at least 64 of them.
+    pub fn new(lights: usize) -> Sampler {
         Sampler {
-            every_light,
             seen: vec![0.0; lights],
             factors: vec![0.0; lights],
             targets: Vec::new(),
@@ -84,16 +81,8 @@ impl Sampler {
         }
         let mut cast = 0;
         self.open.clear();
-        let first = if self.every_light {
-            let parts = 1 << (FIRST_HEIGHT - RAYS_HEIGHT);
-            self.open
-                .extend(nodes.clone().flat_map(|node| node * parts..(node + 1) * parts));
-            RAYS_HEIGHT
-        } else {
-            self.open.extend(nodes.clone());
-            FIRST_HEIGHT
-        };
-        for height in (RAYS_HEIGHT..=first).rev() {
+        self.open.extend(nodes.clone());
+        for height in (RAYS_HEIGHT..=FIRST_HEIGHT).rev() {
             self.aim(height);
             cast += self.cast(sight);
             self.next.clear();
@@ -228,22 +217,19 @@ mod tests {
     #[test]
     fn an_edge_is_found_to_the_light_by_a_fraction_of_the_rays() {
         for edge in [0, 137, 640, 999, 1024] {
-            let mut sampler = Sampler::new(LIGHTS, false);
+            let mut sampler = Sampler::new(LIGHTS);
             let mut sight = half(edge);
             let rays = sampler.sample(&mut sight);
             assert!((0..LIGHTS).all(|light| alike(sampler.seen()[light], truth(edge)(light))));
             assert_eq!(rays as usize, sight.asked.len());
             // 8 of 64 in 15 nodes that are above the horizon, and up to 8 more in each of three halvings of one.
             assert!(rays <= 15 * 8 + 3 * 8, "{rays}");
-            let mut all = Sampler::new(LIGHTS, true);
-            assert_eq!(all.sample(&mut half(edge)), 831);
-            assert!((0..LIGHTS).all(|light| alike(all.seen()[light], sampler.seen()[light])));
         }
     }
 
     #[test]
     fn nodes_that_are_not_asked_for_keep_what_was_seen_of_them() {
-        let mut sampler = Sampler::new(LIGHTS, false);
+        let mut sampler = Sampler::new(LIGHTS);
         sampler.sample(&mut half(640));
         let mut sight = half(0);
         sampler.sample_in([4, 9].into_iter(), &mut sight);

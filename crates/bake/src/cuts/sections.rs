@@ -74,8 +74,7 @@ fn layout<'a>(
         })?;
     let inputs = units.inputs(|key| {
         add_common(key);
-        key.u64s(&[params.most as u64, u64::from(params.every_light)])
-            .f32s(&[params.sigma]);
+        key.u64s(&[params.most as u64]).f32s(&[params.sigma]);
     });
     Ok(Layout {
         points,

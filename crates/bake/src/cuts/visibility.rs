@@ -96,7 +96,7 @@ fn parts(
         .par_chunks(TASK)
         .map_init(
             || {
-                let sampler = Sampler::new(leaves.lights.len(), params.every_light);
+                let sampler = Sampler::new(leaves.lights.len());
                 (sampler, Selector::default(), Vec::new())
             },
             |(sampler, selector, rays), sites| {

@@ -61,7 +61,7 @@ pub fn with_own(
                 scene,
                 seen,
                 sites: &sites,
-                sampler: Sampler::new(leaves, false),
+                sampler: Sampler::new(leaves),
                 selector: Selector::default(),
                 sigma: SIGMA * (leaves as f32 / 32_768.0).sqrt(),
                 nodes: Vec::new(),
