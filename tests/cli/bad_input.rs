@@ -105,6 +105,34 @@ fn points_farther_apart_than_the_scene_is_wide_are_one_for_each_plane_at_most() 
     assert!(points[10].as_u64() > Some(10), "{points:?}");
 }
 
+/// Disks whose finest are 0.0005/2⁵ m wide. Truth: a maximal Poisson-disk set has 0.70 points per R² (Lagae and Dutré 2008), the
+/// box has six walls of 4 m², and each coarser level has a quarter of the points.
+#[test]
+fn more_points_than_memory_are_refused_with_their_number_before_there_are_any() {
+    let (folder, start) = (folder(), std::time::Instant::now());
+    let mut bake = relight();
+    bake.arg("bake").arg(data("furnace_box.glb")).arg("-o");
+    bake.arg(folder.path().join("a.relight"));
+    let text = complaint(bake.args(["--levels", "6", "--coarse-radius", "0.0005"]), 1);
+    let points = text.split_whitespace().find_map(|word| word.parse::<f64>().ok());
+    let expected = 0.70 * 24.0 / (0.0005f64 / 32.0).powi(2) * 4.0 / 3.0;
+    let ratio = points.unwrap() / expected;
+    // Dart throwing stops a little before its sets are maximal, and measures area by some thousand disks.
+    assert!((0.85..1.1).contains(&ratio), "{ratio}: {text}");
+    for word in [
+        "MB",
+        "this machine has",
+        "--coarse-radius",
+        "--levels",
+        "--preset",
+    ] {
+        assert!(text.contains(word), "{text}");
+    }
+    assert!(names(folder.path()).is_empty());
+    // There are so many that spreading them would take days.
+    assert!(start.elapsed().as_secs() < 60, "{:?}", start.elapsed());
+}
+
 #[test]
 fn a_scene_where_nothing_is_reachable_says_so() {
     let folder = folder();

@@ -31,13 +31,13 @@ pub enum BakeError {
     },
     /// Points and bounces alone need more memory than the machine has.
     #[error(
-        "{points} points need at least {} MB of memory, and this machine has {} MB: take fewer --levels or a larger \
-         --coarse-radius",
+        "these settings make about {points} points, which need at least {} MB of memory, and this machine has {} MB: take a \
+         larger --coarse-radius, fewer --levels or --preset draft",
         needed / 1_000_000, available / 1_000_000
     )]
     TooLarge {
-        /// Points of all levels.
-        points: usize,
+        /// Points of all levels, about.
+        points: u64,
         /// Bytes that they and the bounces surely take.
         needed: u64,
         /// Bytes that there are.

@@ -2,7 +2,6 @@
 
 use crate::error::BakeError;
 use crate::links::operators::bounce_levels;
-use crate::points::poisson::PointLevels;
 use crate::request::Request;
 
 /// Bytes of a point with its functions, grids, receiver and share of the file (docs/notebook/reliability.md).
@@ -13,26 +12,28 @@ pub fn of_points(points: f64, clusters: f64) -> f64 {
     PER_POINT * points + size_of::<f64>() as f64 * clusters * clusters
 }
 
-/// Whether points and bounces fit into the machine's memory, before the long part of the bake.
+/// Whether the points of all levels and the bounces fit into the machine's memory. `finest`: points of the finest level; each
+/// coarser one has a quarter, since its disks have twice the radius.
 ///
 /// # Errors
 /// [`BakeError::TooLarge`].
-pub fn check(points: &PointLevels, request: &Request) -> Result<(), BakeError> {
+pub fn check(finest: f64, request: &Request) -> Result<(), BakeError> {
     let Some(available) = request.memory else {
         return Ok(());
     };
     let params = request.params;
-    let counts: Vec<usize> = points.levels.iter().map(|level| level.points.len()).collect();
-    let (bounce_level, _) = bounce_levels(counts.len(), params.sender_levels);
-    let clusters = counts.get(bounce_level).filter(|_| params.needs_bounces());
-    let all = points.count();
-    let needed = of_points(all as f64, clusters.map_or(0.0, |&n| n as f64)) as u64;
-    match needed <= available {
-        true => Ok(()),
-        false => Err(BakeError::TooLarge {
-            points: all,
-            needed,
-            available,
-        }),
+    let of_level = |level: usize| finest * 0.25f64.powi((params.levels - 1 - level) as i32);
+    let (bounce_level, _) = bounce_levels(params.levels, params.sender_levels);
+    let has_bounces = params.needs_bounces() && bounce_level < params.levels;
+    let clusters = if has_bounces { of_level(bounce_level) } else { 0.0 };
+    let points: f64 = (0..params.levels).map(of_level).sum();
+    let needed = of_points(points, clusters);
+    if needed <= available as f64 {
+        return Ok(());
     }
+    Err(BakeError::TooLarge {
+        points: points as u64,
+        needed: needed as u64,
+        available,
+    })
 }

@@ -43,7 +43,7 @@ pub struct Request<'a> {
     pub lights: Option<&'a Sequence>,
     /// Identifies the scene's file.
     pub source_hash: u64,
-    /// Memory of the machine, bytes, if known: a bake that surely needs more is refused before links are made.
+    /// Memory of the machine, bytes, if known: a bake that surely needs more is refused before points are spread.
     pub memory: Option<u64>,
 }
 

@@ -43,9 +43,10 @@ const RADIUS_LEVELS: usize = 6;
 /// The scene prepared, and R of the coarsest level: what is asked for, or what suits the scene.
 ///
 /// # Errors
-/// As [`bake()`](crate::bake::bake()).
+/// As [`bake()`](crate::bake::bake()), more points than the machine's memory holds among them.
 pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<(TracedScene, f32), BakeError> {
     let traced = load(request, progress)?;
+    check_memory(&traced, request)?;
     let (viewpoints, _, _) = chosen_viewpoints(&traced, request)?;
     let radius = radius(&traced, request, &viewpoints, Units::none())?.0;
     Ok((traced, radius))
@@ -99,13 +100,13 @@ pub fn placed<'a>(
     progress: &dyn Progress,
 ) -> Result<Placed<'a>, BakeError> {
     let params = request.params;
+    check_memory(traced, request)?;
     let Spread {
         mut points,
         viewpoints,
         automatic,
         rays,
     } = spread(surfaces, request, units, progress)?;
-    memory::check(&points, request)?;
     if params.keeps(Omittable::Points) {
         points = everywhere(traced, points, params.seed);
     }
@@ -120,6 +121,27 @@ pub fn placed<'a>(
         cameras,
         rays,
     })
+}
+
+/// Whether the points that settings ask for fit into the machine's memory, before there are any.
+fn check_memory(traced: &TracedScene, request: &Request) -> Result<(), BakeError> {
+    let params = request.params;
+    // What a radius of our own gives, whatever the scene.
+    let automatic = f64::from(poisson::expected(RADIUS_LEVELS, params.levels));
+    let Some(radius) = params.coarse_radius else {
+        return memory::check(automatic, request);
+    };
+    let finest = f64::from(radius) * 0.5f64.powi(params.levels as i32 - 1);
+    let triangles = 0..traced.triangle_count() as u32;
+    let area: f64 = triangles.map(|t| f64::from(traced.triangle_area(t))).sum();
+    if memory::check(2.0 * area * poisson::DENSITY / (finest * finest), request).is_ok() {
+        return Ok(());
+    }
+    // Not all of it may be reached.
+    let (viewpoints, _, _) = chosen_viewpoints(traced, request)?;
+    let (own, _) =
+        poisson::coarse_radius_for(traced, &viewpoints, RADIUS_LEVELS, params.seed, Units::none())?;
+    memory::check(automatic * (f64::from(own) / f64::from(radius)).powi(2), request)
 }
 
 struct Spread {

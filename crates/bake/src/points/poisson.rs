@@ -333,10 +333,13 @@ pub fn expected(of: usize, levels: usize) -> f32 {
     FINEST_POINTS * 4.0f32.powi(levels as i32 - of as i32)
 }
 
+/// Points of a maximal Poisson-disk set of radius R per R² (Lagae and Dutré 2008).
+pub const DENSITY: f64 = 0.70;
+
 /// A radius for the coarsest level such that the finest has about [`FINEST_POINTS`] points.
 ///
-/// Dart throwing at a trial radius measures the reachable area: a maximal Poisson-disk set of radius R holds
-/// about 0.70 points per R² (Lagae and Dutré 2008), so counts scale with 1/R².
+/// Dart throwing at a trial radius measures the reachable area: a maximal Poisson-disk set holds [`DENSITY`] points per R²,
+/// so counts scale with 1/R².
 pub fn coarse_radius_for(
     surfaces: &dyn Surfaces,
     viewpoints: &[Vec3],
