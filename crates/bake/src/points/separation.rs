@@ -1,4 +1,4 @@
-//! Which points surfaces part from each other: what may not be interpolated between.
+//! Which points surfaces separate from each other: what may not be interpolated between.
 
 use rayon::prelude::*;
 use relight_scene::separation::are_separated;
@@ -8,12 +8,12 @@ use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
 use relight_transport::sparse::SparseMatrix;
 use std::sync::Mutex;
 
-/// Points that surfaces part from their neighbours.
+/// Points that surfaces separate from their neighbours.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Separations {
     /// Points and points of coarser levels that would be their parents, numbered over all levels; ascending.
     pub pairs: Vec<[u32; 2]>,
-    /// Of each finest point, whether a surface parts it from another whose function it lies in.
+    /// Of each finest point, whether a surface separates it from another whose function it lies in.
     pub near: Vec<bool>,
 }
 
@@ -24,28 +24,28 @@ pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Separations, SparseMa
         .iter()
         .flat_map(|level| level.positions.iter().copied().zip(level.normals.iter().copied()))
         .collect();
-    let parted = |a: usize, b: usize| are_separated(surfaces, places[a], places[b], scale);
+    let separated = |a: usize, b: usize| are_separated(surfaces, places[a], places[b], scale);
     let pairs = Mutex::new(Vec::new());
     let rows = fine_from_coarse(levels, |point, parent| {
-        let parted = parted(point as usize, parent as usize);
-        if parted && let Ok(mut pairs) = pairs.lock() {
+        let separated = separated(point as usize, parent as usize);
+        if separated && let Ok(mut pairs) = pairs.lock() {
             pairs.push([point, parent]);
         }
-        parted
+        separated
     });
     let mut pairs = pairs.into_inner().unwrap_or_default();
     pairs.sort_unstable();
     (
         Separations {
             pairs,
-            near: near(levels, parted),
+            near: near(levels, separated),
         },
         rows,
     )
 }
 
-/// `parted` of two points, numbered over all levels.
-fn near(levels: &[Level], parted: impl Fn(usize, usize) -> bool + Sync) -> Vec<bool> {
+/// `separated` of two points, numbered over all levels.
+fn near(levels: &[Level], separated: impl Fn(usize, usize) -> bool + Sync) -> Vec<bool> {
     let Some(finest) = levels.last() else {
         return Vec::new();
     };
@@ -59,7 +59,7 @@ fn near(levels: &[Level], parted: impl Fn(usize, usize) -> bool + Sync) -> Vec<b
             let mut found = Vec::new();
             // Each pair once.
             finest.weights_at(finest.positions[i], finest.normals[i], |j, _| {
-                if (j as usize) < i && parted(first + i, first + j as usize) {
+                if (j as usize) < i && separated(first + i, first + j as usize) {
                     found.push(j);
                 }
             });
@@ -99,16 +99,16 @@ mod tests {
                 Level::new(places, normals, distance, 2.0 * distance)
             })
             .to_vec();
-        let (parted, rows) = find(&wall, &levels);
+        let (separations, rows) = find(&wall, &levels);
         let places: Vec<Vec3> = levels.iter().flat_map(|l| l.positions.iter().copied()).collect();
         let behind = |a: usize, b: usize| places[a].x * places[b].x < 0.0;
         assert!(
-            parted
+            separations
                 .pairs
                 .iter()
                 .all(|pair| behind(pair[0] as usize, pair[1] as usize))
         );
-        assert!(parted.pairs.is_sorted(), "a reader looks pairs up");
+        assert!(separations.pairs.is_sorted(), "a reader looks pairs up");
         let without = fine_from_coarse(&levels, |_, _| false);
         let mut leaks = 0;
         for i in 0..places.len() {
@@ -119,10 +119,10 @@ mod tests {
             );
             leaks += row(&without, i).filter(|e| behind(i, e.0 as usize)).count();
         }
-        assert_eq!(parted.pairs.len(), leaks);
+        assert_eq!(separations.pairs.len(), leaks);
         assert!(leaks > 20, "{leaks}");
         // Functions end at two distances.
-        for (place, near) in levels[1].positions.iter().zip(&parted.near) {
+        for (place, near) in levels[1].positions.iter().zip(&separations.near) {
             assert_eq!(*near, place.x.abs() < 0.05, "{place}");
         }
     }
