@@ -24,7 +24,7 @@ use case::{Case, Measure};
 use clap::Args;
 use comfy_table::presets;
 use comfy_table::{CellAlignment, Table};
-use serde_json::{Value, json};
+use serde::Serialize;
 use stage::Stage;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
@@ -61,36 +61,59 @@ pub struct CheckArgs {
     pub json: bool,
 }
 
-/// One line of the result.
+/// One line of the result. What is no finite number is null in JSON.
+#[derive(Serialize)]
 struct Line {
+    #[serde(skip)]
     case: String,
-    measure: Measure,
+    /// Of the case and of what it measures.
+    name: String,
+    ok: bool,
+    value: f64,
+    bound: f64,
+    margin: f64,
+    why: &'static str,
     stage: String,
     seconds: f64,
 }
 
 impl Line {
-    fn name(&self) -> String {
-        if self.case.is_empty() {
-            self.measure.what.clone()
-        } else {
-            format!("{}: {}", self.case, self.measure.what)
+    /// Of an asset's check, which is no case of the suite, `case` is empty.
+    fn new(case: &str, measure: Measure, stage: String, seconds: f64) -> Line {
+        Line {
+            case: case.to_owned(),
+            ok: measure.ok(),
+            margin: measure.margin(),
+            name: match case {
+                "" => measure.what,
+                case => format!("{case}: {}", measure.what),
+            },
+            value: measure.value,
+            bound: measure.bound,
+            why: measure.why,
+            stage,
+            seconds,
         }
     }
+}
 
-    fn json(&self) -> Value {
-        let number = |x: f64| if x.is_finite() { json!(x) } else { Value::Null };
-        json!({
-            "name": self.name(),
-            "ok": self.measure.ok(),
-            "value": number(self.measure.value),
-            "bound": number(self.measure.bound),
-            "margin": number(self.measure.margin()),
-            "why": self.measure.why,
-            "stage": self.stage,
-            "seconds": self.seconds,
-        })
-    }
+/// What `check` prints.
+#[derive(Serialize)]
+struct CheckReport<'a> {
+    schema: u32,
+    command: &'static str,
+    asset: Option<String>,
+    passed: bool,
+    seconds: f64,
+    cases: &'a [Line],
+}
+
+/// What `check --list` prints.
+#[derive(Serialize)]
+struct CaseList<'a> {
+    schema: u32,
+    command: &'static str,
+    cases: &'a [Case],
 }
 
 /// All cases of the suite.
@@ -122,28 +145,23 @@ pub fn run(args: &CheckArgs, seed: u64, console: &Console) -> Result<Outcome, Fa
             let stage = Stage::default();
             let found = asset::check(path, seed, &stage)?;
             let seconds = start.elapsed().as_secs_f64();
-            let line = |(stage, measure)| Line {
-                case: String::new(),
-                measure,
-                stage,
-                seconds,
-            };
+            let line = |(stage, measure)| Line::new("", measure, stage, seconds);
             found.into_iter().map(line).collect()
         }
         None => run_suite(args, console)?,
     };
     console.close();
-    let short: Vec<&Line> = lines.iter().filter(|l| !l.measure.ok()).collect();
+    let short: Vec<&Line> = lines.iter().filter(|l| !l.ok).collect();
     let seconds = start.elapsed().as_secs_f64();
     if args.json {
-        output::print_json(&json!({
-            "schema": SCHEMA,
-            "command": "check",
-            "asset": args.asset.as_ref().map(|p| p.display().to_string()),
-            "passed": short.is_empty(),
-            "seconds": seconds,
-            "cases": lines.iter().map(Line::json).collect::<Vec<_>>(),
-        }))?;
+        output::print_json(&CheckReport {
+            schema: SCHEMA,
+            command: "check",
+            asset: args.asset.as_ref().map(|p| p.display().to_string()),
+            passed: short.is_empty(),
+            seconds,
+            cases: &lines,
+        })?;
     } else {
         let shown = shown(&lines, args.asset.is_some() || console.is_verbose());
         output::print_text(&(table(&shown) + "\n"))?;
@@ -157,11 +175,7 @@ pub fn run(args: &CheckArgs, seed: u64, console: &Console) -> Result<Outcome, Fa
         // Asked for, so said even with --quiet.
         eprintln!(
             "relight: {} is {:.4e}, above its bound {:.4e} ({}); stage: {}",
-            line.name(),
-            line.measure.value,
-            line.measure.bound,
-            line.measure.why,
-            line.stage
+            line.name, line.value, line.bound, line.why, line.stage
         );
     }
     Ok(if short.is_empty() {
@@ -187,11 +201,11 @@ fn chosen(args: &CheckArgs) -> Result<Vec<Case>, Failure> {
 fn list(args: &CheckArgs) -> Result<Outcome, Failure> {
     let cases = chosen(args)?;
     if args.json {
-        let cases: Vec<Value> = cases
-            .iter()
-            .map(|c| json!({ "name": c.name, "says": c.says, "fast": c.fast }))
-            .collect();
-        output::print_json(&json!({ "schema": SCHEMA, "command": "check", "cases": cases }))?;
+        output::print_json(&CaseList {
+            schema: SCHEMA,
+            command: "check",
+            cases: &cases,
+        })?;
         return Ok(Outcome::Done);
     }
     let mut table = Table::new();
@@ -223,12 +237,8 @@ fn run_suite(args: &CheckArgs, console: &Console) -> Result<Vec<Line>, Failure> 
             Err(_) => vec![Measure::none("panicked", 1, "no input may cause a panic")],
         };
         console.detail(format!("{}: {seconds:.1} s", case.name));
-        lines.extend(measures.into_iter().map(|measure| Line {
-            case: case.name.clone(),
-            measure,
-            stage: stage.now(),
-            seconds,
-        }));
+        let line = |measure| Line::new(&case.name, measure, stage.now(), seconds);
+        lines.extend(measures.into_iter().map(line));
         console.advance_to(done as u64 + 1);
     }
     Ok(lines)
@@ -242,12 +252,9 @@ fn shown(lines: &[Line], all: bool) -> Vec<&Line> {
     let mut shown = Vec::new();
     for of_case in lines.chunk_by(|a, b| a.case == b.case) {
         // Of equal margins the last: general sanity comes first, what the case is about after it.
-        let tightest = of_case
-            .iter()
-            .rev()
-            .min_by(|a, b| a.measure.margin().total_cmp(&b.measure.margin()));
+        let tightest = of_case.iter().rev().min_by(|a, b| a.margin.total_cmp(&b.margin));
         for line in of_case {
-            if !line.measure.ok() || tightest.is_some_and(|t| std::ptr::eq(t, line)) {
+            if !line.ok || tightest.is_some_and(|t| std::ptr::eq(t, line)) {
                 shown.push(line);
             }
         }
@@ -261,18 +268,16 @@ fn table(lines: &[&Line]) -> String {
         .load_style(presets::NOTHING)
         .set_header(["case", "value", "bound", "left %", "", "seconds"]);
     for line in lines {
-        let m = &line.measure;
-        let margin = m.margin();
         table.add_row([
-            line.name(),
-            number(m.value),
-            number(m.bound),
-            if margin.is_finite() {
-                format!("{:.0}", 100.0 * margin)
+            line.name.clone(),
+            number(line.value),
+            number(line.bound),
+            if line.margin.is_finite() {
+                format!("{:.0}", 100.0 * line.margin)
             } else {
                 "-".into()
             },
-            if m.ok() { "ok".into() } else { "SHORT".into() },
+            if line.ok { "ok".into() } else { "SHORT".into() },
             format!("{:.1}", line.seconds),
         ]);
     }

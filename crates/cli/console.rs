@@ -4,6 +4,7 @@
 use crate::signals;
 use crate::words;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
 use std::io::IsTerminal;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -169,18 +170,29 @@ impl Console {
     }
 }
 
+/// A line of `--progress json`.
+#[derive(Serialize)]
+struct ProgressLine<'a> {
+    done: u64,
+    seconds: f64,
+    seconds_left: Option<f64>,
+    stage: &'a str,
+    total: Option<u64>,
+}
+
 fn json_line(stage: &Stage, done: u64) -> String {
     let seconds = stage.start.elapsed().as_secs_f64();
     let left = (stage.total.filter(|_| done > 0))
         .map(|total| total.saturating_sub(done) as f64 * seconds / done as f64);
-    serde_json::json!({
-        "stage": stage.name,
-        "done": done,
-        "total": stage.total,
-        "seconds": seconds,
-        "seconds_left": left,
-    })
-    .to_string()
+    let line = ProgressLine {
+        done,
+        seconds,
+        seconds_left: left,
+        stage: &stage.name,
+        total: stage.total,
+    };
+    // Of such a struct nothing can fail to be written.
+    serde_json::to_string(&line).unwrap_or_default()
 }
 
 fn plain_line(stage: &Stage, done: u64) -> String {

@@ -31,7 +31,6 @@ use relight_play::Player;
 use relight_play::open::{Parts, asset_hash};
 use relight_scene::image::{write_atomically, write_png};
 use relight_scene::sequence::{Sequence, read_sequence};
-use serde_json::Value;
 use settings::{Facts, Setting};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -223,16 +222,12 @@ fn summary<'a>(
     asset: &'a Inspection,
     estimates: Option<&Estimates>,
     references: &[Reference],
-    measured: &[Measured],
+    measured: &'a [Measured],
     skipped: &[Setting],
     start: Instant,
 ) -> Summary<'a> {
     let front = findings::pareto(measured);
-    let settings: Vec<Value> = measured
-        .iter()
-        .zip(&front)
-        .map(|(m, &pareto)| m.json(pareto))
-        .collect();
+    let settings = measured.iter().zip(&front);
     Summary {
         schema: SCHEMA,
         command: "report",
@@ -246,8 +241,8 @@ fn summary<'a>(
         machine: machine(),
         threads: rayon::current_num_threads(),
         error_measure: "root of relMSE less the reference's own error",
-        references: references.iter().map(Reference::json).collect(),
-        settings,
+        references: references.iter().map(Reference::summary).collect(),
+        settings: settings.map(|(m, &pareto)| m.summary(pareto)).collect(),
         not_measured: skipped.iter().map(Setting::command).collect(),
         findings: findings::sentences(measured, references, skipped.len(), estimates),
         commands: commands(task, references, measured),

@@ -1,5 +1,7 @@
 //! A case of the stability suite, and what it measures.
 
+use serde::Serialize;
+
 /// One number that must not exceed its bound.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measure {
@@ -49,6 +51,7 @@ impl Measure {
 pub type Measured = Result<Vec<Measure>, String>;
 
 /// A case: it makes a scene, bakes and plays it, and measures.
+#[derive(Serialize)]
 pub struct Case {
     /// Unique; words from coarse to fine with slashes between them.
     pub name: String,
@@ -57,6 +60,7 @@ pub struct Case {
     /// Belongs to the subset that takes under a minute.
     pub fast: bool,
     /// Runs it.
+    #[serde(skip)]
     pub run: Box<dyn Fn(&super::stage::Stage) -> Measured>,
 }
 

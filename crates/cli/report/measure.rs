@@ -8,7 +8,7 @@ use super::task::Task;
 use crate::bake::{self, BakeArgs, Job};
 use crate::console::Console;
 use crate::failure::Failure;
-use crate::inspection::Inspection;
+use crate::inspection::{Bytes, Inspection};
 use crate::options::parsed;
 use crate::output;
 use crate::play::{self, FrameReport, Pace};
@@ -18,7 +18,7 @@ use relight_scene::image::metrics::{Comparison, compare};
 use relight_scene::image::{Limits, read_exr, write_atomically};
 use relight_scene::scene::Scene;
 use relight_scene::traced::Shading;
-use serde_json::{Map, Value, json};
+use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -43,13 +43,14 @@ pub struct Runs<'a> {
 }
 
 /// Errors of a layer over all frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Errors {
     /// Root of the mean square over the frames.
     pub rmse: f64,
     /// Mean over the frames.
     pub relmse: f64,
     /// The references' own, mean over the frames.
+    #[serde(rename = "floor_relmse")]
     pub floor: f64,
     /// Mean over the frames.
     pub bias: f64,
@@ -134,56 +135,81 @@ impl Measured {
         )
     }
 
-    /// For the report.
-    pub fn json(&self, pareto: bool) -> Value {
-        let errors = self.judged();
-        let mut knobs: Map<String, Value> = Map::new();
-        for (option, value) in self.setting.varied.iter().chain(&self.setting.play) {
-            let number = value.parse::<f64>().map_or_else(|_| json!(value), |n| json!(n));
-            knobs.insert(option.trim_start_matches('-').replace('-', "_"), number);
+    /// For the report; `pareto`: nothing is both faster and nearer.
+    pub fn summary(&self, pareto: bool) -> SettingSummary<'_> {
+        let judged = self.judged();
+        let knobs = self.setting.varied.iter().chain(&self.setting.play);
+        SettingSummary {
+            integrator: self.setting.integrator,
+            knobs: knobs
+                .map(|(option, value)| {
+                    let number = value.parse().map(Knob::Number);
+                    let name = option.trim_start_matches('-').replace('-', "_");
+                    (name, number.unwrap_or(Knob::Word(value)))
+                })
+                .collect(),
+            label: self.setting.label(),
+            command: self.setting.command(),
+            layer: self.setting.layer,
+            ms_per_frame: self.ms(),
+            ms_by_stage: (self.stages.iter())
+                .map(|(name, values)| (*name, median(values.iter().copied())))
+                .collect(),
+            ms_once_per_shot: self.once_ms(),
+            repetitions: &self.milliseconds,
+            bake_seconds: self.bake_seconds,
+            asset_bytes: self.asset_bytes(),
+            bytes: &self.described.bytes,
+            rays: self.described.rays,
+            error: judged.relative(),
+            error_indirect: self.indirect(),
+            rmse: judged.rmse,
+            relmse: judged.relmse,
+            bias: judged.bias,
+            flip: judged.flip,
+            p99: judged.p99,
+            layers: &self.errors,
+            peak_memory_bytes: self.peak_memory,
+            pareto,
         }
-        let stages: Map<String, Value> = self
-            .stages
-            .iter()
-            .map(|(name, values)| ((*name).to_owned(), median(values.iter().copied()).into()))
-            .collect();
-        let layers: Map<String, Value> = self
-            .errors
-            .iter()
-            .map(|(name, e)| {
-                let values = json!({
-                    "rmse": e.rmse, "relmse": e.relmse, "floor_relmse": e.floor, "bias": e.bias, "flip": e.flip,
-                    "p99": e.p99,
-                });
-                ((*name).to_owned(), values)
-            })
-            .collect();
-        json!({
-            "integrator": self.setting.integrator,
-            "knobs": knobs,
-            "label": self.setting.label(),
-            "command": self.setting.command(),
-            "layer": self.setting.layer,
-            "ms_per_frame": self.ms(),
-            "ms_by_stage": stages,
-            "ms_once_per_shot": self.once_ms(),
-            "repetitions": self.milliseconds,
-            "bake_seconds": self.bake_seconds,
-            "asset_bytes": self.asset_bytes(),
-            "bytes": self.described.bytes,
-            "rays": self.described.rays,
-            "error": errors.relative(),
-            "error_indirect": self.indirect(),
-            "rmse": errors.rmse,
-            "relmse": errors.relmse,
-            "bias": errors.bias,
-            "flip": errors.flip,
-            "p99": errors.p99,
-            "layers": layers,
-            "peak_memory_bytes": self.peak_memory,
-            "pareto": pareto,
-        })
     }
+}
+
+/// What a report's JSON says of a setting.
+#[derive(Serialize)]
+pub struct SettingSummary<'a> {
+    integrator: &'static str,
+    /// What differs from the asset and from the integrator's defaults, by the options' names.
+    knobs: BTreeMap<String, Knob<'a>>,
+    label: String,
+    command: String,
+    layer: &'static str,
+    ms_per_frame: f64,
+    ms_by_stage: BTreeMap<&'static str, f64>,
+    ms_once_per_shot: f64,
+    repetitions: &'a [f64],
+    bake_seconds: Option<f64>,
+    asset_bytes: u64,
+    bytes: &'a Bytes,
+    rays: Option<u64>,
+    error: f64,
+    error_indirect: Option<f64>,
+    rmse: f64,
+    relmse: f64,
+    bias: f64,
+    flip: f64,
+    p99: f64,
+    layers: &'a BTreeMap<&'static str, Errors>,
+    peak_memory_bytes: Option<u64>,
+    pareto: bool,
+}
+
+/// An option's value.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Knob<'a> {
+    Number(f64),
+    Word(&'a str),
 }
 
 /// Seconds of a frame that a setting with more samples will take, if one with fewer was measured.

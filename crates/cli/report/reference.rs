@@ -12,7 +12,7 @@ use relight_scene::image::{
     BEAUTY, ExrHeader, FloatImage, ImageError, Layers, Limits, read_exr, write_atomically, write_exr,
 };
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -39,6 +39,15 @@ pub struct Reference {
     pub spp: Option<u32>,
 }
 
+/// What a report's JSON says of a reference.
+#[derive(Serialize)]
+pub struct ReferenceSummary {
+    frame: u32,
+    spp: Option<u32>,
+    /// By layer.
+    floor_relmse: Option<BTreeMap<&'static str, f64>>,
+}
+
 /// What is kept beside the halves of a reference.
 #[derive(Serialize, Deserialize)]
 struct KeptSamples {
@@ -54,12 +63,12 @@ impl Reference {
     }
 
     /// For the report.
-    pub fn json(&self) -> Value {
-        json!({
-            "frame": self.frame,
-            "spp": self.spp,
-            "floor_relmse": self.floor.map(|f| json!({ LAYERS[0]: f[0], LAYERS[1]: f[1], LAYERS[2]: f[2] })),
-        })
+    pub fn summary(&self) -> ReferenceSummary {
+        ReferenceSummary {
+            frame: self.frame,
+            spp: self.spp,
+            floor_relmse: self.floor.map(|floor| LAYERS.into_iter().zip(floor).collect()),
+        }
     }
 
     fn of_halves(frame: u32, halves: &[Layers; 2], spp: Option<u32>) -> Result<Reference, ImageError> {

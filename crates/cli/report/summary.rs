@@ -1,8 +1,9 @@
 //! What a report says, as JSON and on its page.
 
+use super::measure::SettingSummary;
+use super::reference::ReferenceSummary;
 use crate::inspection::Inspection;
 use serde::Serialize;
-use serde_json::Value;
 
 /// What a report says.
 #[derive(Serialize)]
@@ -32,9 +33,9 @@ pub struct Summary<'a> {
     /// What errors are.
     pub error_measure: &'static str,
     /// What all was judged by.
-    pub references: Vec<Value>,
+    pub references: Vec<ReferenceSummary>,
     /// What was measured.
-    pub settings: Vec<Value>,
+    pub settings: Vec<SettingSummary<'a>>,
     /// Commands that found no time.
     pub not_measured: Vec<String>,
     /// What it means, in sentences.
