@@ -240,7 +240,7 @@ fn forged_from(file: &[u8]) -> Vec<Vec<u8>> {
 fn write_the_fixtures() {
     for (name, asset) in [
         ("environment", small_asset()),
-        ("surface", wide_asset()),
+        ("surface_at_points", wide_asset()),
         ("nothing", empty_asset()),
         ("short", short_asset()),
     ] {
