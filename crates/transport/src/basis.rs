@@ -334,15 +334,10 @@ mod tests {
     use super::*;
     use crate::poisson::Disks;
     use crate::random::Stream;
-
-    fn random_on_sphere(s: &mut Stream) -> Vec3 {
-        let u = glam::Vec2::new(2.0 * s.uniform() - 1.0, s.uniform());
-        crate::sampling::uniform_hemisphere(u).normalize()
-    }
+    use crate::test_random::{direction, directions};
 
     fn sphere_level(radius: f32) -> Level {
-        let mut s = Stream::new(2, 0, 0);
-        let candidates: Vec<Vec3> = (0..100_000).map(|_| random_on_sphere(&mut s)).collect();
+        let candidates = directions(2, 100_000);
         let mut disks = Disks::new(radius);
         disks.throw(&candidates, &candidates, 0, |_| true);
         Level::new(disks.positions, disks.normals, radius, 2.0 * radius)
@@ -354,7 +349,7 @@ mod tests {
         let mut s = Stream::new(3, 0, 0);
         let mut row = Vec::new();
         for _ in 0..2000 {
-            let x = random_on_sphere(&mut s);
+            let x = direction(&mut s);
             row.clear();
             level.functions_at(x, x, &mut row);
             assert!(!row.is_empty(), "maximal disks leave no place uncovered");
@@ -378,7 +373,7 @@ mod tests {
         // Along paths over the sphere and off it, so that cells come again, and through more than are remembered.
         let (mut alone, mut in_order) = (Vec::new(), Vec::new());
         for _ in 0..300 {
-            let (from, to) = (random_on_sphere(&mut s), random_on_sphere(&mut s));
+            let (from, to) = (direction(&mut s), direction(&mut s));
             for step in 0..50 {
                 let normal = from.lerp(to, step as f32 / 50.0).normalize_or(from);
                 let x = normal * [1.0, 1.01, 1.3][step % 3];
@@ -418,7 +413,7 @@ mod tests {
         // On the sphere, off it, far from it, and facing away.
         let places: Vec<(Vec3, Vec3)> = (0..1000)
             .map(|i| {
-                let x = random_on_sphere(&mut s);
+                let x = direction(&mut s);
                 let far = [1.0, 1.02, 1.19, 3.0][i % 4];
                 (x * far, if i % 7 == 0 { -x } else { x })
             })

@@ -9,7 +9,7 @@
 //! and leftmost leaf without its test for overlap, because nodes that end together are left together.
 
 use crate::light_tree::Node;
-use std::cmp::Ordering;
+use crate::ranked::Ranked;
 use std::collections::BinaryHeap;
 
 /// A cut through a complete binary tree: parallel arrays, nodes from left to right.
@@ -120,43 +120,17 @@ struct Cursor {
 #[inline]
 pub fn merge<const N: usize>(cuts: [Cut<'_>; N], mut visit: impl FnMut(Node, &[f32; N])) {
     let (mut cursors, mut values) = ([Cursor::default(); N], [0.0; N]);
-    traverse(&cuts, &mut cursors, &mut values, |node, values| {
-        if let Ok(values) = values.try_into() {
-            visit(node, values);
-        }
-    });
-}
-
-/// [`merge`] for a number of cuts that is known only at run time; `scratch` is reused from call to call.
-pub fn merge_any(cuts: &[Cut<'_>], scratch: &mut MergeScratch, visit: impl FnMut(Node, &[f32])) {
-    let MergeScratch { cursors, values } = scratch;
-    cursors.resize(cuts.len(), Cursor::default());
-    values.resize(cuts.len(), 0.0);
-    traverse(cuts, cursors, values, visit);
-}
-
-/// The traversal; a cursor and a value per cut.
-#[inline(always)]
-fn traverse(
-    cuts: &[Cut<'_>],
-    cursors: &mut [Cursor],
-    values: &mut [f32],
-    mut visit: impl FnMut(Node, &[f32]),
-) {
-    for j in 0..cuts.len() {
+    for j in 0..N {
         let (Some(&height), Some(&value)) = (cuts[j].heights.first(), cuts[j].values.first()) else {
             return;
         };
-        cursors[j] = Cursor {
-            at: 0,
-            end: 1 << height,
-        };
+        cursors[j].end = 1 << height;
         values[j] = value;
     }
     let mut start = 0;
     while let Some(end) = cursors.iter().map(|c| c.end).min() {
-        visit(node_between(start, end), values);
-        for j in 0..cuts.len() {
+        visit(node_between(start, end), &values);
+        for j in 0..N {
             let cursor = &mut cursors[j];
             // Which cuts go on is as good as random: reading a node anew is cheaper than a branch guessed wrong.
             let ends = cursor.end == end;
@@ -171,13 +145,6 @@ fn traverse(
         }
         start = end;
     }
-}
-
-/// Memory of [`merge_any`].
-#[derive(Debug, Default)]
-pub struct MergeScratch {
-    cursors: Vec<Cursor>,
-    values: Vec<f32>,
 }
 
 /// The node whose leaves are `start..end`, the size being a power of two.
@@ -197,32 +164,9 @@ pub struct Selector {
     /// By [`Node::slot`]: number, sum and sum of squares of the values that count. In f64: the variance is their
     /// difference, of which f32 leaves nothing where values are large and nearly alike (docs/notebook/stability.md).
     sums: Vec<[f64; 3]>,
-    queue: BinaryHeap<Open>,
+    /// Nodes that may be split, by their errors.
+    queue: BinaryHeap<Ranked<Node>>,
     nodes: Vec<Node>,
-}
-
-/// A node of a cut that may be split, by its error.
-#[derive(Debug, PartialEq)]
-struct Open {
-    error: f64,
-    node: Node,
-}
-
-impl Eq for Open {}
-
-impl PartialOrd for Open {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Open {
-    fn cmp(&self, other: &Self) -> Ordering {
-        // Ties go to the left, so that a cut depends on nothing but its values.
-        self.error
-            .total_cmp(&other.error)
-            .then_with(|| other.node.first().cmp(&self.node.first()))
-    }
 }
 
 impl Selector {
@@ -271,7 +215,11 @@ impl Selector {
     fn offer(&mut self, node: Node, limit: f64) {
         let error = self.error(node);
         if error > limit && node.height > 0 {
-            self.queue.push(Open { error, node });
+            self.queue.push(Ranked {
+                rank: error,
+                place: node.first(),
+                node,
+            });
         } else {
             self.nodes.push(node);
         }

@@ -58,14 +58,9 @@ impl Factors {
         }
     }
 
-    /// Most entries that [`Factors::flattened`] has: it is nearly dense, since every point sees coarse senders of nearly all
-    /// points.
-    pub fn most_flattened(&self) -> u64 {
-        (self.normals.rows() as u64).saturating_mul(self.pull.cols() as u64)
-    }
-
-    /// A, finest points × finest points: irradiance from radiosity, one bounce. Products in f64. Takes 20 bytes an entry
-    /// and as much time as [`Factors::most_flattened`] times the clusters that a cluster has beside it.
+    /// A, finest points × finest points: irradiance from radiosity, one bounce. Products in f64. Nearly dense, since
+    /// every point sees coarse senders of nearly all points: 20 bytes an entry, and as much time as entries times the clusters
+    /// that a cluster has beside it.
     pub fn flattened(&self) -> SparseMatrix {
         let wide = |matrix: &SparseMatrix| matrix.map(|weight| f64::from(*weight));
         // From the left: no product in between has as many rows as all receivers.

@@ -51,9 +51,12 @@ pub mod point_light;
 pub mod poisson;
 pub mod pyramid;
 pub mod random;
+pub mod ranked;
 pub mod sampling;
 pub mod senders;
 pub mod sh;
 pub mod sight;
 pub mod sparse;
 pub mod spectrum;
+#[cfg(test)]
+mod test_random;

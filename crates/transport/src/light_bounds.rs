@@ -170,28 +170,20 @@ mod tests {
     use crate::light_clusters::{BuildSettings, build};
     use crate::point_light::{Emission, PointLight};
     use crate::random::Stream;
-
-    fn random_unit(s: &mut Stream) -> Vec3 {
-        loop {
-            let v = Vec3::new(s.uniform(), s.uniform(), s.uniform()) * 2.0 - 1.0;
-            if let Some(unit) = v.try_normalize() {
-                return unit;
-            }
-        }
-    }
+    use crate::test_random::direction;
 
     /// A cluster of up to 8 lights of one type around a place, of any width.
     fn random_cluster(s: &mut Stream) -> Vec<PointLight> {
-        let middle = random_unit(s) * 10f32.powf(4.0 * s.uniform() - 2.0);
+        let middle = direction(s) * 10f32.powf(4.0 * s.uniform() - 2.0);
         let width = 10f32.powf(5.0 * s.uniform() - 4.0);
-        let (axis, spread) = (random_unit(s), 2.0 * s.uniform() * s.uniform());
+        let (axis, spread) = (direction(s), 2.0 * s.uniform() * s.uniform());
         let kind = (s.uniform() * 4.0) as u32;
         let flat = if s.uniform() < 0.5 { 0.0 } else { 1.0 };
         (0..1 + (s.uniform() * 8.0) as u32)
             .map(|_| {
                 let outer = s.uniform();
                 let inner = outer + (1.0 - outer) * s.uniform().max(0.01);
-                let position = middle + random_unit(s) * Vec3::new(1.0, 1.0, flat) * width;
+                let position = middle + direction(s) * Vec3::new(1.0, 1.0, flat) * width;
                 PointLight {
                     emission: match kind {
                         0 => Emission::Omni,
@@ -203,7 +195,7 @@ mod tests {
                         _ => Emission::Directional,
                     },
                     position: if kind == 3 { Vec3::ZERO } else { position },
-                    axis: (axis + random_unit(s) * spread).try_normalize().unwrap_or(axis),
+                    axis: (axis + direction(s) * spread).try_normalize().unwrap_or(axis),
                     intensity: Vec3::splat(s.uniform() + 0.1),
                 }
             })
@@ -220,10 +212,10 @@ mod tests {
             let trees = build(&lights, &[], 1.0, &BuildSettings::default());
             let root = trees.roots[0].node;
             let (node, emission) = (&trees.nodes[root as usize], trees.emission(root));
-            let x = random_unit(&mut s) * 10f32.powf(4.0 * s.uniform() - 2.0);
+            let x = direction(&mut s) * 10f32.powf(4.0 * s.uniform() - 2.0);
             let seen = LightBox::new(node, emission, x);
             let bound = geometric_bound(node, emission, &seen);
-            let axis = Axis::new(random_unit(&mut s));
+            let axis = Axis::new(direction(&mut s));
             let angle = seen.angle(&axis);
             let mut most = 0.0f32;
             for light in &lights {
@@ -255,7 +247,7 @@ mod tests {
             let mut lights = random_cluster(&mut s);
             lights.truncate(1);
             let trees = build(&lights, &[], 1.0, &BuildSettings::default());
-            let x = random_unit(&mut s);
+            let x = direction(&mut s);
             let (node, emission) = (&trees.nodes[0], trees.emission(0));
             let bound = geometric_bound(node, emission, &LightBox::new(node, emission, x));
             let sent = lights[0].arrival(x).map_or(0.0, |a| a.factor);

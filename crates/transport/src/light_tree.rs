@@ -1,8 +1,8 @@
 //! Many lights as the leaves of a complete binary tree.
 //!
 //! Source: Cheslack-Postava et al. 2008, sections 3.2 (properties of cuts) and 3.4 (construction). Because the tree
-//! is complete, it needs no memory: node j of height h holds the leaves j·2^h .. (j+1)·2^h, and the paper's postorder
-//! index and leftmost leaf follow from h and j. What is stored is the order of the lights along the leaves.
+//! is complete, it needs no memory: node j of height h holds the leaves j·2^h .. (j+1)·2^h. What is stored is the order of
+//! the lights along the leaves.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -56,22 +56,6 @@ impl Node {
             height,
             index: 2 * self.index + side,
         }))
-    }
-
-    /// Its place in postorder (section 3.2). Before the last leaf l of the node stand l leaves and as many inner nodes
-    /// as are complete by then, which is l less the ones in its binary digits; after it, one node per height.
-    pub fn postorder(self) -> u32 {
-        let last = self.end() - 1;
-        2 * last - last.count_ones() + u32::from(self.height)
-    }
-
-    /// Place in postorder of its leftmost leaf (section 3.2, leftleaf).
-    pub fn left_leaf(self) -> u32 {
-        Node {
-            height: 0,
-            index: self.first(),
-        }
-        .postorder()
     }
 
     /// Its place in arrays over all nodes of a tree of 2^`tree_height` leaves, heights one after another, root at 1,
@@ -330,41 +314,6 @@ mod tests {
         (0..=height)
             .flat_map(|h| (0..1u32 << (height - h)).map(move |index| Node { height: h, index }))
             .collect()
-    }
-
-    /// Truth: an explicit postorder walk.
-    #[test]
-    fn postorder_and_left_leaf_are_those_of_a_walk() {
-        fn walk(node: Node, next: &mut u32) {
-            for child in node.children().into_iter().flatten() {
-                walk(child, next);
-            }
-            assert_eq!(node.postorder(), *next);
-            *next += 1;
-        }
-        for height in [0, 1, 5, 9] {
-            let mut next = 0;
-            walk(Node::root(height), &mut next);
-            assert_eq!(next, (2 << height) - 1);
-        }
-    }
-
-    /// The paper's properties 1 and 2; 3 and 4 are tested where cuts are (crate::cuts).
-    #[test]
-    fn descendants_lie_between_left_leaf_and_index_and_all_others_do_not() {
-        let within = |p: Node, q: Node| q.first() >= p.first() && q.end() <= p.end();
-        for p in all_nodes(5) {
-            for q in all_nodes(5) {
-                if p == q {
-                    continue;
-                }
-                let between = (p.left_leaf()..p.postorder()).contains(&q.postorder());
-                assert_eq!(between, within(p, q), "{p:?} {q:?}");
-                if q.postorder() < p.postorder() && !between {
-                    assert!(q.end() <= p.first());
-                }
-            }
-        }
     }
 
     #[test]

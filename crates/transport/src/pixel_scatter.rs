@@ -100,7 +100,7 @@ fn values(run: &Run, degree: usize) -> [f64; MOST] {
 mod tests {
     use super::*;
     use crate::random::Stream;
-    use crate::sh::tests::direction;
+    use crate::test_random::direction;
 
     fn lights(n: usize, strength: impl Fn(usize) -> f32) -> Vec<Vec<Run>> {
         (0..40)

@@ -165,21 +165,11 @@ impl Disks {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Stream;
-
-    fn on_a_sphere(count: usize) -> Vec<Vec3> {
-        let mut s = Stream::new(11, 0, 0);
-        (0..count)
-            .map(|_| {
-                crate::sampling::uniform_hemisphere(glam::Vec2::new(2.0 * s.uniform() - 1.0, s.uniform()))
-            })
-            .map(Vec3::normalize)
-            .collect()
-    }
+    use crate::test_random::directions;
 
     #[test]
     fn points_keep_their_distance_and_leave_no_gap() {
-        let candidates = on_a_sphere(200_000);
+        let candidates = directions(11, 200_000);
         let mut disks = Disks::new(0.2);
         disks.throw(&candidates, &candidates, 0, |_| true);
         assert!(disks.is_full());
@@ -195,7 +185,7 @@ mod tests {
             }
         }
         // Full means that at most about one candidate in 2000 still finds room; 5 in 2000 is beyond chance.
-        let fresh = &on_a_sphere(200_000)[100_000..];
+        let fresh = &directions(11, 200_000)[100_000..];
         let room = fresh
             .iter()
             .filter(|&&c| {
@@ -213,7 +203,7 @@ mod tests {
 
     #[test]
     fn a_restored_set_goes_on_as_if_it_had_never_stopped() {
-        let candidates = on_a_sphere(20_000);
+        let candidates = directions(11, 20_000);
         let (first, second) = candidates.split_at(3000);
         let mut whole = Disks::new(0.15);
         whole.throw(&candidates, &candidates, 0, |_| true);
@@ -230,7 +220,7 @@ mod tests {
 
     #[test]
     fn batches_give_what_one_by_one_gives() {
-        let candidates = on_a_sphere(20_000);
+        let candidates = directions(11, 20_000);
         let mut batched = Disks::new(0.15);
         batched.throw(&candidates, &candidates, 0, |i| i % 3 != 0);
         let mut single = Disks::new(0.15);

@@ -1,7 +1,7 @@
 //! Real spherical harmonics of degrees 0 to 3: functions of direction.
 //!
 //! Source: Lehtinen et al. 2008, section 2.1 (tensor product bases) names them; the polynomials are those of
-//! Sloan 2008, "Stupid spherical harmonics tricks", appendix A2, and the cosine factors of [`irradiance`] those
+//! Sloan 2008, "Stupid spherical harmonics tricks", appendix A2, and the cosine factors of [`irradiance_factors`] those
 //! of Ramamoorthi and Hanrahan 2001, equation 8.
 //!
 //! Convention: orthonormal over the sphere, without the Condon-Shortley sign, so that every function of degree
@@ -50,41 +50,14 @@ pub fn evaluate(direction: Vec3) -> Coefficients {
     ]
 }
 
-/// Coefficients up to `degree` (at most [`MAX_DEGREE`]; the rest are 0) of a function known at samples (unit
-/// direction, value, solid angle that the sample stands for): ∫ f Y dω.
-pub fn project(degree: usize, samples: impl IntoIterator<Item = (Vec3, f32, f32)>) -> Coefficients {
-    let kept = count(degree.min(MAX_DEGREE));
-    let mut sums = [0.0f64; COUNT];
-    for (direction, value, solid_angle) in samples {
-        let weight = f64::from(value) * f64::from(solid_angle);
-        for (sum, y) in sums[..kept].iter_mut().zip(evaluate(direction)) {
-            *sum += weight * f64::from(y);
-        }
-    }
-    sums.map(|s| s as f32)
-}
-
-/// The function at a unit direction.
-#[inline]
-pub fn reconstruct(coefficients: &Coefficients, direction: Vec3) -> f32 {
-    dot(coefficients, &evaluate(direction))
-}
-
-/// Σ aᵢ bᵢ: the integral over the sphere of the product of two functions.
+/// Σ aᵢ bᵢ: the integral over the sphere of the product of two functions; with [`evaluate`] of a direction the value there.
 #[inline]
 pub fn dot(a: &Coefficients, b: &Coefficients) -> f32 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Irradiance of a surface with unit normal `normal` under incident radiance with these coefficients:
-/// ∫ L max(0, n·ω) dω, exactly so for radiance of these degrees.
-#[inline]
-pub fn irradiance(radiance: &Coefficients, normal: Vec3) -> f32 {
-    dot(radiance, &irradiance_factors(normal))
-}
-
 /// What coefficients of incident radiance are multiplied with to give the irradiance of a surface with unit normal
-/// `normal`: the clamped cosine's own coefficients.
+/// `normal`, ∫ L max(0, n·ω) dω: the clamped cosine's own coefficients, so that it is exact for radiance of these degrees.
 #[inline]
 pub fn irradiance_factors(normal: Vec3) -> Coefficients {
     // The clamped cosine's coefficients per degree; its degree 3 vanishes.
@@ -97,13 +70,14 @@ pub fn irradiance_factors(normal: Vec3) -> Coefficients {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
     use crate::random::Stream;
+    use crate::test_random::direction;
 
     /// (direction, solid angle) of a product rule, Gauss's with four nodes along z and eight even angles: exact
     /// for polynomials of degree 7.
-    pub(crate) fn quadrature() -> Vec<(Vec3, f32)> {
+    fn quadrature() -> Vec<(Vec3, f32)> {
         let inner = (3.0f64 / 7.0 - 2.0 / 7.0 * 1.2f64.sqrt()).sqrt();
         let outer = (3.0f64 / 7.0 + 2.0 / 7.0 * 1.2f64.sqrt()).sqrt();
         let (heavy, light) = ((18.0 + 30f64.sqrt()) / 36.0, (18.0 - 30f64.sqrt()) / 36.0);
@@ -119,8 +93,16 @@ pub(crate) mod tests {
         rule
     }
 
-    pub(crate) fn direction(s: &mut Stream) -> Vec3 {
-        crate::sampling::uniform_hemisphere(glam::Vec2::new(2.0 * s.uniform() - 1.0, s.uniform())).normalize()
+    /// ∫ f Y dω.
+    fn projected(f: impl Fn(Vec3) -> f32) -> Coefficients {
+        let mut sums = [0.0; COUNT];
+        for (direction, weight) in quadrature() {
+            let value = f(direction) * weight;
+            sums.iter_mut()
+                .zip(evaluate(direction))
+                .for_each(|(sum, y)| *sum += value * y);
+        }
+        sums
     }
 
     /// Sixteen values of a few units of rounding of numbers below 3.
@@ -129,8 +111,7 @@ pub(crate) mod tests {
     #[test]
     fn functions_are_orthonormal() {
         for i in 0..COUNT {
-            let samples = quadrature().into_iter().map(|(d, w)| (d, evaluate(d)[i], w));
-            for (j, c) in project(MAX_DEGREE, samples).into_iter().enumerate() {
+            for (j, c) in projected(|d| evaluate(d)[i]).into_iter().enumerate() {
                 let exact = if i == j { 1.0 } else { 0.0 };
                 assert!((c - exact).abs() < ROUNDING, "{i} with {j}: {c}");
             }
@@ -155,29 +136,12 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_cubic_survives_projection_and_a_lower_degree_keeps_its_own_part_only() {
-        let linear = |d: Vec3| 0.3 + d.x - 2.0 * d.y;
-        let cubic = |d: Vec3| linear(d) + 1.5 * d.x * d.y * d.z;
-        let of = |degree, f: &dyn Fn(Vec3) -> f32| {
-            project(degree, quadrature().into_iter().map(|(d, w)| (d, f(d), w)))
-        };
-        let (all, first) = (of(3, &cubic), of(1, &cubic));
-        let mut s = Stream::new(42, 0, 0);
-        for _ in 0..200 {
-            let d = direction(&mut s);
-            assert!((reconstruct(&all, d) - cubic(d)).abs() < 4.0 * ROUNDING);
-            // xyz is a harmonic of degree 3, at right angles to all lower ones.
-            assert!((reconstruct(&first, d) - linear(d)).abs() < 4.0 * ROUNDING);
-        }
-    }
-
-    #[test]
     fn irradiance_is_the_cosine_integral() {
         // Radiance 1 + z + z²: on a surface that faces +z ∫ L cosθ dω = 2π(1/2 + 1/3 + 1/4) = 13π/6, on one that
         // faces −z 2π(1/2 − 1/3 + 1/4) = 5π/6, by hand.
-        let l = |d: Vec3| 1.0 + d.z + d.z * d.z;
-        let c = project(2, quadrature().into_iter().map(|(d, w)| (d, l(d), w)));
-        assert!((irradiance(&c, Vec3::Z) - 13.0 * PI / 6.0).abs() < 10.0 * ROUNDING);
-        assert!((irradiance(&c, Vec3::NEG_Z) - 5.0 * PI / 6.0).abs() < 10.0 * ROUNDING);
+        let c = projected(|d| 1.0 + d.z + d.z * d.z);
+        for (normal, exact) in [(Vec3::Z, 13.0 * PI / 6.0), (Vec3::NEG_Z, 5.0 * PI / 6.0)] {
+            assert!((dot(&c, &irradiance_factors(normal)) - exact).abs() < 10.0 * ROUNDING);
+        }
     }
 }

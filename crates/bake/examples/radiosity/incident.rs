@@ -7,7 +7,7 @@ use relight_bake::points::poisson::{PointLevels, levels_of};
 use relight_transport::basis::Level;
 use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
 use relight_transport::sampling::Frame;
-use relight_transport::sh::{COUNT, Coefficients, MAX_DEGREE, count, evaluate, project};
+use relight_transport::sh::{COUNT, Coefficients, MAX_DEGREE, count, evaluate};
 use std::f32::consts::PI;
 
 /// Radiance per channel.
@@ -43,11 +43,23 @@ pub fn incident_radiance(
                 let sent = sent.get(hit as usize)?[channel];
                 Some((frame.world_from_local(local), sent, solid_angle))
             });
-            values[i] = project(MAX_DEGREE, samples);
+            values[i] = project(samples);
         }
         tensor::fill(&mut values, gathered, &ranges, &parents);
         values.split_off(finest)
     })
+}
+
+/// Coefficients of a function known at samples (unit direction, value, solid angle that the sample stands for): ∫ f Y dω.
+fn project(samples: impl Iterator<Item = (Vec3, f32, f32)>) -> Coefficients {
+    let mut sums = [0.0f64; COUNT];
+    for (direction, value, solid_angle) in samples {
+        let weight = f64::from(value) * f64::from(solid_angle);
+        for (sum, y) in sums.iter_mut().zip(evaluate(direction)) {
+            *sum += weight * f64::from(y);
+        }
+    }
+    sums.map(|s| s as f32)
 }
 
 /// Radiance reflected towards the mirror direction `mirror` by a lobe cosᵉ that sums to 1 (Phong 1975), from incident

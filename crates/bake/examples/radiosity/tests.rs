@@ -214,7 +214,7 @@ fn incident_radiance_in_a_furnace_has_the_irradiance_of_the_solution() {
     let radiance = incident_radiance(&points, &solution, &direct);
     let exact = rho / (1.0 - rho);
     for (c, place) in radiance[0].iter().zip(finest(&points)) {
-        let irradiance = sh::irradiance(c, place.normal);
+        let irradiance = sh::dot(c, &sh::irradiance_factors(place.normal));
         // Even light needs no rays on the finest level; the two above, of supports of 0.8 and 0.4, turn hemispheres by as
         // many radians at most, and half of the irradiance by the cosine of it.
         assert!(
@@ -238,7 +238,7 @@ fn a_lobe_reflects_its_integral_over_incident_radiance() {
             let r = (1.0 - z * z).max(0.0).sqrt();
             let d = Vec3::new(r * cos as f32, r * sin as f32, z);
             let weight = (exponent + 1.0) / (2.0 * PI) * d.dot(mirror).max(0.0).powf(exponent);
-            f64::from(sh::reconstruct(&radiance, d) * weight)
+            f64::from(sh::dot(&radiance, &sh::evaluate(d)) * weight)
         })
         .sum();
     let integral = (sum * 4.0 * std::f64::consts::PI / f64::from(count)) as f32;

@@ -287,7 +287,7 @@ impl Gather<'_> {
 }
 
 /// What harmonics up to `degree` make of light from one direction as irradiance of a surface at this cosine to it:
-/// Σ Âₗ (2l + 1)/4π Pₗ, with the factors of [`relight_transport::sh::irradiance`].
+/// Σ Âₗ (2l + 1)/4π Pₗ, with the factors of [`relight_transport::sh::irradiance_factors`].
 fn harmonic_cosine(cosine: f32, degree: usize) -> f32 {
     let terms = [0.25, 0.5 * cosine, 0.3125 * (1.5 * cosine * cosine - 0.5)];
     terms.iter().take(degree + 1).sum()

@@ -100,8 +100,7 @@ fn check_against_dense<const K: usize>(seed: u64) {
         );
     }
 
-    // The merged cut is the union of all nodes, in rising postorder (the paper's properties 3 and 4).
-    assert!(visits.windows(2).all(|w| w[0].0.postorder() < w[1].0.postorder()));
+    // The merged cut tiles the leaves with the deepest node of any cut.
     for pair in visits.windows(2) {
         assert_eq!(pair[0].0.end(), pair[1].0.first());
     }
@@ -121,15 +120,6 @@ fn check_against_dense<const K: usize>(seed: u64) {
             .iter()
             .all(|(node, _)| node.height == deepest(node.first()))
     );
-
-    // The number of cuts known at run time only: the same visits.
-    let cuts: Vec<Cut> = owned.iter().map(Owned::cut).collect();
-    let mut again = visits.iter();
-    merge_any(&cuts, &mut MergeScratch::default(), |node, values| {
-        let (other, expected) = again.next().unwrap();
-        assert!(node == *other && values == expected);
-    });
-    assert!(again.next().is_none());
 }
 
 #[test]
@@ -263,7 +253,6 @@ fn the_error_of_a_triple_product_is_about_what_covariances_say() {
         }
     }
     let share = missed / errors;
-    println!("the approximation misses {share:.3} of the errors");
     assert!(share < 0.1, "{share}");
 }
 

@@ -1,16 +1,8 @@
 use super::*;
 use crate::point_light::{Emission, PointLight};
 use crate::random::Stream;
+use crate::test_random::direction;
 use glam::Vec3;
-
-fn random_unit(s: &mut Stream) -> Vec3 {
-    loop {
-        let v = Vec3::new(s.uniform(), s.uniform(), s.uniform()) * 2.0 - 1.0;
-        if let Some(unit) = v.try_normalize() {
-            return unit;
-        }
-    }
-}
 
 /// Lights of all types, in a cube of 10 m.
 fn mixed(n: u64, intensity: impl Fn(&mut Stream) -> f32) -> Vec<PointLight> {
@@ -29,7 +21,7 @@ fn mixed(n: u64, intensity: impl Fn(&mut Stream) -> f32) -> Vec<PointLight> {
             PointLight {
                 emission,
                 position: Vec3::new(s.uniform(), s.uniform(), s.uniform()) * 10.0,
-                axis: random_unit(&mut s),
+                axis: direction(&mut s),
                 intensity: Vec3::splat(intensity(&mut s)),
             }
         })

@@ -3,8 +3,8 @@
 use super::build::{PixelNode, PixelTree};
 use crate::point_light::{Emission, PointLight};
 use crate::random::Stream;
+use crate::ranked::Ranked;
 use glam::{Mat3, Vec3};
-use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 /// How a cut is chosen.
@@ -95,30 +95,6 @@ impl CutLight {
     }
 }
 
-/// A node to be refined.
-struct Candidate {
-    variation: f32,
-    node: u32,
-}
-
-impl PartialEq for Candidate {
-    fn eq(&self, other: &Candidate) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-impl Eq for Candidate {}
-impl PartialOrd for Candidate {
-    fn partial_cmp(&self, other: &Candidate) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Candidate {
-    fn cmp(&self, other: &Candidate) -> Ordering {
-        let earlier = || other.node.cmp(&self.node);
-        self.variation.total_cmp(&other.variation).then_with(earlier)
-    }
-}
-
 /// Puts a cut for `light` into `cut`: nodes of the tree in order, every pixel below exactly one of them.
 pub fn choose_cut(
     tree: &PixelTree,
@@ -198,11 +174,15 @@ fn refined_by_heap(
 ) {
     cut.clear();
     let mut heap = BinaryHeap::new();
-    let enter = |heap: &mut BinaryHeap<Candidate>, cut: &mut Vec<u32>, at: u32| {
+    let enter = |heap: &mut BinaryHeap<Ranked<()>>, cut: &mut Vec<u32>, at: u32| {
         let node = &tree.nodes[at as usize];
         let variation = light.variation(node);
         if node.skip > 0 && variation > limits.threshold {
-            heap.push(Candidate { variation, node: at });
+            heap.push(Ranked {
+                rank: variation.into(),
+                place: at,
+                node: (),
+            });
         } else {
             cut.push(at);
         }
@@ -212,12 +192,12 @@ fn refined_by_heap(
     }
     let most = limits.most.max(limits.clusters) as usize;
     while cut.len() + heap.len() < most {
-        let Some(Candidate { node: at, .. }) = heap.pop() else {
+        let Some(Ranked { place: at, .. }) = heap.pop() else {
             break;
         };
         enter(&mut heap, cut, at + 1);
         enter(&mut heap, cut, at + tree.nodes[at as usize].skip);
     }
-    cut.extend(heap.into_iter().map(|candidate| candidate.node));
+    cut.extend(heap.into_iter().map(|candidate| candidate.place));
     cut.sort_unstable();
 }

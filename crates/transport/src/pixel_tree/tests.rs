@@ -1,7 +1,7 @@
 use super::*;
 use crate::point_light::{Emission, PointLight};
 use crate::random::Stream;
-use crate::sh::tests::direction;
+use crate::test_random::direction;
 use glam::{Mat3, Vec3};
 
 fn pixels(n: usize) -> Vec<TreePixel> {
