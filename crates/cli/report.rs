@@ -28,7 +28,7 @@ use measure::{Measured, Runs};
 use reference::Reference;
 use relight_format::{self as format, Estimates, Limits};
 use relight_play::Player;
-use relight_play::open::{Parts, asset_hash};
+use relight_play::open::{Sections, asset_hash};
 use relight_scene::image::{write_atomically, write_png};
 use relight_scene::sequence::{Sequence, read_sequence};
 use settings::{Facts, Setting};
@@ -138,7 +138,7 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
         .frames
         .unwrap_or_else(|| evenly(sequence.frames, preset.frames));
     let scene_key = cache::scene_key(&asset, &sequence, &args.lights)?;
-    let player = Player::of_asset(asset, asset_hash(&args.asset)?, &args.asset, Parts::Scene)?;
+    let player = Player::of_asset(asset, asset_hash(&args.asset)?, &args.asset, Sections::Scene)?;
     let size = match args.size {
         Some(size) => size,
         None => default_size(&player, &sequence, preset.width)?,

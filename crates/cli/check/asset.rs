@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use glam::{DVec3, Vec3};
 use relight_format::{self as format, Limits};
 use relight_play::Player;
-use relight_play::open::{Parts, asset_hash};
+use relight_play::open::{Sections, asset_hash};
 use relight_play::transfer::Transfer;
 use relight_render::expose::expose;
 use relight_transport::bounce::{MOST_ALBEDO, TOLERANCE, solve_double};
@@ -43,7 +43,7 @@ pub fn check(path: &Path, seed: u64, stage: &Stage) -> Result<Found, Failure> {
         asset.cuts.clone(),
         asset.estimates.clone(),
     );
-    let player = Player::of_asset(asset, hash, path, Parts::Whole)?;
+    let player = Player::of_asset(asset, hash, path, Sections::All)?;
     if let Some(transfer) = &player.prepared.transfer {
         stage.at("basis");
         add("basis", basis(transfer));

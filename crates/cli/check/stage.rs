@@ -7,12 +7,13 @@ use relight_bake::params::{BakeParams, Preset};
 use relight_bake::{Progress, Request, bake};
 use relight_format::{self as format, Asset, Limits};
 use relight_play::frame::light::Lit;
-use relight_play::open::Parts;
+use relight_play::open::Sections;
 use relight_play::shot::RelitShot;
 use relight_play::{CutSites, FrameSettings, Player, ShotSettings};
 use relight_render::expose::expose;
 use relight_render::layers::RenderSize;
-use relight_render::path::{PathSettings, render};
+use relight_render::path::render;
+use relight_render::picture::Picture;
 use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
 use relight_scene::light::LightTrack;
@@ -76,12 +77,12 @@ impl Stage {
             width: TRACED,
             height: TRACED,
         };
-        let settings = PathSettings {
-            spp,
-            ..PathSettings::default()
-        };
         let camera = scene.scene().cameras[0].at(0.0);
-        render(scene, &lights, &camera, size, &settings, &()).map_err(|e| e.to_string())
+        let picture = Picture {
+            spp: Some(spp),
+            ..Picture::new(scene, &lights, &camera, size)
+        };
+        render(&picture, None).map_err(|e| e.to_string())
     }
 
     /// Indirect light per pixel of [`Stage::traced_with`].
@@ -124,7 +125,8 @@ impl Stage {
         self.at("format: read");
         let asset = format::read_asset(&bytes, &Limits::default()).map_err(|e| e.to_string())?;
         self.at("play: load");
-        Player::of_asset(asset, format::content_hash(&bytes), "case", Parts::Whole).map_err(|e| e.to_string())
+        Player::of_asset(asset, format::content_hash(&bytes), "case", Sections::All)
+            .map_err(|e| e.to_string())
     }
 
     /// Bakes, writes, reads and loads; all materials matt.

@@ -333,7 +333,6 @@ impl PointArgs {
 
 impl LightcutArgs {
     fn settings(&self) -> LightcutSettings {
-        let defaults = LightcutSettings::default();
         LightcutSettings {
             error_ratio: self.error_ratio,
             max_nodes: if self.max_nodes == 0 {
@@ -342,10 +341,9 @@ impl LightcutArgs {
                 self.max_nodes
             },
             uncertainty: match self.cluster_visibility {
-                ClusterVisibility::Parts => defaults.uncertainty,
+                ClusterVisibility::Parts => LightcutSettings::default().uncertainty,
                 ClusterVisibility::Representative => f32::INFINITY,
             },
-            ..defaults
         }
     }
 }

@@ -8,13 +8,14 @@ use relight_bake::params::BakeParams;
 use relight_bake::points::viewpoints::in_open_space;
 use relight_format::{self as format, Asset, Limits};
 use relight_play::camera::camera_of;
-use relight_play::open::Parts;
+use relight_play::open::Sections;
 use relight_play::shot::STANDING_SAMPLES;
 use relight_play::{CutSites, FrameSettings, Lights, Player, ShotSettings};
 use relight_render::expose::expose;
 use relight_render::exposure::Exposure;
 use relight_render::layers::RenderSize;
-use relight_render::path::{self, PathSettings};
+use relight_render::path;
+use relight_render::picture::Picture;
 use relight_scene::camera::Camera;
 use relight_scene::image::FloatImage;
 use relight_scene::image::metrics::relmse;
@@ -274,7 +275,7 @@ impl Probes {
 
     /// Indirect light of all windows.
     fn relit(&self, asset: Asset) -> Result<Vec<[f32; 3]>, Failure> {
-        let player = Player::of_asset(asset, 0, "the new asset", Parts::Whole)?;
+        let player = Player::of_asset(asset, 0, "the new asset", Sections::All)?;
         // Emission may have been left out: what shines does so in the scene as it was.
         let directions = player.prepared.directions();
         let lights = Lights::new(&self.viewpoints.scene, &self.sequence.lights, directions)?;
@@ -333,17 +334,17 @@ fn path_traced(
     let lights = Lights::new(&viewpoints.scene, &sequence.lights, 0)?;
     let mut pixels = Vec::new();
     for (i, (frame, camera)) in viewpoints.windows.iter().enumerate() {
-        let settings = PathSettings {
-            spp,
-            // T to the N is N + 1 reflections.
-            max_bounces: bounces.map(|n| n.saturating_add(1)),
+        let lights = lights.at((*frame).into());
+        let picture = Picture {
+            spp: Some(spp),
             // Windows share pixel numbers.
             seed: format::content_hash(format!("{seed} {i}").as_bytes()),
-            light_layers: false,
+            watch: &Signals,
+            ..Picture::new(&viewpoints.scene, &lights, camera, WINDOW)
         };
-        let lights = lights.at((*frame).into());
-        let layers = path::render(&viewpoints.scene, &lights, camera, WINDOW, &settings, &Signals)
-            .map_err(|_| signals::failure())?;
+        // T to the N is N + 1 reflections.
+        let reflections = bounces.map(|n| n.saturating_add(1));
+        let layers = path::render(&picture, reflections).map_err(|_| signals::failure())?;
         pixels.extend(layers.rgb("indirect").unwrap_or_default().pixels);
     }
     Ok(pixels)

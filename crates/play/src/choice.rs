@@ -9,8 +9,7 @@ use relight_render::pixelcuts::PixelcutsSettings;
 use std::fmt;
 use std::path::PathBuf;
 
-/// A way to make light. Of the settings within, `spp`, `seed` and `light_layers` are taken from those of the shot and the
-/// frame.
+/// A way to make light.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Integrator {
     /// [`Integrator::Transfer`] with all visibility cuts that the asset has; without points [`Tracer::Path`].

@@ -69,116 +69,10 @@ pub(crate) struct Opened {
     pub estimates: Option<format::Estimates>,
 }
 
-/// What the reference integrators need.
+/// What integrators need that trace the scene.
 const SCENE: [Kind; 4] = [Kind::Geometry, Kind::Materials, Kind::Textures, Kind::Stage];
 
-/// What transfer and cuts need: everything.
-const WHOLE: [Kind; 13] = [
-    Kind::Estimates,
-    Kind::Geometry,
-    Kind::Materials,
-    Kind::Textures,
-    Kind::Stage,
-    Kind::Points,
-    Kind::Separations,
-    Kind::Senders,
-    Kind::LinksTransfer,
-    Kind::LinksBounce,
-    Kind::LinksSolution,
-    Kind::LightTree,
-    Kind::Cuts,
-];
-
-/// Which parts of an asset are wanted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Parts {
-    /// All that light needs.
-    Whole,
-    /// The scene alone: [`crate::Integrator::Traced`] needs no operators, and they are most of the file.
-    Scene,
-}
-
-/// Reads what is wanted of an asset.
-pub(crate) fn read(path: &Path, parts: Parts) -> Result<Asset, OpenError> {
-    let kinds = match parts {
-        Parts::Whole => &WHOLE[..],
-        Parts::Scene => &SCENE,
-    };
-    format::read_parts(path, &Limits::default(), kinds).map_err(|source| OpenError::Format {
-        file: path.to_path_buf(),
-        source,
-    })
-}
-
-/// Prepares what was read; `path` is for messages.
-pub(crate) fn opened(asset: Asset, path: &Path, parts: Parts) -> Result<Opened, OpenError> {
-    let file = || path.to_path_buf();
-    let Asset {
-        provenance,
-        geometry,
-        materials,
-        textures,
-        stage,
-        points,
-        separations,
-        senders,
-        transfer,
-        bounce,
-        solution,
-        light_tree,
-        cuts,
-        estimates,
-        ..
-    } = asset;
-    let (cameras, sequence) = match stage.json.as_str() {
-        "" => Ok((Vec::new(), Sequence::default())),
-        json => stage_from_json(json),
-    }
-    .map_err(|source| OpenError::Stage { file: file(), source })?;
-    let scene = Arc::new(Scene {
-        meshes: convert::meshes(geometry.meshes),
-        instances: geometry.instances.iter().map(convert::instance).collect(),
-        materials: materials.into_iter().map(convert::material).collect(),
-        textures: textures.into_iter().enumerate().map(convert::texture).collect(),
-        cameras,
-        sequence,
-        notes: Vec::new(),
-    });
-    let shading = if provenance.lambert {
-        Shading::Lambert
-    } else {
-        Shading::Full
-    };
-    let traced =
-        TracedScene::new(scene, shading).map_err(|source| OpenError::Scene { file: file(), source })?;
-    let transfer = if parts == Parts::Whole && !points.is_empty() {
-        let mismatch = |message| OpenError::Mismatch {
-            file: file(),
-            message,
-        };
-        let operators = Operators {
-            points,
-            separations,
-            senders,
-            transfer,
-            bounce,
-            solution,
-        };
-        Some(prepared(&provenance, operators).map_err(mismatch)?)
-    } else {
-        None
-    };
-    // Without points nothing is indirect, nor are there cuts.
-    let cuts = (light_tree.zip(cuts).zip(transfer.as_ref()))
-        .map(|((tree, cuts), transfer)| visibility(tree, cuts, &traced, transfer));
-    Ok(Opened {
-        prepared: PreparedScene::new(traced, transfer, cuts),
-        provenance,
-        estimates,
-    })
-}
-
-/// Sections of the operators, and of what they work on.
+/// The operators, and what they work on.
 const OPERATORS: [Kind; 6] = [
     Kind::Points,
     Kind::Separations,
@@ -188,30 +82,79 @@ const OPERATORS: [Kind; 6] = [
     Kind::LinksSolution,
 ];
 
+/// What visibility cuts need besides, and expected errors.
+const CUTS: [Kind; 3] = [Kind::Estimates, Kind::LightTree, Kind::Cuts];
+
+/// Which sections of an asset are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sections {
+    /// All that light needs.
+    All,
+    /// The scene alone: [`crate::Integrator::Traced`] needs no operators, and they are most of the file.
+    Scene,
+}
+
+/// Reads what is wanted of an asset.
+pub(crate) fn read(path: &Path, sections: Sections) -> Result<Asset, OpenError> {
+    match sections {
+        Sections::All => read_kinds(path, &[&SCENE[..], &OPERATORS, &CUTS].concat()),
+        Sections::Scene => read_kinds(path, &SCENE),
+    }
+}
+
+fn read_kinds(path: &Path, kinds: &[Kind]) -> Result<Asset, OpenError> {
+    format::read_parts(path, &Limits::default(), kinds).map_err(|source| OpenError::Format {
+        file: path.to_path_buf(),
+        source,
+    })
+}
+
+/// Prepares what was read; `path` is for messages.
+pub(crate) fn opened(mut asset: Asset, path: &Path, sections: Sections) -> Result<Opened, OpenError> {
+    let file = || path.to_path_buf();
+    let (cameras, sequence) = match asset.stage.json.as_str() {
+        "" => Ok((Vec::new(), Sequence::default())),
+        json => stage_from_json(json),
+    }
+    .map_err(|source| OpenError::Stage { file: file(), source })?;
+    let transfer = match sections {
+        Sections::All => transfer(&mut asset, path)?,
+        Sections::Scene => None,
+    };
+    let scene = Arc::new(Scene {
+        meshes: convert::meshes(asset.geometry.meshes),
+        instances: (asset.geometry.instances.iter()).map(convert::instance).collect(),
+        materials: asset.materials.into_iter().map(convert::material).collect(),
+        textures: (asset.textures.into_iter().enumerate())
+            .map(convert::texture)
+            .collect(),
+        cameras,
+        sequence,
+        notes: Vec::new(),
+    });
+    let shading = if asset.provenance.lambert {
+        Shading::Lambert
+    } else {
+        Shading::Full
+    };
+    let traced =
+        TracedScene::new(scene, shading).map_err(|source| OpenError::Scene { file: file(), source })?;
+    // Without points nothing is indirect, nor are there cuts.
+    let cuts = (asset.light_tree.zip(asset.cuts).zip(transfer.as_ref()))
+        .map(|((tree, cuts), transfer)| visibility(tree, cuts, &traced, transfer));
+    Ok(Opened {
+        prepared: PreparedScene::new(traced, transfer, cuts),
+        provenance: asset.provenance,
+        estimates: asset.estimates,
+    })
+}
+
 /// The operators of an asset alone, which need no scene; `None` where it has no points.
 ///
 /// # Errors
 /// [`OpenError`].
 pub fn load_operators(path: &Path) -> Result<Option<Transfer>, OpenError> {
-    let file = || path.to_path_buf();
-    let asset = format::read_parts(path, &Limits::default(), &OPERATORS)
-        .map_err(|source| OpenError::Format { file: file(), source })?;
-    if asset.points.is_empty() {
-        return Ok(None);
-    }
-    let operators = Operators {
-        points: asset.points,
-        separations: asset.separations,
-        senders: asset.senders,
-        transfer: asset.transfer,
-        bounce: asset.bounce,
-        solution: asset.solution,
-    };
-    let prepared = prepared(&asset.provenance, operators);
-    prepared.map(Some).map_err(|message| OpenError::Mismatch {
-        file: file(),
-        message,
-    })
+    transfer(&mut read_kinds(path, &OPERATORS)?, path)
 }
 
 /// Hash that identifies the content of an asset's file, from its header alone.
@@ -232,37 +175,32 @@ pub fn asset_hash(path: &Path) -> Result<u64, FormatError> {
     Ok(format::content_hash(&header))
 }
 
-struct Operators {
-    points: Vec<format::Level>,
-    separations: Option<format::Separations>,
-    senders: Option<format::Senders>,
-    transfer: Option<format::Links>,
-    bounce: Option<format::BounceLinks>,
-    solution: Option<format::Solution>,
+/// Takes the operators out of an asset; `None` where it has no points. `path` is for messages.
+fn transfer(asset: &mut Asset, path: &Path) -> Result<Option<Transfer>, OpenError> {
+    if asset.points.is_empty() {
+        return Ok(None);
+    }
+    (prepared(asset).map(Some)).map_err(|message| OpenError::Mismatch {
+        file: path.to_path_buf(),
+        message,
+    })
 }
 
-/// Reading has checked that the parts fit.
-fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, String> {
-    let Operators {
-        points,
-        separations,
-        senders,
-        transfer,
-        bounce,
-        solution,
-    } = operators;
-    let bounces = match provenance.setting(setting::BOUNCES) {
+/// Reading has checked that the sections fit.
+fn prepared(asset: &mut Asset) -> Result<Transfer, String> {
+    let bounces = match asset.provenance.setting(setting::BOUNCES) {
         None | Some(setting::CONVERGED) => None,
         Some(n) => Some(
             n.parse()
                 .map_err(|_| format!("setting bounces in provenance is {n:?}, not a number"))?,
         ),
     };
+    let points = std::mem::take(&mut asset.points);
     let finest = &points[points.len() - 1];
     let albedo = vectors(&finest.albedo);
     let receivers: usize = points.iter().map(|l| l.positions.len()).sum();
     // An asset without indirect light has no senders: one that sends nothing does.
-    let tree = match senders {
+    let tree = match asset.senders.take() {
         Some(senders) => {
             let counts: Vec<usize> = senders.counts.iter().map(|&c| c as usize).collect();
             SenderTree::new(
@@ -274,7 +212,7 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
         }
         None => SenderTree::new(&[1], vec![0; albedo.len()], Vec::new(), vec![0; albedo.len()]),
     };
-    let links = match transfer {
+    let links = match asset.transfer.take() {
         Some(links) => Links {
             receivers: links.receivers,
             senders: links.senders,
@@ -289,7 +227,7 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
             ..Links::default()
         },
     };
-    let (bounce_level, bounce) = match bounce {
+    let (bounce_level, bounce) = match asset.bounce.take() {
         Some(bounce) => (bounce.level as usize, matrix(bounce.matrix)?),
         None => {
             let size = tree.ranges.range(0).len();
@@ -307,22 +245,18 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
             )
         })
         .collect();
-    let separations = separations.unwrap_or_default();
-    let mut near_parted = vec![
-        false;
-        if separations.near.is_empty() {
-            0
-        } else {
-            albedo.len()
-        }
-    ];
+    let separations = asset.separations.take().unwrap_or_default();
+    let mut near_separated = match separations.near.is_empty() {
+        true => Vec::new(),
+        false => vec![false; albedo.len()],
+    };
     for &point in &separations.near {
-        near_parted[point as usize] = true;
+        near_separated[point as usize] = true;
     }
     let mut transfer = Transfer::new(
         levels,
         &separations.pairs,
-        near_parted,
+        near_separated,
         tree,
         albedo,
         &links,
@@ -330,7 +264,7 @@ fn prepared(provenance: &Provenance, operators: Operators) -> Result<Transfer, S
         bounce_level,
         bounces,
     );
-    if let Some(solution) = solution {
+    if let Some(solution) = asset.solution.take() {
         let channels = solution
             .channels
             .into_iter()

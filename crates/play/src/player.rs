@@ -10,7 +10,7 @@ use crate::frame::stats::{FrameStats, RelitStats, milliseconds};
 use crate::frame::traced::traced;
 use crate::kept::{self, LeftOutError};
 use crate::lights::Lights;
-use crate::open::{self, OpenError, Parts};
+use crate::open::{self, OpenError, Sections};
 use crate::prepared::PreparedScene;
 use crate::reflections::{FIXED_RAYS, MOVING_RAYS};
 use crate::shot::{
@@ -108,7 +108,7 @@ impl Player {
     /// # Errors
     /// [`OpenError`].
     pub fn open(path: impl AsRef<Path>) -> Result<Player, OpenError> {
-        Player::open_parts(path.as_ref(), Parts::Whole)
+        Player::open_sections(path.as_ref(), Sections::All)
     }
 
     /// Opens an asset for one integrator: without operators, which are most of it, where it needs none.
@@ -116,21 +116,21 @@ impl Player {
     /// # Errors
     /// [`OpenError`].
     pub fn open_for(path: impl AsRef<Path>, integrator: &Integrator) -> Result<Player, OpenError> {
-        let parts = if integrator.needs_operators() {
-            Parts::Whole
+        let sections = if integrator.needs_operators() {
+            Sections::All
         } else {
-            Parts::Scene
+            Sections::Scene
         };
-        Player::open_parts(path.as_ref(), parts)
+        Player::open_sections(path.as_ref(), sections)
     }
 
-    fn open_parts(path: &Path, parts: Parts) -> Result<Player, OpenError> {
-        let asset = open::read(path, parts)?;
+    fn open_sections(path: &Path, sections: Sections) -> Result<Player, OpenError> {
+        let asset = open::read(path, sections)?;
         let hash = open::asset_hash(path).map_err(|source| OpenError::Format {
             file: path.to_path_buf(),
             source,
         })?;
-        Player::of_asset(asset, hash, path, parts)
+        Player::of_asset(asset, hash, path, sections)
     }
 
     /// A player of what has been read already, or was never in a file: `file` is for messages, `hash` identifies the
@@ -142,10 +142,10 @@ impl Player {
         asset: Asset,
         hash: u64,
         file: impl AsRef<Path>,
-        parts: Parts,
+        sections: Sections,
     ) -> Result<Player, OpenError> {
         let file = file.as_ref();
-        let opened = open::opened(asset, file, parts)?;
+        let opened = open::opened(asset, file, sections)?;
         Ok(Player {
             provenance: opened.provenance,
             estimates: opened.estimates,

@@ -13,18 +13,18 @@ use relight_transport::sparse::{SparseMatrix, build_with, fill_rows, row};
 /// position and smooth normal of each pixel.
 ///
 /// A place that no function covers (a crevice that no candidate met, the back of a thin rim) takes the nearest
-/// points whatever their normals, and failing that stays empty. Points that `is_parted` from it count for nothing, as
-/// long as others are left; it is asked about those in `near_parted` alone.
+/// points whatever their normals, and failing that stays empty. Points that `is_separated` from it count for nothing, as
+/// long as others are left; it is asked about those in `near_separated` alone.
 pub fn weights_at(
     finest: &Level,
     places: &[Option<(Vec3, Vec3)>],
-    near_parted: &[bool],
-    is_parted: impl Fn((Vec3, Vec3), u32) -> bool + Sync,
+    near_separated: &[bool],
+    is_separated: impl Fn((Vec3, Vec3), u32) -> bool + Sync,
 ) -> SparseMatrix {
     let functions = || FunctionsInOrder::new(finest);
     build_with(places.len(), finest.len(), functions, |functions, i, row| {
         if let Some(place) = places[i] {
-            functions_at(functions, place, near_parted, &is_parted, row);
+            functions_at(functions, place, near_separated, &is_separated, row);
         }
     })
 }
@@ -33,18 +33,18 @@ pub fn weights_at(
 pub(crate) fn functions_at(
     functions: &mut FunctionsInOrder,
     place: (Vec3, Vec3),
-    near_parted: &[bool],
-    is_parted: impl Fn((Vec3, Vec3), u32) -> bool,
+    near_separated: &[bool],
+    is_separated: impl Fn((Vec3, Vec3), u32) -> bool,
     row: &mut Vec<(u32, f32)>,
 ) {
     let first = row.len();
     functions.functions_or_nearest_at(place.0, place.1, row);
-    let near = |j: u32| near_parted.get(j as usize).copied().unwrap_or(false);
+    let near = |j: u32| near_separated.get(j as usize).copied().unwrap_or(false);
     if !row[first..].iter().any(|e| near(e.0)) {
         return;
     }
     let kept: Vec<(u32, f32)> = (row[first..].iter().copied())
-        .filter(|e| !(near(e.0) && is_parted(place, e.0)))
+        .filter(|e| !(near(e.0) && is_separated(place, e.0)))
         .collect();
     let sum: f32 = kept.iter().map(|e| e.1).sum();
     if sum > 0.0 {

@@ -266,15 +266,23 @@ impl Follower<'_> {
     /// the nearest point will do, and a frame has that many fewer products.
     fn functions_at(&mut self, hit: &SurfaceHit, blur: f32) {
         let Transfer {
-            finest, near_parted, ..
+            finest,
+            near_separated,
+            ..
         } = self.transfer;
         let place = (hit.position, hit.normal);
-        let parted = |place, j| self.transfer.is_parted(self.scene, place, j);
+        let separated = |place, j| self.transfer.is_separated(self.scene, place, j);
         self.end.clear();
         if blur < finest.disk_radius {
-            functions_at(&mut self.functions, place, near_parted, parted, &mut self.end);
+            functions_at(
+                &mut self.functions,
+                place,
+                near_separated,
+                separated,
+                &mut self.end,
+            );
         } else if let Some(j) = self.nearest.at(place.0, place.1) {
-            let j = (self.nearest).on_same_side(place, j, near_parted, |j| parted(place, j));
+            let j = (self.nearest).on_same_side(place, j, near_separated, |j| separated(place, j));
             self.end.push((j, 1.0));
         }
     }

@@ -205,8 +205,8 @@ fn weights(transfer: &Transfer, scene: &TracedScene, seen: &Exposure) -> SparseM
     reconstruct::weights_at(
         &transfer.finest,
         &places,
-        &transfer.near_parted,
-        |place, point| transfer.is_parted(scene, place, point),
+        &transfer.near_separated,
+        |place, point| transfer.is_separated(scene, place, point),
     )
 }
 

@@ -20,8 +20,8 @@ use std::time::Instant;
 pub struct Transfer {
     /// The finest receiver level: the points that carry the result.
     pub finest: Level,
-    /// Of each of its points, whether a surface parts it from a neighbour; empty where none does.
-    pub near_parted: Vec<bool>,
+    /// Of each of its points, whether a surface separates it from a neighbour; empty where none does.
+    pub near_separated: Vec<bool>,
     /// Reflectance at the finest points.
     pub albedo: Vec<Vec3>,
     ranges: LevelRanges,
@@ -80,13 +80,13 @@ pub struct TransferStats {
 
 impl Transfer {
     /// Prepares the operators. `levels`: all receiver levels, coarsest first; `senders`: their clusters;
-    /// `parted`: points and points of coarser levels that surfaces part them from, numbered over all levels, ascending;
-    /// `near_parted`: of each finest point, or empty;
+    /// `separated`: points and points of coarser levels that surfaces separate them from, numbered over all levels, ascending;
+    /// `near_separated`: of each finest point, or empty;
     /// `albedo`: of the finest level's points; `bounce`: the flat operator on sender level `bounce_level`.
     pub fn new(
         mut levels: Vec<Level>,
-        parted: &[[u32; 2]],
-        near_parted: Vec<bool>,
+        separated: &[[u32; 2]],
+        near_separated: Vec<bool>,
         senders: SenderTree,
         albedo: Vec<Vec3>,
         links: &Links,
@@ -100,7 +100,7 @@ impl Transfer {
             .flat_map(|level| level.normals.iter().copied())
             .collect();
         let fine_from_coarse = fine_from_coarse(&levels, |point, parent| {
-            parted.binary_search(&[point, parent]).is_ok()
+            separated.binary_search(&[point, parent]).is_ok()
         });
         let bounce_cluster = senders.cluster_of_point(bounce_level);
         let bounce_albedo = senders.pulled(&albedo).swap_remove(bounce_level);
@@ -108,7 +108,7 @@ impl Transfer {
         let finest = levels.swap_remove(levels.len() - 1);
         Transfer {
             finest,
-            near_parted,
+            near_separated,
             albedo,
             ranges,
             normals,
@@ -124,8 +124,8 @@ impl Transfer {
         }
     }
 
-    /// Whether a surface parts a place (position and smooth normal) from a finest point.
-    pub fn is_parted(&self, surfaces: &dyn Surfaces, place: (Vec3, Vec3), point: u32) -> bool {
+    /// Whether a surface separates a place (position and smooth normal) from a finest point.
+    pub fn is_separated(&self, surfaces: &dyn Surfaces, place: (Vec3, Vec3), point: u32) -> bool {
         let Level {
             positions,
             normals,

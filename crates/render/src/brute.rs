@@ -5,110 +5,54 @@
 //! lightcuts and pixelcuts.
 
 use crate::direct::direct_sample;
-use crate::layers::{RenderSize, render_tiles};
 use crate::many_lights::{PointLights, clamp_limit, clamped};
-use crate::path::{eye_ray, see};
+use crate::picture::Picture;
 use crate::sampler::Sampler;
-use crate::watch::{Cancelled, Watch};
+use crate::watch::Cancelled;
 use glam::{DVec3, Vec3};
 use relight_scene::bsdf::Viewed;
-use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
-use relight_scene::light_set::LightSet;
-use relight_scene::rays::Ray;
 use relight_scene::surface::{Surfaces, ray_end};
-use relight_scene::traced::TracedScene;
+use relight_transport::random::mix;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// How to evaluate all lights.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BruteSettings {
-    /// Samples per pixel.
-    pub spp: u32,
-    /// Shadow rays per sample and light with extent; lights without extent get one.
-    pub light_samples: u32,
-    /// Images with different seeds are independent.
-    pub seed: u64,
-    /// Whether to make a layer per light.
-    pub light_layers: bool,
-}
-
-impl Default for BruteSettings {
-    fn default() -> Self {
-        BruteSettings {
-            spp: 16,
-            light_samples: 4,
-            seed: 0,
-            light_layers: false,
-        }
-    }
-}
+/// Samples per pixel where none are asked for.
+const SPP: u32 = 16;
+/// Shadow rays per sample and light with extent; lights without extent get one.
+const LIGHT_SAMPLES: u32 = 4;
 
 /// Renders an image. Layers: see [`crate::layers`]; `indirect` is black.
 ///
 /// # Errors
-/// [`Cancelled`] if `watch` says so.
-pub fn render(
-    scene: &TracedScene,
-    lights: &LightSet<'_>,
-    camera: &Camera,
-    size: RenderSize,
-    settings: &BruteSettings,
-    watch: &dyn Watch,
-) -> Result<Layers, Cancelled> {
-    render_tiles(
-        size,
-        lights,
-        settings.light_layers,
-        settings.spp,
-        watch,
-        |x, y, sums| {
-            let pixel = (y * size.width + x) as u64;
-            for sample in 0..settings.spp {
-                let mut sampler = Sampler::new(settings.seed, pixel, sample);
-                let eye = eye_ray(camera, size, x, y, &mut sampler);
-                let Some(hit) = see(scene, lights, &eye, sums) else {
-                    continue;
-                };
-                let wo = -eye.direction;
-                let point = scene.shading_point(&hit).facing(wo);
-                for light in 0..lights.len() {
-                    let count = if lights.is_delta(light) {
-                        1
-                    } else {
-                        settings.light_samples.max(1)
-                    };
-                    for k in 0..count {
-                        // The samples of one light continue one well-stratified sequence from sample to sample.
-                        let mut stream = Sampler::new(
-                            settings.seed ^ relight_transport::random::mix(1 + light as u64),
-                            pixel,
-                            sample.wrapping_mul(count).wrapping_add(k),
-                        );
-                        let random = stream.next_3d();
-                        if let Some((radiance, _)) =
-                            direct_sample(scene, lights, light, &hit, &point, wo, random)
-                        {
-                            sums.add(Some(light), 1, radiance / count as f32);
-                        }
+/// [`Cancelled`] if the picture's watch says so.
+pub fn render(picture: &Picture<'_>) -> Result<Layers, Cancelled> {
+    let Picture { scene, lights, .. } = *picture;
+    let spp = picture.spp.unwrap_or(SPP);
+    picture.by_samples(
+        spp,
+        || (),
+        |(), pixel, sample, sums| {
+            let (eye, _) = picture.eye_ray(pixel, sample);
+            let Some(hit) = picture.see(&eye, sums) else {
+                return;
+            };
+            let wo = -eye.direction;
+            let point = scene.shading_point(&hit).facing(wo);
+            for light in 0..lights.len() {
+                let count = if lights.is_delta(light) { 1 } else { LIGHT_SAMPLES };
+                for k in 0..count {
+                    // The samples of one light continue one well-stratified sequence from sample to sample.
+                    let seed = picture.seed ^ mix(1 + light as u64);
+                    let number = sample.wrapping_mul(count).wrapping_add(k);
+                    let random = Sampler::new(seed, picture.pixel(pixel), number).next_3d();
+                    if let Some((radiance, _)) = direct_sample(scene, lights, light, &hit, &point, wo, random)
+                    {
+                        sums.add(Some(light), 1, radiance / count as f32);
                     }
                 }
             }
         },
     )
-}
-
-/// How to evaluate all points.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PointsSettings {
-    /// Samples per pixel.
-    pub spp: u32,
-    /// Images with different seeds are independent.
-    pub seed: u64,
-    /// Whether to make a layer per light.
-    pub light_layers: bool,
-    /// Whether shadow rays go in packets from each sample, or one by one.
-    pub packets: bool,
 }
 
 /// Points whose shadow rays are cast together: so many rays fit into a first-level cache.
@@ -118,81 +62,52 @@ const TOGETHER: usize = 512;
 /// virtual lights, clamped, the `indirect` one. Returns the layers and the number of shadow rays.
 ///
 /// # Errors
-/// [`Cancelled`] if `watch` says so.
-pub fn render_points(
-    scene: &TracedScene,
-    lights: &LightSet<'_>,
-    points: &PointLights,
-    camera: &Camera,
-    size: RenderSize,
-    settings: &PointsSettings,
-    watch: &dyn Watch,
-) -> Result<(Layers, u64), Cancelled> {
+/// [`Cancelled`] if the picture's watch says so.
+pub fn render_points(picture: &Picture<'_>, points: &PointLights) -> Result<(Layers, u64), Cancelled> {
+    let scene = picture.scene;
     let shadow_rays = AtomicU64::new(0);
-    let layers = render_tiles(
-        size,
-        lights,
-        settings.light_layers,
-        settings.spp,
-        watch,
-        |x, y, sums| {
-            let pixel = (y * size.width + x) as u64;
-            let mut rays = Vec::with_capacity(TOGETHER);
-            let mut reached: Vec<(usize, Vec3)> = Vec::with_capacity(TOGETHER);
-            let mut occluded = [false; TOGETHER];
-            let mut passed_on: Vec<(usize, Vec3)> = Vec::new();
-            for sample in 0..settings.spp {
-                let mut sampler = Sampler::new(settings.seed, pixel, sample);
-                let eye = eye_ray(camera, size, x, y, &mut sampler);
-                let Some(hit) = see(scene, lights, &eye, sums) else {
-                    continue;
-                };
-                let wo = -eye.direction;
-                let point = scene.shading_point(&hit).facing(wo);
-                let viewed = Viewed::new(&point, wo);
-                let mut total = DVec3::ZERO;
-                passed_on.clear();
-                for first in (0..points.len()).step_by(TOGETHER) {
-                    rays.clear();
-                    reached.clear();
-                    for i in first..(first + TOGETHER).min(points.len()) {
-                        if let Some(radiance) = points.unoccluded(i, &hit, &viewed)
-                            && let Some(ray) = points.shadow_ray(i, &ray_end(&hit))
-                        {
-                            rays.push(ray);
-                            reached.push((i, radiance));
-                        }
-                    }
-                    cast(scene, &rays, &mut occluded[..rays.len()], settings.packets);
-                    shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
-                    for (&(i, radiance), &occluded) in reached.iter().zip(&occluded) {
-                        if occluded {
-                            continue;
-                        }
-                        total += radiance.as_dvec3();
-                        if points.is_virtual(i) {
-                            passed_on.push((i, radiance));
-                        } else {
-                            sums.add(Some(points.source[i] as usize), 1, radiance);
-                        }
-                    }
-                }
-                let limit = clamp_limit(total.as_vec3(), points.clamp);
-                for &(i, radiance) in &passed_on {
-                    sums.add(Some(points.source[i] as usize), 2, clamped(radiance, limit));
+    let spp = picture.spp.unwrap_or(SPP);
+    let buffers = || (Vec::new(), Vec::new(), Vec::<(usize, Vec3)>::new());
+    let layers = picture.by_samples(spp, buffers, |(rays, reached, passed_on), pixel, sample, sums| {
+        let (eye, _) = picture.eye_ray(pixel, sample);
+        let Some(hit) = picture.see(&eye, sums) else {
+            return;
+        };
+        let wo = -eye.direction;
+        let point = scene.shading_point(&hit).facing(wo);
+        let viewed = Viewed::new(&point, wo);
+        let mut total = DVec3::ZERO;
+        let mut occluded = [false; TOGETHER];
+        passed_on.clear();
+        for first in (0..points.len()).step_by(TOGETHER) {
+            rays.clear();
+            reached.clear();
+            for i in first..(first + TOGETHER).min(points.len()) {
+                if let Some(radiance) = points.unoccluded(i, &hit, &viewed)
+                    && let Some(ray) = points.shadow_ray(i, &ray_end(&hit))
+                {
+                    rays.push(ray);
+                    reached.push((i, radiance));
                 }
             }
-        },
-    )?;
-    Ok((layers, shadow_rays.into_inner()))
-}
-
-fn cast(scene: &TracedScene, rays: &[Ray], occluded: &mut [bool], packets: bool) {
-    if packets {
-        scene.occluded_packet(rays, occluded);
-    } else {
-        for (ray, occluded) in rays.iter().zip(occluded) {
-            *occluded = scene.occluded(ray);
+            scene.occluded_packet(rays, &mut occluded[..rays.len()]);
+            shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
+            for (&(i, radiance), &occluded) in reached.iter().zip(&occluded) {
+                if occluded {
+                    continue;
+                }
+                total += radiance.as_dvec3();
+                if points.is_virtual(i) {
+                    passed_on.push((i, radiance));
+                } else {
+                    sums.add(Some(points.source[i] as usize), 1, radiance);
+                }
+            }
         }
-    }
+        let limit = clamp_limit(total.as_vec3(), points.clamp);
+        for &(i, radiance) in passed_on.iter() {
+            sums.add(Some(points.source[i] as usize), 2, clamped(radiance, limit));
+        }
+    })?;
+    Ok((layers, shadow_rays.into_inner()))
 }

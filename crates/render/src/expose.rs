@@ -192,12 +192,7 @@ fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: us
 
 /// What a camera's ray meets.
 fn seen_along(scene: &TracedScene, camera: &Camera, direction: Vec3) -> Seen {
-    let ray = Ray {
-        origin: camera.position,
-        direction,
-        t_min: 0.0,
-        t_max: f32::INFINITY,
-    };
+    let ray = Ray::endless(camera.position, direction);
     scene.closest_hit(&ray).map(|hit| {
         let point = scene.shading_point(&hit).facing(-direction);
         (hit, point)

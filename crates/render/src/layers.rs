@@ -93,26 +93,6 @@ const LAYERS: [(&str, usize); 7] = [
     ("depth", 1),
 ];
 
-/// Calls `pixel(x, y, sums)` for every pixel and turns the sums over `samples` into layers: beauty = emission +
-/// direct + indirect, albedo, normal, depth (distance along the eye ray in metres), and `light.<name>` where
-/// `light_layers`. Albedo, normal and depth are means over the samples that met a surface, 0 where none did.
-pub(crate) fn render_tiles(
-    size: RenderSize,
-    lights: &LightSet<'_>,
-    light_layers: bool,
-    samples: u32,
-    watch: &dyn Watch,
-    pixel: impl Fn(usize, usize, &mut PixelSum) + Sync,
-) -> Result<Layers, Cancelled> {
-    let block = |_: &mut (), tile: &Tile, sums: &mut [PixelSum]| {
-        for ((x, y), sums) in tile.pixels().zip(sums) {
-            pixel(x, y, sums);
-            sums.samples = samples;
-        }
-    };
-    render_blocks(size, lights, light_layers, watch, || (), block)
-}
-
 /// A rectangle of pixels, at most [`TILE`] wide and high.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tile {
@@ -141,8 +121,10 @@ impl Tile {
     }
 }
 
-/// As [`render_tiles`], with a call per tile: `block` fills the sums of a tile's pixels, row by row, and says how many
-/// samples each has. Its state, made by `state` for every worker now and then, carries buffers, no light.
+/// Calls `block` for every tile to fill the sums of its pixels, row by row, with the number of samples of each, and makes
+/// layers of their means: beauty = emission + direct + indirect, albedo, normal, depth (distance along the eye ray in
+/// metres), and `light.<name>` where `light_layers`. Albedo, normal and depth are means over the samples that met a surface,
+/// 0 where none did. The state, made by `state` for every worker now and then, carries buffers, no light.
 pub(crate) fn render_blocks<S>(
     size: RenderSize,
     lights: &LightSet<'_>,

@@ -3,14 +3,14 @@
 //! ```
 //! use glam::{Affine3A, Vec3};
 //! use relight_render::layers::RenderSize;
-//! use relight_render::path::{self, PathSettings};
+//! use relight_render::path;
+//! use relight_render::picture::Picture;
 //! use relight_scene::animated::Animated;
 //! use relight_scene::camera::Camera;
 //! use relight_scene::light::{LightKind, LightTrack};
 //! use relight_scene::light_set::{LightSet, NoEmitters};
 //! use relight_scene::material::Material;
 //! use relight_scene::scene::{Instance, Mesh, Scene};
-//! use relight_scene::sequence::Sequence;
 //! use relight_scene::traced::{Shading, TracedScene};
 //! use std::sync::Arc;
 //!
@@ -27,10 +27,7 @@
 //!     meshes: vec![floor],
 //!     instances: vec![Instance { mesh: 0, world_from_mesh: Affine3A::IDENTITY }],
 //!     materials: vec![half],
-//!     textures: Vec::new(),
-//!     cameras: Vec::new(),
-//!     sequence: Sequence { frames: 1, fps: 24.0, camera: None, lights: Vec::new() },
-//!     notes: Vec::new(),
+//!     ..Scene::default()
 //! };
 //! let scene = TracedScene::new(Arc::new(scene), Shading::Lambert)?;
 //! let lamp = LightTrack {
@@ -43,8 +40,8 @@
 //! let lights = LightSet::new(&NoEmitters, std::slice::from_ref(&lamp), 0.0)?;
 //! // A narrow view straight down at the place below the lamp.
 //! let camera = Camera::looking(Vec3::Y * 0.5, Vec3::NEG_Y, Vec3::Z, 0.01);
-//! let (size, settings) = (RenderSize { width: 4, height: 4 }, PathSettings::default());
-//! let image = path::render(&scene, &lights, &camera, size, &settings, &())?;
+//! let picture = Picture::new(&scene, &lights, &camera, RenderSize { width: 4, height: 4 });
+//! let image = path::render(&picture, None)?;
 //! // Irradiance 1 W/m², times albedo over pi.
 //! let found = image.rgb("beauty").ok_or("no beauty")?.pixels[5][0];
 //! assert!((found - 0.5 / std::f32::consts::PI).abs() < 1e-3, "{found}");
@@ -52,7 +49,7 @@
 //! # }
 //! ```
 //!
-//! The references: [`path`] traces paths, [`brute`] casts a shadow ray per light. [`many_lights`] makes points of all
+//! All render a [`picture`]. The references: [`path`] traces paths, [`brute`] casts a shadow ray per light. [`many_lights`] makes points of all
 //! lights; [`lightcuts`] cluster those for each place, [`pixelcuts`] send their light to clusters of pixels.
 //! [`mod@expose`] finds what a camera sees, and [`lighting`] direct light at many places at once, from which `relight_play` starts;
 //! [`edges`] makes its shadows' edges smooth. All share [`layers`], and [`watch`] for progress and an early end.
@@ -72,9 +69,12 @@ pub mod lightcuts;
 pub mod lighting;
 pub mod many_lights;
 pub mod path;
+pub mod picture;
 pub mod pixelcuts;
 pub mod sampler;
 pub mod sum;
+#[cfg(test)]
+mod test_images;
 #[cfg(test)]
 mod test_scenes;
 pub mod views;

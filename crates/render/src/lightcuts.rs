@@ -21,61 +21,28 @@ mod sample;
 mod sights;
 
 use crate::direct::light_met;
-use crate::layers::{PixelSum, RenderSize, render_blocks};
+use crate::layers::PixelSum;
 use crate::many_lights::PointLights;
-use crate::path::{eye_ray, see};
-use crate::sampler::Sampler;
-use crate::watch::{Cancelled, Watch};
+use crate::picture::Picture;
+use crate::sum::Total;
+use crate::watch::Cancelled;
 pub use blocks::{EyeRays, render as render_reconstructed};
 use cut::Cut;
 use glam::Vec3;
 use lit::{Lit, Receiver};
 use relight_scene::bsdf;
-use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
-use relight_scene::light_set::LightSet;
 use relight_scene::rays::Ray;
 use relight_scene::shading::{Gloss, MIN_ALPHA, ShadingPoint};
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::TracedScene;
 use relight_transport::light_clusters::{BuildSettings, LightClusters, build};
 use sights::Sights;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::ops::AddAssign;
 
 pub use gather::{AT_PIXELS, AT_POINTS, Crossover, ManyLights, worthwhile};
+pub use lit::LightcutSettings;
 pub use sample::ReconstructionStats;
-
-/// How to choose cuts.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LightcutSettings {
-    /// Samples per pixel; a cut for each.
-    pub spp: u32,
-    /// Most error of a cut's node, as a share of the light at the point. The paper: 2 % is not visible.
-    pub error_ratio: f32,
-    /// Most change that a node's parents make expect, in units of `error_ratio`; infinite as in the paper, which minds
-    /// the bounds alone, and takes a cluster to be as visible as its representative.
-    pub uncertainty: f32,
-    /// Most nodes of a cut: reached in the dark only, where errors are not visible (section 3).
-    pub max_nodes: usize,
-    /// Images with different seeds are independent.
-    pub seed: u64,
-    /// Whether to make a layer per light.
-    pub light_layers: bool,
-}
-
-impl Default for LightcutSettings {
-    /// The paper's, but for the uncertainty: docs/notebook/lightcuts.md has what other values cost and give.
-    fn default() -> Self {
-        LightcutSettings {
-            spp: 4,
-            error_ratio: 0.02,
-            uncertainty: 0.025,
-            max_nodes: 1000,
-            seed: 0,
-            light_layers: false,
-        }
-    }
-}
 
 /// What an image took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -106,54 +73,36 @@ pub fn trees(scene: &TracedScene, points: &PointLights, light_layers: bool, seed
     build(&points.lights, &groups, diagonal, &settings)
 }
 
-/// Most that the lights of a cluster can be reflected by at a place, in all and the largest channel: radiance towards `wo`, W/(m² sr).
-/// Infinite near the cluster, 0 where none of its light is reflected. `hit` and `point` are the same place; source: Walter et al.
-/// 2005, section 3.
-pub fn cluster_bound(
-    clusters: &LightClusters,
-    node: u32,
-    hit: &SurfaceHit,
-    point: &ShadingPoint,
-    wo: Vec3,
-) -> f32 {
-    Receiver::new(hit, point, wo).node_bound(clusters, node)
-}
+/// Samples per pixel where none are asked for; a cut for each.
+const SPP: u32 = 4;
 
-/// Renders an image. `clusters` are the [`trees`] over `points` with the same `light_layers`. Layers: see
+/// Renders an image. `clusters` are the [`trees`] over `points` with the picture's light layers. Layers: see
 /// [`crate::layers`]; light by virtual lights is `indirect`, and so is what mirrors show, but for lights.
 ///
 /// # Errors
-/// [`Cancelled`] if `watch` says so.
+/// [`Cancelled`] if the picture's watch says so.
 pub fn render(
-    scene: &TracedScene,
-    lights: &LightSet<'_>,
+    picture: &Picture<'_>,
     points: &PointLights,
     clusters: &LightClusters,
-    camera: &Camera,
-    size: RenderSize,
     settings: &LightcutSettings,
-    watch: &dyn Watch,
 ) -> Result<(Layers, LightcutStats), Cancelled> {
     let lit = Lit {
-        scene,
+        scene: picture.scene,
         points,
         clusters,
-        error_ratio: settings.error_ratio,
-        uncertainty: settings.uncertainty,
-        max_nodes: settings.max_nodes.max(1),
+        settings: *settings,
     };
-    let sums_of = Counters::default();
-    let block = |state: &mut State, tile: &crate::layers::Tile, sums: &mut [PixelSum]| {
+    let total = Total::<LightcutStats>::default();
+    let layers = picture.by_tiles(State::default, |state, tile, sums| {
         let mut stats = LightcutStats::default();
-        for ((x, y), sums) in tile.pixels().zip(sums) {
-            let pixel = (y * size.width + x) as u64;
-            sums.samples = settings.spp;
+        for (pixel, sums) in tile.pixels().zip(sums) {
+            sums.samples = picture.spp.unwrap_or(SPP);
             state.views.clear();
-            for sample in 0..settings.spp {
-                let mut sampler = Sampler::new(settings.seed, pixel, sample);
-                let eye = eye_ray(camera, size, x, y, &mut sampler);
-                let view = see(scene, lights, &eye, sums)
-                    .and_then(|hit| follow_mirrors(scene, lights, hit, -eye.direction, sums));
+            for sample in 0..sums.samples {
+                let (eye, _) = picture.eye_ray(pixel, sample);
+                let view = (picture.see(&eye, sums))
+                    .and_then(|hit| follow_mirrors(picture, hit, -eye.direction, sums));
                 state.views.extend(view);
             }
             // Stable, so that what is on one triangle keeps its order.
@@ -162,20 +111,17 @@ pub fn render(
                 state.sights.begin(&lit, views.iter().map(|view| &view.hit));
                 for view in views {
                     let receiver = Receiver::new(&view.hit, &view.point, view.wo);
-                    state
-                        .cut
-                        .choose(&lit, &receiver, &mut state.sights, &mut stats.shadow_rays);
+                    (state.cut).choose(&lit, &receiver, &mut state.sights, &mut stats.shadow_rays);
                     stats.count(&state.cut, &lit);
                     state.cut.light(&lit, |root, radiance| {
-                        add(&lit, settings.light_layers, view, root, radiance, sums);
+                        add(&lit, picture.light_layers, view, root, radiance, sums);
                     });
                 }
             }
         }
-        sums_of.add(&stats);
-    };
-    let layers = render_blocks(size, lights, settings.light_layers, watch, State::default, block)?;
-    Ok((layers, sums_of.total()))
+        total.add(stats);
+    })?;
+    Ok((layers, total.sum()))
 }
 
 /// What a worker keeps from pixel to pixel.
@@ -187,21 +133,20 @@ struct State {
     views: Vec<View>,
 }
 
-impl LightcutStats {
-    /// Both together.
-    pub fn sum(self, other: LightcutStats) -> LightcutStats {
-        LightcutStats {
-            shadow_rays: self.shadow_rays + other.shadow_rays,
-            nodes: self.nodes + other.nodes,
-            cuts: self.cuts + other.cuts,
-            limited: self.limited + other.limited,
-        }
+impl AddAssign for LightcutStats {
+    fn add_assign(&mut self, other: LightcutStats) {
+        self.shadow_rays += other.shadow_rays;
+        self.nodes += other.nodes;
+        self.cuts += other.cuts;
+        self.limited += other.limited;
     }
+}
 
+impl LightcutStats {
     fn count(&mut self, cut: &Cut, lit: &Lit<'_>) {
         self.nodes += cut.len() as u64;
         self.cuts += 1;
-        self.limited += u64::from(cut.len() >= lit.max_nodes);
+        self.limited += u64::from(cut.len() >= lit.settings.max_nodes);
     }
 }
 
@@ -210,29 +155,6 @@ fn add(lit: &Lit<'_>, light_layers: bool, view: &View, root: u32, radiance: Vec3
     let group = lit.clusters.roots[root as usize].group;
     let source = light_layers.then_some((group / 2) as usize);
     sums.add(source, 1 + group % 2 + view.mirrors, view.throughput * radiance);
-}
-
-/// Sums over worker threads; of integers, so that their order does not matter.
-#[derive(Default)]
-struct Counters([AtomicU64; 4]);
-
-impl Counters {
-    fn add(&self, stats: &LightcutStats) {
-        let values = [stats.shadow_rays, stats.nodes, stats.cuts, stats.limited];
-        for (sum, value) in self.0.iter().zip(values) {
-            sum.fetch_add(value, Ordering::Relaxed);
-        }
-    }
-
-    fn total(self) -> LightcutStats {
-        let [shadow_rays, nodes, cuts, limited] = self.0.map(AtomicU64::into_inner);
-        LightcutStats {
-            shadow_rays,
-            nodes,
-            cuts,
-            limited,
-        }
-    }
 }
 
 /// What is seen, perhaps over mirrors.
@@ -252,12 +174,12 @@ const MOST_MIRRORS: u32 = 16;
 
 /// Follows mirrors until something else is seen; what shines in them is added to the layers. `None` if nothing is lit.
 pub(crate) fn follow_mirrors(
-    scene: &TracedScene,
-    lights: &LightSet<'_>,
+    picture: &Picture<'_>,
     hit: SurfaceHit,
     wo: Vec3,
     sums: &mut PixelSum,
 ) -> Option<View> {
+    let Picture { scene, lights, .. } = *picture;
     let point = scene.shading_point(&hit).facing(wo);
     let mut view = View {
         hit,
@@ -302,3 +224,6 @@ pub(crate) fn follow_mirrors(
 fn is_mirror(point: &ShadingPoint) -> bool {
     !point.lambert && point.gloss == Gloss::Ggx && point.alpha <= MIN_ALPHA && point.diffuse == Vec3::ZERO
 }
+
+#[cfg(test)]
+mod tests;

@@ -418,12 +418,7 @@ mod tests {
         let samples = 8;
         let lit = |side: usize| -> Vec<f64> {
             let at = |k: usize| 1.8 * ((k as f32 + 0.5) / side as f32 - 0.5);
-            let down = |i: usize| Ray {
-                origin: Vec3::new(at(i % side), 1.0, at(i / side)),
-                direction: Vec3::NEG_Y,
-                t_min: 0.0,
-                t_max: f32::INFINITY,
-            };
+            let down = |i: usize| Ray::endless(Vec3::new(at(i % side), 1.0, at(i / side)), Vec3::NEG_Y);
             let hits: Vec<_> = (0..side * side).map(|i| scene.closest_hit(&down(i))).collect();
             let mut out = vec![Vec3::ZERO; hits.len()];
             irradiance_at(&scene, &lights, 0, &hits, 0.0, samples, 1, &mut out);

@@ -15,7 +15,7 @@ mod points;
 mod virtual_lights;
 
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;
 
 pub use points::{PointLights, PointSettings, clamp_limit, clamped};
 

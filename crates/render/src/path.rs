@@ -9,12 +9,12 @@
 //! cut by the BRDF.
 
 use crate::direct::{direct_sample, light_met};
-use crate::layers::{PixelSum, RenderSize, render_tiles};
+use crate::layers::PixelSum;
+use crate::picture::Picture;
 use crate::sampler::Sampler;
-use crate::watch::{Cancelled, Watch};
-use glam::{Vec2, Vec3};
+use crate::watch::Cancelled;
+use glam::Vec3;
 use relight_scene::bsdf;
-use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
 use relight_scene::light_set::LightSet;
 use relight_scene::rays::Ray;
@@ -22,29 +22,8 @@ use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::TracedScene;
 
-/// How to path-trace.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PathSettings {
-    /// Samples per pixel.
-    pub spp: u32,
-    /// Most reflections of a path; unlimited where `None`.
-    pub max_bounces: Option<u32>,
-    /// Images with different seeds are independent.
-    pub seed: u64,
-    /// Whether to make a layer per light.
-    pub light_layers: bool,
-}
-
-impl Default for PathSettings {
-    fn default() -> Self {
-        PathSettings {
-            spp: 64,
-            max_bounces: None,
-            seed: 0,
-            light_layers: false,
-        }
-    }
-}
+/// Samples per pixel where none are asked for.
+const SPP: u32 = 64;
 
 /// Up to this many lights are all sampled at every vertex: a shadow ray costs less than the variance of
 /// leaving a light out.
@@ -57,90 +36,29 @@ const ROULETTE_AFTER: u32 = 3;
 /// near to 1 that paths at reflectance 0.999 gain no variance from it.
 const MAX_SURVIVAL: f32 = 0.9999;
 
-/// Renders an image. Layers: see [`crate::layers`].
+/// Renders an image from paths of at most `max_bounces` reflections, or any number. Layers: see [`crate::layers`].
 ///
 /// # Errors
-/// [`Cancelled`] if `watch` says so.
-pub fn render(
-    scene: &TracedScene,
-    lights: &LightSet<'_>,
-    camera: &Camera,
-    size: RenderSize,
-    settings: &PathSettings,
-    watch: &dyn Watch,
-) -> Result<Layers, Cancelled> {
+/// [`Cancelled`] if the picture's watch says so.
+pub fn render(picture: &Picture<'_>, max_bounces: Option<u32>) -> Result<Layers, Cancelled> {
     let tracer = Tracer {
-        scene,
-        lights,
-        max_bounces: settings.max_bounces.unwrap_or(u32::MAX),
+        picture,
+        scene: picture.scene,
+        lights: picture.lights,
+        max_bounces: max_bounces.unwrap_or(u32::MAX),
     };
-    render_tiles(
-        size,
-        lights,
-        settings.light_layers,
-        settings.spp,
-        watch,
-        |x, y, sums| {
-            let pixel = (y * size.width + x) as u64;
-            for sample in 0..settings.spp {
-                let mut sampler = Sampler::new(settings.seed, pixel, sample);
-                tracer.trace(eye_ray(camera, size, x, y, &mut sampler), &mut sampler, sums);
-            }
+    picture.by_samples(
+        picture.spp.unwrap_or(SPP),
+        || (),
+        |(), pixel, sample, sums| {
+            let (eye, mut sampler) = picture.eye_ray(pixel, sample);
+            tracer.trace(eye, &mut sampler, sums);
         },
     )
 }
 
-/// A ray through a random point of a pixel (box filter).
-pub(crate) fn eye_ray(camera: &Camera, size: RenderSize, x: usize, y: usize, sampler: &mut Sampler) -> Ray {
-    let place = Vec2::from(sampler.next_2d()) + Vec2::new(x as f32, y as f32);
-    Ray {
-        origin: camera.position,
-        direction: camera.direction(place, Vec2::new(size.width as f32, size.height as f32)),
-        t_min: 0.0,
-        t_max: f32::INFINITY,
-    }
-}
-
-/// What the eye sees of a ray: emission of lights and surfaces and what surfaces are like. Returns the hit.
-pub(crate) fn see(
-    scene: &TracedScene,
-    lights: &LightSet<'_>,
-    ray: &Ray,
-    sums: &mut PixelSum,
-) -> Option<SurfaceHit> {
-    let hit = scene.closest_hit(ray);
-    met(scene, lights, ray, hit.as_ref(), sums);
-    hit
-}
-
-/// Adds what an eye ray that ends at `hit` shows without any reflection, as [`see`] does.
-pub(crate) fn met(
-    scene: &TracedScene,
-    lights: &LightSet<'_>,
-    ray: &Ray,
-    hit: Option<&SurfaceHit>,
-    sums: &mut PixelSum,
-) {
-    light_met(
-        scene,
-        lights,
-        ray.origin,
-        ray.direction,
-        hit,
-        |light, radiance, _| {
-            sums.add(Some(light), 0, radiance);
-        },
-    );
-    if let Some(hit) = hit {
-        let point = scene.shading_point(hit);
-        if scene.material(hit.primitive).unlit {
-            sums.add(None, 0, point.emission);
-        }
-        sums.add_surface(scene.albedo(hit), point.shading_normal, hit.t);
-    }
-}
-
 struct Tracer<'a> {
+    picture: &'a Picture<'a>,
     scene: &'a TracedScene,
     lights: &'a LightSet<'a>,
     max_bounces: u32,
@@ -148,7 +66,7 @@ struct Tracer<'a> {
 
 impl Tracer<'_> {
     fn trace(&self, eye: Ray, sampler: &mut Sampler, sums: &mut PixelSum) {
-        let Some(mut hit) = see(self.scene, self.lights, &eye, sums) else {
+        let Some(mut hit) = self.picture.see(&eye, sums) else {
             return;
         };
         let mut wo = -eye.direction;
@@ -291,3 +209,6 @@ fn power_heuristic(own: f32, other: f32) -> f32 {
     let ratio = f64::from(other) / f64::from(own);
     (1.0 / (1.0 + ratio * ratio)) as f32
 }
+
+#[cfg(test)]
+mod tests;

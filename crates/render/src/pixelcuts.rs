@@ -26,19 +26,14 @@ mod stats;
 mod tests;
 mod view;
 
-use crate::layers::{RenderSize, render_tiles};
 use crate::many_lights::{PointLights, clamp_limit};
-use crate::path::{eye_ray, met};
-use crate::sampler::Sampler;
-use crate::watch::{Cancelled, Watch};
+use crate::picture::Picture;
+use crate::watch::Cancelled;
 use glam::Vec3;
 use incident::{Gather, Job, Target};
 use kinds::LitKind;
 use rayon::prelude::*;
-use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
-use relight_scene::light_set::LightSet;
-use relight_scene::traced::TracedScene;
 use relight_transport::sh::MAX_DEGREE;
 use stats::lap;
 pub use stats::{PixelcutsStats, PixelcutsTimes};
@@ -48,8 +43,6 @@ use view::View;
 /// How to render with pixelcuts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelcutsSettings {
-    /// Eye rays per pixel; each is a pixel of its own to the trees.
-    pub spp: u32,
     /// Clusters of a light's random cut, k.
     pub clusters: u32,
     /// Trees, and groups of lights, ℓ.
@@ -64,16 +57,11 @@ pub struct PixelcutsSettings {
     pub exact: u32,
     /// Clusters are refined where a light varies by more than this share of the mean incident light.
     pub threshold: f32,
-    /// Images with different seeds are independent.
-    pub seed: u64,
-    /// Whether to make a layer per light.
-    pub light_layers: bool,
 }
 
 impl Default for PixelcutsSettings {
     fn default() -> Self {
         PixelcutsSettings {
-            spp: 1,
             // Figure 6's caption.
             clusters: 2048,
             // The paper has 16; more than 4 gain nothing (docs/notebook/pixelcuts.md).
@@ -84,8 +72,6 @@ impl Default for PixelcutsSettings {
             exact: 64,
             // The paper's number, made relative.
             threshold: 0.01,
-            seed: 0,
-            light_layers: false,
         }
     }
 }
@@ -95,27 +81,26 @@ const COARSER: u32 = 8;
 /// Highest degree of its harmonics: it says how bright a place is, not more.
 const CLAMP_DEGREE: usize = 1;
 
-/// Renders an image: what shines directly is the `direct` layer, virtual lights the `indirect` one.
+/// Renders an image: what shines directly is the `direct` layer, virtual lights the `indirect` one. Where no number of samples
+/// is asked for there is one per pixel; each is a pixel of its own to the trees.
 ///
 /// # Errors
-/// [`Cancelled`] if `watch` says so.
+/// [`Cancelled`] if the picture's watch says so.
 pub fn render(
-    scene: &TracedScene,
-    lights: &LightSet<'_>,
+    picture: &Picture<'_>,
     points: &PointLights,
-    camera: &Camera,
-    size: RenderSize,
     settings: &PixelcutsSettings,
-    watch: &dyn Watch,
 ) -> Result<(Layers, PixelcutsStats), Cancelled> {
+    let scene = picture.scene;
     let mut stats = PixelcutsStats::default();
     let mut clock = Instant::now();
-    let view = View::new(scene, camera, size, settings.spp.max(1), settings.seed);
+    let spp = picture.spp.unwrap_or(1).max(1);
+    let view = View::new(picture, spp);
     stats.points = view.points.len();
     lap(&mut clock, &mut stats.times.eye);
 
     let (mean, exact_lights) = exact::choose(points, &view, settings.exact);
-    let mut parts = parts(points, settings.light_layers, view.points.len());
+    let mut parts = parts(points, picture.light_layers, view.points.len());
     stats.exact = exact_lights.len();
     stats.exact_rays = exact::evaluate(scene, points, &view, &exact_lights, &mut parts);
     lap(&mut clock, &mut stats.times.exact);
@@ -132,8 +117,8 @@ pub fn render(
         mean,
         flat: settings.flat,
         targets: view.points.par_iter().map(Target::new).collect(),
-        seed: settings.seed,
-        watch,
+        seed: picture.seed,
+        watch: picture.watch,
     };
     let clamps = points.direct < points.len() && points.clamp.is_finite();
     if clamps && !approximate.is_empty() && mean > 0.0 {
@@ -198,20 +183,13 @@ pub fn render(
     }
     stats.shadow_rays += stats.exact_rays;
 
-    let spp = settings.spp.max(1);
-    let layers = render_tiles(size, lights, settings.light_layers, spp, watch, |x, y, sums| {
-        let pixel = (y * size.width + x) as u64;
-        for sample in 0..spp {
-            let mut sampler = Sampler::new(settings.seed, pixel, sample);
-            let point = view.at(x, y, sample);
+    let layers = picture.by_samples(
+        spp,
+        || (),
+        |(), pixel, sample, sums| {
+            let point = view.at(pixel, sample);
             let hit = point.map(|point| &view.points[point].hit);
-            met(
-                scene,
-                lights,
-                &eye_ray(camera, size, x, y, &mut sampler),
-                hit,
-                sums,
-            );
+            picture.met(&picture.eye_ray(pixel, sample).0, hit, sums);
             if let Some(point) = point {
                 for part in &parts {
                     // Without light layers the light's index is not used.
@@ -219,8 +197,8 @@ pub fn render(
                     sums.add(light, 1 + u32::from(part.virtual_lights), part.radiance[point]);
                 }
             }
-        }
-    })?;
+        },
+    )?;
     lap(&mut clock, &mut stats.times.resolve);
     Ok((layers, stats))
 }

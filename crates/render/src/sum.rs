@@ -2,6 +2,8 @@
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::ops::AddAssign;
+use std::sync::{Mutex, PoisonError};
 
 /// Places that are summed together.
 const TASK: usize = 4096;
@@ -47,6 +49,20 @@ impl Sum {
                 .map(|sum| sum.as_vec3())
                 .collect(),
         }
+    }
+}
+
+/// What worker threads count together; in integers, so that their order does not matter.
+#[derive(Default)]
+pub(crate) struct Total<T>(Mutex<T>);
+
+impl<T: AddAssign> Total<T> {
+    pub fn add(&self, part: T) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) += part;
+    }
+
+    pub fn sum(self) -> T {
+        self.0.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

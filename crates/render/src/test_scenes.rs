@@ -1,12 +1,11 @@
 //! Scenes and lights that unit tests share, built in code.
 
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, Vec3, Vec4};
 use relight_scene::animated::Animated;
 use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::light::{EnvironmentMap, LightKind, LightTrack};
-use relight_scene::material::Material;
+use relight_scene::material::{AlphaMode, Material};
 use relight_scene::scene::{Instance, Mesh, Scene};
-use relight_scene::sequence::Sequence;
 use relight_scene::traced::{Shading, TracedScene};
 use std::sync::Arc;
 
@@ -46,11 +45,13 @@ pub fn level(half: f32, height: f32, material: u32) -> Mesh {
     )
 }
 
-/// The box from −1 to 1, fronts inwards.
-pub fn room(material: u32) -> Mesh {
+/// An axis-aligned box, fronts outwards or inwards.
+pub fn cuboid(low: Vec3, high: Vec3, inwards: bool, material: u32) -> Mesh {
     let positions: Vec<Vec3> = (0..8)
-        .map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - 1.0)
+        .map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32))
+        .map(|p| low + (high - low) * p)
         .collect();
+    let middle = (low + high) * 0.5;
     let mut triangles = Vec::new();
     for [a, b, c, d] in [
         [0, 1, 3, 2],
@@ -62,8 +63,8 @@ pub fn room(material: u32) -> Mesh {
     ] {
         for [i, j, k] in [[a, b, c], [a, c, d]] {
             let [p, q, r] = [i, j, k].map(|v: u32| positions[v as usize]);
-            let outwards = (q - p).cross(r - p).dot(p + q + r) > 0.0;
-            triangles.push(if outwards { [i, k, j] } else { [i, j, k] });
+            let outwards = (q - p).cross(r - p).dot(p + q + r - middle * 3.0) > 0.0;
+            triangles.push(if outwards != inwards { [i, j, k] } else { [i, k, j] });
         }
     }
     Mesh {
@@ -74,7 +75,16 @@ pub fn room(material: u32) -> Mesh {
     }
 }
 
+/// The box from −1 to 1, fronts inwards.
+pub fn room(material: u32) -> Mesh {
+    cuboid(Vec3::splat(-1.0), Vec3::ONE, true, material)
+}
+
 pub fn traced(meshes: Vec<Mesh>, materials: Vec<Material>) -> TracedScene {
+    traced_with(meshes, materials, Shading::Lambert)
+}
+
+pub fn traced_with(meshes: Vec<Mesh>, materials: Vec<Material>, shading: Shading) -> TracedScene {
     let instances = (0..meshes.len() as u32)
         .map(|mesh| Instance {
             mesh,
@@ -85,17 +95,26 @@ pub fn traced(meshes: Vec<Mesh>, materials: Vec<Material>) -> TracedScene {
         meshes,
         instances,
         materials,
-        textures: Vec::new(),
-        cameras: Vec::new(),
-        sequence: Sequence {
-            frames: 1,
-            fps: 24.0,
-            camera: None,
-            lights: Vec::new(),
-        },
-        notes: Vec::new(),
+        ..Scene::default()
     };
-    TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap()
+    TracedScene::new(Arc::new(scene), shading).unwrap()
+}
+
+/// A floor, and over it a small plate of the given material that faces down.
+pub fn stage(plate: Material) -> TracedScene {
+    let at = |x: f32, z: f32| Vec3::new(x - 0.4, 0.7, z - 0.6);
+    let lamp = quad([at(0.0, 0.0), at(0.3, 0.0), at(0.3, 0.3), at(0.0, 0.3)], 1);
+    traced(vec![level(2.0, 0.0, 0), lamp], vec![matt(0.6, 0.0), plate])
+}
+
+/// What lets some of all rays pass, alpha of them not.
+pub fn blended(color: Vec3, alpha: f32, emission: f32) -> Material {
+    Material {
+        base_color: Vec4::from((color, alpha)),
+        alpha_mode: AlphaMode::Blend,
+        double_sided: true,
+        ..matt(0.5, emission)
+    }
 }
 
 pub fn camera(position: Vec3, look_at: Vec3, vfov_deg: f32) -> Camera {
@@ -127,15 +146,19 @@ pub fn bulb(position: Vec3, intensity: f32) -> LightTrack {
     )
 }
 
-pub fn spot() -> LightTrack {
+pub fn spot(position: Vec3, outer_angle_deg: f32) -> LightTrack {
     let kind = LightKind::Spot {
-        position: constant(Vec3::new(0.2, 1.5, 0.1)),
+        position: constant(position),
         direction: constant(Vec3::new(0.1, -1.0, 0.2)),
         inner_angle_deg: constant(15.0),
-        outer_angle_deg: constant(40.0),
+        outer_angle_deg: constant(outer_angle_deg),
         intensity: constant(Vec3::new(3.0, 4.0, 5.0)),
     };
     light("spot", kind)
+}
+
+pub fn spot_inside() -> LightTrack {
+    spot(Vec3::new(0.2, 0.9, 0.1), 60.0)
 }
 
 pub fn sun() -> LightTrack {
@@ -146,23 +169,46 @@ pub fn sun() -> LightTrack {
     light("sun", kind)
 }
 
-pub fn panel() -> LightTrack {
+pub fn rect(name: &str, center: Vec3, edges: [Vec3; 2], radiance: Vec3) -> LightTrack {
     let kind = LightKind::Rect {
-        center: constant(Vec3::new(0.5, 1.0, 0.0)),
-        edge_u: constant(Vec3::X),
-        edge_v: constant(Vec3::Z * 0.5),
-        radiance: constant(Vec3::new(3.0, 2.0, 1.0)),
+        center: constant(center),
+        edge_u: constant(edges[0]),
+        edge_v: constant(edges[1]),
+        radiance: constant(radiance),
     };
-    light("panel", kind)
+    light(name, kind)
+}
+
+pub fn panel() -> LightTrack {
+    let edges = [Vec3::X, Vec3::Z * 0.5];
+    rect("panel", Vec3::new(0.5, 1.0, 0.0), edges, Vec3::new(3.0, 2.0, 1.0))
+}
+
+pub fn ball(center: Vec3, radius: f32, radiance: Vec3) -> LightTrack {
+    let kind = LightKind::Sphere {
+        center: constant(center),
+        radius: constant(radius),
+        radiance: constant(radiance),
+    };
+    light("globe", kind)
 }
 
 pub fn globe() -> LightTrack {
-    let kind = LightKind::Sphere {
-        center: constant(Vec3::new(-0.7, 0.5, 0.3)),
-        radius: constant(0.2),
-        radiance: constant(Vec3::new(1.0, 5.0, 2.0)),
+    ball(Vec3::new(-0.7, 0.5, 0.3), 0.2, Vec3::new(1.0, 5.0, 2.0))
+}
+
+pub fn even_sky(radiance: f32) -> LightTrack {
+    let kind = LightKind::Environment {
+        map: Arc::new(EnvironmentMap {
+            width: 8,
+            height: 4,
+            pixels: vec![Vec3::splat(radiance); 32],
+        }),
+        file: String::new(),
+        scale: constant(Vec3::ONE),
+        rotation_deg: constant(0.0),
     };
-    light("globe", kind)
+    light("sky", kind)
 }
 
 pub fn sky() -> LightTrack {
@@ -190,12 +236,18 @@ pub fn day() -> LightTrack {
     light("day", kind)
 }
 
-pub fn glow() -> LightTrack {
+/// What materials emit, so many times.
+pub fn emitted(scale: f32) -> LightTrack {
+    let scale = constant(Vec3::splat(scale));
     light(
         "glow",
         LightKind::Emissive {
             material: None,
-            scale: constant(Vec3::splat(2.0)),
+            scale,
         },
     )
+}
+
+pub fn glow() -> LightTrack {
+    emitted(2.0)
 }

@@ -15,7 +15,7 @@ use glam::{Vec3, Vec4};
 use relight_scene::environment::luminance;
 use relight_transport::cuts::Cut;
 use relight_transport::light_tree::{Node, sums};
-use std::cmp::Ordering;
+use relight_transport::ranked::Ranked;
 use std::collections::BinaryHeap;
 
 /// Error of one node, as a share of the frame's light, that refinement by error goes on for: √(|C|·var L). Together with
@@ -147,45 +147,23 @@ fn lit_views(directions: &Directions, flux: &[Vec3]) -> Vec<NodeView> {
         .collect()
 }
 
-/// A node by what it is to be split for.
-struct Open {
-    key: f64,
-    node: Node,
-}
-
-impl PartialEq for Open {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Open {}
-
-impl PartialOrd for Open {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Open {
-    fn cmp(&self, other: &Self) -> Ordering {
-        (self.key.total_cmp(&other.key)).then_with(|| other.node.first().cmp(&self.node.first()))
-    }
-}
-
 /// Splits the node of largest `key` until there are `most`, or none has a key.
 fn refined(nodes: Vec<Node>, most: usize, key: impl Fn(Node) -> Option<f64>) -> Vec<Node> {
     let mut done = Vec::new();
     let mut open = BinaryHeap::new();
-    let offer = |node: Node, open: &mut BinaryHeap<Open>, done: &mut Vec<Node>| match key(node) {
-        Some(key) if node.height > 0 => open.push(Open { key, node }),
+    let offer = |node: Node, open: &mut BinaryHeap<Ranked<Node>>, done: &mut Vec<Node>| match key(node) {
+        Some(rank) if node.height > 0 => open.push(Ranked {
+            rank,
+            place: node.first(),
+            node,
+        }),
         _ => done.push(node),
     };
     for node in nodes {
         offer(node, &mut open, &mut done);
     }
     while done.len() + open.len() < most {
-        let Some(Open { node, .. }) = open.pop() else {
+        let Some(Ranked { node, .. }) = open.pop() else {
             break;
         };
         for child in node.children().into_iter().flatten() {

@@ -91,16 +91,19 @@ fn near_world() -> World {
 /// Where all fragments are.
 const FROM: Vec3 = Vec3::new(1.0, -2.0, 3.0);
 
-pub(super) fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
-    let mut cuts = SiteCuts {
-        offsets: vec![0],
-        ..SiteCuts::default()
-    };
-    let mut selector = Selector::default();
-    for seen in &world.seen {
+/// Cuts of sites that see so much of each leaf.
+fn site_cuts(seen: &[Vec<f32>], sigma: f32) -> SiteCuts {
+    let (mut cuts, mut selector) = (SiteCuts::default(), Selector::default());
+    cuts.offsets.push(0);
+    for seen in seen {
         selector.select(seen, sigma, usize::MAX, &mut cuts.heights, &mut cuts.values);
         cuts.offsets.push(cuts.heights.len() as u32);
     }
+    cuts
+}
+
+pub(super) fn cuts(world: &World, sigma: f32) -> VisibilityCuts {
+    let cuts = site_cuts(&world.seen, sigma);
     if !world.near {
         return VisibilityCuts::of_directions(cuts, &world.lights);
     }
@@ -314,19 +317,15 @@ impl HalfRoof {
         let camera = camera(Vec3::new(0.0, 0.8, 2.0), Vec3::ZERO, 40.0);
         let seen = expose(&scene, &camera, 16, 16, 1);
         let directions = world().lights;
-        let (mut all, mut selector) = (SiteCuts::default(), Selector::default());
-        all.offsets.push(0);
-        for x in [-2.0, 2.0] {
+        let leaves = [-2.0, 2.0].map(|x| {
             let sees = |d: &Vec3| match d.y {
                 ..=0.0 => f32::NAN,
                 y if x + d.x / y < 0.0 => 0.0,
                 _ => 1.0,
             };
-            let seen: Vec<f32> = directions.iter().map(sees).collect();
-            selector.select(&seen, 0.0, usize::MAX, &mut all.heights, &mut all.values);
-            all.offsets.push(all.heights.len() as u32);
-        }
-        let cuts = VisibilityCuts::of_directions(all, &directions);
+            directions.iter().map(sees).collect()
+        });
+        let cuts = VisibilityCuts::of_directions(site_cuts(&leaves, 0.0), &directions);
         let mut sites = FragmentSites::default();
         for f in 0..seen.len() as u32 {
             let Some(hit) = seen.hits[f as usize] else {

@@ -134,7 +134,7 @@ impl Task<'_> {
                 if let (Some(hits), Some(sum)) = (hits, sum) {
                     let (irradiance, stats) = many.irradiance_at(scene, hits, footprint);
                     sum.add(irradiance);
-                    used.points = used.points.sum(stats);
+                    used.points += stats;
                 }
             }
         }

@@ -3,7 +3,7 @@
 use super::direct::{ByLightcuts, Starts, Sums};
 use super::emission::emission_at;
 use super::settings::FrameSettings;
-use super::stats::{FrameTimes, RelitStats, milliseconds};
+use super::stats::{RelitStats, milliseconds};
 use super::task::{Received, Task, add};
 use crate::choice::{CutKind, CutUse};
 use crate::lights::{Distant, Lights};
@@ -61,42 +61,35 @@ pub fn light(
     };
     let distant = (by_cuts == CutUse::Environments).then(|| lights.distant_at(time));
     let lights = lights.at(time);
-    let (mut times, mut stats) = (FrameTimes::default(), RelitStats::default());
+    let mut stats = RelitStats::default();
     let mut lit = Lit::default();
     let mut sums = Sums::new(shot.seen.len(), starts);
     let shadowed = distant.as_ref().map_or(&lights, |d| &d.near);
     let all_at_once = if settings.light_layers {
         ByLightcuts::default()
     } else {
-        task.add_by_lightcuts(starts, shadowed, &mut sums, &mut times)
+        task.add_by_lightcuts(starts, shadowed, &mut sums, &mut stats.times)
     };
     stats.lightcuts = all_at_once.used;
     for light in 0..lights.len() {
         go_on(watch)?;
         if settings.light_layers {
-            let (direct, received) = light_layer(
-                &task,
-                starts,
-                &lights,
-                distant.as_ref(),
-                light,
-                &mut lit,
-                &mut stats,
-                &mut times,
-            );
+            let distant = distant.as_ref();
+            let (direct, received) =
+                light_layer(&task, starts, &lights, distant, light, &mut lit, &mut stats);
             sums.direct.add(direct);
             sums.add_received(received);
         } else {
             if !all_at_once.points {
                 let start = Instant::now();
                 sums.add_received(task.received_of(starts, shadowed, light));
-                times.direct_points += milliseconds(start);
+                stats.times.direct_points += milliseconds(start);
             }
             if !all_at_once.pixels {
                 let start = Instant::now();
                 let reflected = task.reflected_of(shadowed, light, distant.is_some());
                 sums.direct.add(reflected);
-                times.direct_pixels += milliseconds(start);
+                stats.times.direct_pixels += milliseconds(start);
             }
         }
         watch.advance_to(light + 1, lights.len() + 1);
@@ -104,7 +97,7 @@ pub fn light(
     go_on(watch)?;
     if let (Some(distant), false) = (&distant, settings.light_layers) {
         let all: Vec<&DistantLight> = distant.lights.iter().flatten().collect();
-        if let Some(even) = task.even_light(&all, &mut times) {
+        if let Some(even) = task.even_light(&all, &mut stats.times) {
             sums.direct.add(even.radiance);
             sums.add_received(Received {
                 points: even.irradiance,
@@ -117,12 +110,11 @@ pub fn light(
     let received;
     (lit.direct, received) = sums.rounded();
     lit.emission = emission_at(&prepared.scene, &shot.seen, &lights, None);
-    let indirect = task.indirect(&received, &mut times);
+    let indirect = task.indirect(&received, &mut stats.times);
     lit.indirect = indirect.radiance;
     stats.transfer = indirect.transfer;
     stats.cuts = stats.cuts.or(indirect.cuts);
     stats.pixels = shot.seen.width * shot.seen.height;
-    stats.times = times;
     Ok((lit, stats))
 }
 
@@ -135,8 +127,8 @@ fn light_layer(
     light: usize,
     lit: &mut Lit,
     stats: &mut RelitStats,
-    times: &mut FrameTimes,
 ) -> (Vec<Vec3>, Received) {
+    let times = &mut stats.times;
     let shadowed = distant.map_or(lights, |d| &d.near);
     let start = Instant::now();
     let mut received = task.received_of(starts, shadowed, light);

@@ -4,12 +4,11 @@ use super::settings::FrameSettings;
 use super::stats::{PointStats, TracedDetail, TracedStats, TreeStats, milliseconds};
 use crate::choice::Tracer;
 use crate::shot::TracedShot;
-use relight_render::brute::{self, BruteSettings, PointsSettings};
-use relight_render::lightcuts::{self, EyeRays, LightcutSettings};
+use relight_render::lightcuts::{self, EyeRays};
 use relight_render::many_lights::{PointLights, PointSettings};
-use relight_render::path::{self, PathSettings};
-use relight_render::pixelcuts::{self, PixelcutsSettings};
+use relight_render::picture::Picture;
 use relight_render::watch::{Cancelled, Watch};
+use relight_render::{brute, path, pixelcuts};
 use relight_scene::image::Layers;
 use relight_scene::light_set::LightSet;
 use relight_scene::traced::TracedScene;
@@ -36,7 +35,13 @@ pub fn traced(
     let &FrameSettings {
         seed, light_layers, ..
     } = settings;
-    let spp = |otherwise: u32| samples.unwrap_or(otherwise);
+    let picture = Picture {
+        spp: *samples,
+        seed,
+        light_layers,
+        watch,
+        ..Picture::new(scene, lights, camera, *size)
+    };
     let mut made = None;
     let mut points_of = |settings: &PointSettings| {
         let start = Instant::now();
@@ -61,73 +66,32 @@ pub fn traced(
                 milliseconds: milliseconds(start),
                 bytes: clusters.bytes(),
             };
-            let cuts = LightcutSettings {
-                spp: spp(LightcutSettings::default().spp),
-                seed,
-                light_layers,
-                ..*cuts
-            };
             let start = Instant::now();
             if *reconstruction {
                 let eye_rays = samples.map_or(EyeRays::default(), |spp| EyeRays {
                     least: spp,
                     most: spp,
                 });
-                let (layers, stats) = lightcuts::render_reconstructed(
-                    scene, lights, &points, &clusters, camera, *size, &cuts, eye_rays, watch,
-                )?;
+                let (layers, stats) =
+                    lightcuts::render_reconstructed(&picture, &points, &clusters, cuts, eye_rays)?;
                 let light = milliseconds(start);
                 (layers, TracedDetail::Reconstruction { tree, light, stats })
             } else {
-                let (layers, stats) =
-                    lightcuts::render(scene, lights, &points, &clusters, camera, *size, &cuts, watch)?;
+                let (layers, stats) = lightcuts::render(&picture, &points, &clusters, cuts)?;
                 let light = milliseconds(start);
                 (layers, TracedDetail::Lightcuts { tree, light, stats })
             }
         }
         Tracer::Pixelcuts { points, cuts } => {
-            let points = points_of(points);
-            let cuts = PixelcutsSettings {
-                spp: spp(PixelcutsSettings::default().spp),
-                seed,
-                light_layers,
-                ..*cuts
-            };
-            let (layers, stats) = pixelcuts::render(scene, lights, &points, camera, *size, &cuts, watch)?;
+            let (layers, stats) = pixelcuts::render(&picture, &points_of(points), cuts)?;
             (layers, TracedDetail::Pixelcuts(stats))
         }
         Tracer::BrutePoints(points) => {
-            let points = points_of(points);
-            let settings = PointsSettings {
-                spp: spp(BruteSettings::default().spp),
-                seed,
-                light_layers,
-                packets: true,
-            };
-            let (layers, shadow_rays) =
-                brute::render_points(scene, lights, &points, camera, *size, &settings, watch)?;
+            let (layers, shadow_rays) = brute::render_points(&picture, &points_of(points))?;
             (layers, TracedDetail::BrutePoints { shadow_rays })
         }
-        Tracer::Brute => {
-            let settings = BruteSettings {
-                spp: spp(BruteSettings::default().spp),
-                seed,
-                light_layers,
-                ..BruteSettings::default()
-            };
-            let layers = brute::render(scene, lights, camera, *size, &settings, watch)?;
-            (layers, TracedDetail::Plain)
-        }
-        Tracer::Path { max_bounces } => {
-            let settings = PathSettings {
-                spp: spp(PathSettings::default().spp),
-                max_bounces: *max_bounces,
-                seed,
-                light_layers,
-            };
-            let layers = path::render(scene, lights, camera, *size, &settings, watch)?;
-            (layers, TracedDetail::Plain)
-        }
+        Tracer::Brute => (brute::render(&picture)?, TracedDetail::Plain),
+        Tracer::Path { max_bounces } => (path::render(&picture, *max_bounces)?, TracedDetail::Plain),
     };
     let stats = TracedStats {
         render: milliseconds(start),

@@ -7,24 +7,21 @@
 //! steps that are deeper than some half of their distance).
 
 use super::cut::Cut;
-use super::lit::Lit;
+use super::lit::{LightcutSettings, Lit};
 use super::sample::{MOST_SAMPLES, ReconstructionStats, Sample, Traversal};
 use super::sights::Sights;
-use super::{LightcutSettings, View, add, follow_mirrors};
-use crate::layers::{PixelSum, RenderSize, TILE, Tile, render_blocks};
+use super::{View, add, follow_mirrors};
+use crate::layers::{PixelSum, TILE, Tile};
 use crate::many_lights::PointLights;
-use crate::path::{eye_ray, see};
+use crate::picture::Picture;
 use crate::sampler::Sampler;
-use crate::watch::{Cancelled, Watch};
+use crate::sum::Total;
+use crate::watch::Cancelled;
 use glam::{Vec2, Vec3};
-use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
-use relight_scene::light_set::LightSet;
-use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
-use relight_scene::traced::TracedScene;
 use relight_transport::light_clusters::LightClusters;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::ops::AddAssign;
 
 /// Sides of the cells that a tile starts as, pixels.
 const CELL: usize = 4;
@@ -53,101 +50,52 @@ impl Default for EyeRays {
     }
 }
 
-/// Renders an image by reconstruction cuts; as [`super::render`] but for `settings.spp`, in whose place there are
-/// `eye_rays`.
+/// Renders an image by reconstruction cuts; as [`super::render`] but with `eye_rays` in place of the picture's samples.
 ///
 /// # Errors
-/// [`Cancelled`] if `watch` says so.
+/// [`Cancelled`] if the picture's watch says so.
 pub fn render(
-    scene: &TracedScene,
-    lights: &LightSet<'_>,
+    picture: &Picture<'_>,
     points: &PointLights,
     clusters: &LightClusters,
-    camera: &Camera,
-    size: RenderSize,
     settings: &LightcutSettings,
     eye_rays: EyeRays,
-    watch: &dyn Watch,
 ) -> Result<(Layers, ReconstructionStats), Cancelled> {
     let image = Image {
         lit: Lit {
-            scene,
+            scene: picture.scene,
             points,
             clusters,
-            error_ratio: settings.error_ratio,
-            uncertainty: settings.uncertainty,
-            max_nodes: settings.max_nodes.max(1),
+            settings: *settings,
         },
-        lights,
-        camera,
-        size,
-        settings,
+        picture,
         eye_rays: EyeRays {
             least: eye_rays.least.max(1),
             most: eye_rays.most.max(eye_rays.least).max(1),
         },
     };
-    let counters: [AtomicU64; 7] = Default::default();
-    let layers = render_blocks(
-        size,
-        lights,
-        settings.light_layers,
-        watch,
-        State::default,
-        |state, tile, sums| {
-            let stats = image.tile(state, tile, sums);
-            for (sum, value) in counters.iter().zip(stats.values()) {
-                sum.fetch_add(value, Ordering::Relaxed);
-            }
-        },
-    )?;
-    Ok((
-        layers,
-        ReconstructionStats::from_values(counters.map(AtomicU64::into_inner)),
-    ))
+    let total = Total::<ReconstructionStats>::default();
+    let layers = picture.by_tiles(State::default, |state, tile, sums| {
+        total.add(image.tile(state, tile, sums));
+    })?;
+    Ok((layers, total.sum()))
 }
 
-impl ReconstructionStats {
-    fn values(&self) -> [u64; 7] {
-        [
-            self.cuts,
-            self.shadow_rays,
-            self.interpolations,
-            self.samples,
-            self.sample_rays,
-            self.sample_nodes,
-            self.eye_rays,
-        ]
-    }
-
-    fn from_values(values: [u64; 7]) -> ReconstructionStats {
-        let [
-            cuts,
-            shadow_rays,
-            interpolations,
-            samples,
-            sample_rays,
-            sample_nodes,
-            eye_rays,
-        ] = values;
-        ReconstructionStats {
-            cuts,
-            shadow_rays,
-            interpolations,
-            samples,
-            sample_rays,
-            sample_nodes,
-            eye_rays,
-        }
+impl AddAssign for ReconstructionStats {
+    fn add_assign(&mut self, other: ReconstructionStats) {
+        self.cuts += other.cuts;
+        self.shadow_rays += other.shadow_rays;
+        self.interpolations += other.interpolations;
+        self.samples += other.samples;
+        self.sample_rays += other.sample_rays;
+        self.sample_nodes += other.sample_nodes;
+        self.eye_rays += other.eye_rays;
     }
 }
 
 struct Image<'a> {
     lit: Lit<'a>,
-    lights: &'a LightSet<'a>,
-    camera: &'a Camera,
-    size: RenderSize,
-    settings: &'a LightcutSettings,
+    picture: &'a Picture<'a>,
     eye_rays: EyeRays,
 }
 
@@ -233,16 +181,15 @@ impl Image<'_> {
         sums: &mut PixelSum,
     ) -> Option<EyeHit> {
         state.stats.eye_rays += 1;
-        let number = (y * self.size.width + x) as u64;
-        let mut sampler = Sampler::new(self.settings.seed, number, sample);
-        let offset = Vec2::from(sampler.clone().next_2d());
-        let eye = eye_ray(self.camera, self.size, x, y, &mut sampler);
-        let hit = see(self.lit.scene, self.lights, &eye, sums)?;
-        let view = follow_mirrors(self.lit.scene, self.lights, hit, -eye.direction, sums)?;
+        let picture = self.picture;
+        let offset = Sampler::new(picture.seed, picture.pixel((x, y)), sample).next_2d();
+        let (eye, _) = picture.eye_ray((x, y), sample);
+        let hit = picture.see(&eye, sums)?;
+        let view = follow_mirrors(picture, hit, -eye.direction, sums)?;
         let start = Vec2::new(tile.start[0] as f32, tile.start[1] as f32);
         Some(EyeHit {
             view,
-            place: Vec2::new(x as f32, y as f32) - start + offset,
+            place: Vec2::new(x as f32, y as f32) - start + Vec2::from(offset),
             ray,
         })
     }
@@ -256,27 +203,14 @@ impl Image<'_> {
             Corner::Unknown => {}
         }
         let place = Vec2::new((tile.start[0] + at[0]) as f32, (tile.start[1] + at[1]) as f32);
-        let size = Vec2::new(self.size.width as f32, self.size.height as f32);
-        let eye = Ray {
-            origin: self.camera.position,
-            direction: self.camera.direction(place, size),
-            t_min: 0.0,
-            t_max: f32::INFINITY,
-        };
+        let eye = self.picture.ray_through(place);
         // What shines there is no pixel's light.
         let mut nowhere = PixelSum::nowhere();
-        let view =
-            self.lit.scene.closest_hit(&eye).and_then(|hit| {
-                follow_mirrors(self.lit.scene, self.lights, hit, -eye.direction, &mut nowhere)
-            });
-        state.corners[index] = match view {
-            Some(view) => Corner::At(self.sample(state, view)),
-            None => Corner::Empty,
-        };
-        match state.corners[index] {
-            Corner::At(sample) => Some(sample),
-            _ => None,
-        }
+        let view = (self.lit.scene.closest_hit(&eye))
+            .and_then(|hit| follow_mirrors(self.picture, hit, -eye.direction, &mut nowhere));
+        let sample = view.map(|view| self.sample(state, view));
+        state.corners[index] = sample.map_or(Corner::Empty, Corner::At);
+        sample
     }
 
     fn sample(&self, state: &mut State, view: View) -> u32 {
@@ -381,7 +315,7 @@ impl Image<'_> {
         if count < 2 {
             let sample = self.sample(state, *view);
             state.own.push(sample);
-            let light = self.settings.light_layers;
+            let light = self.picture.light_layers;
             state.samples[sample as usize].light(&self.lit, |root, radiance| {
                 add(&self.lit, light, view, root, radiance, sums);
             });
@@ -403,7 +337,7 @@ impl Image<'_> {
             *near = (&state.samples[sample as usize], weight);
         }
         let near = &near[..samples.len().min(MOST_SAMPLES)];
-        let light = self.settings.light_layers;
+        let light = self.picture.light_layers;
         state.traversal.light(
             &self.lit,
             view,

@@ -30,7 +30,9 @@ impl Lit<'_> {
             if child.error > 0.0 {
                 let weight = if child.sight.closed { SEEN_UNCERTAINTY } else { 1.0 };
                 child.uncertainty = if child.sight.closed { closed } else { open };
-                child.error = child.error.max(weight * child.uncertainty / self.uncertainty);
+                child.error = child
+                    .error
+                    .max(weight * child.uncertainty / self.settings.uncertainty);
             }
         }
     }
@@ -144,8 +146,8 @@ impl Cut {
         }
         let mut largest = self.total.max_element();
         while let Some(&top) = self.heap.peek() {
-            let allowed = f64::from(lit.error_ratio) * self.total.max_element();
-            if f64::from(top.error) <= allowed || self.len() >= lit.max_nodes {
+            let allowed = f64::from(lit.settings.error_ratio) * self.total.max_element();
+            if f64::from(top.error) <= allowed || self.len() >= lit.settings.max_nodes {
                 break;
             }
             self.heap.pop();

@@ -4,11 +4,12 @@
 //! ([`worthwhile`]).
 
 use super::cut::Cut;
-use super::lit::{Lit, Receiver};
+use super::lit::{LightcutSettings, Lit, Receiver};
 use super::sights::Sights;
-use super::{LightcutSettings, LightcutStats, trees};
+use super::{LightcutStats, trees};
 use crate::lighting::Receivers;
 use crate::many_lights::{PointLights, PointSettings};
+use crate::sum::Total;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::light_set::{LightForm, LightSet};
@@ -116,28 +117,25 @@ impl ManyLights {
             scene,
             points: &self.points,
             clusters: &self.clusters,
-            error_ratio: settings.error_ratio,
-            uncertainty: settings.uncertainty,
-            max_nodes: settings.max_nodes,
+            settings: *settings,
         };
         let mut out = vec![Vec3::ZERO; places];
-        let stats = (out.par_chunks_mut(CHUNK).enumerate())
-            .map_init(Cut::default, |cut, (chunk, out)| {
-                let mut stats = LightcutStats::default();
-                let mut sights = Sights::default();
-                for (local, out) in out.iter_mut().enumerate() {
-                    let mut light = |receiver: &Receiver<'_>| {
-                        sights.begin(&lit, std::iter::once(receiver.hit));
-                        cut.choose(&lit, receiver, &mut sights, &mut stats.shadow_rays);
-                        stats.count(cut, &lit);
-                        cut.total.as_vec3()
-                    };
-                    *out = at(chunk * CHUNK + local, &mut light).unwrap_or(Vec3::ZERO);
-                }
-                stats
-            })
-            .reduce(LightcutStats::default, LightcutStats::sum);
-        (out, stats)
+        let total = Total::<LightcutStats>::default();
+        (out.par_chunks_mut(CHUNK).enumerate()).for_each_init(Cut::default, |cut, (chunk, out)| {
+            let mut stats = LightcutStats::default();
+            let mut sights = Sights::default();
+            for (local, out) in out.iter_mut().enumerate() {
+                let mut light = |receiver: &Receiver<'_>| {
+                    sights.begin(&lit, std::iter::once(receiver.hit));
+                    cut.choose(&lit, receiver, &mut sights, &mut stats.shadow_rays);
+                    stats.count(cut, &lit);
+                    cut.total.as_vec3()
+                };
+                *out = at(chunk * CHUNK + local, &mut light).unwrap_or(Vec3::ZERO);
+            }
+            total.add(stats);
+        });
+        (out, total.sum())
     }
 }
 
@@ -161,12 +159,7 @@ mod tests {
         let places = (0..400)
             .map(|_| {
                 let origin = between();
-                scene.closest_hit(&Ray {
-                    origin,
-                    direction: (between() - origin).normalize(),
-                    t_min: 0.0,
-                    t_max: f32::INFINITY,
-                })
+                scene.closest_hit(&Ray::endless(origin, (between() - origin).normalize()))
             })
             .collect();
         (scene, places)

@@ -95,13 +95,7 @@ mod tests {
         let (mut hidden, mut stopped) = ([0, 0], [0, 0]);
         for case in 0..40_000 {
             let unit = case % 2 == 1;
-            let ray = Ray {
-                origin: cube() * 0.95,
-                direction: cube(),
-                t_min: 0.0,
-                t_max: f32::INFINITY,
-            };
-            let Some(hit) = scene.closest_hit(&ray) else {
+            let Some(hit) = scene.closest_hit(&Ray::endless(cube() * 0.95, cube())) else {
                 continue;
             };
             let half = cube().abs() * 10f32.powf(2.0 * cube().x - 2.0);

@@ -13,6 +13,29 @@ use relight_transport::light_bounds::{Axis, LightBox, geometric_bound};
 use relight_transport::light_clusters::LightClusters;
 use relight_transport::point_light::{Arrival, Emission};
 
+/// How to choose cuts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightcutSettings {
+    /// Most error of a cut's node, as a share of the light at the point. The paper: 2 % is not visible.
+    pub error_ratio: f32,
+    /// Most change that a node's parents make expect, in units of `error_ratio`; infinite as in the paper, which minds
+    /// the bounds alone, and takes a cluster to be as visible as its representative.
+    pub uncertainty: f32,
+    /// Most nodes of a cut: reached in the dark only, where errors are not visible (section 3).
+    pub max_nodes: usize,
+}
+
+impl Default for LightcutSettings {
+    /// The paper's, but for the uncertainty: docs/notebook/lightcuts.md has what other values cost and give.
+    fn default() -> Self {
+        LightcutSettings {
+            error_ratio: 0.02,
+            uncertainty: 0.025,
+            max_nodes: 1000,
+        }
+    }
+}
+
 /// Where light arrives and who looks at it.
 pub(crate) struct Receiver<'a> {
     pub hit: &'a SurfaceHit,
@@ -80,9 +103,7 @@ pub(crate) struct Lit<'a> {
     pub scene: &'a TracedScene,
     pub points: &'a PointLights,
     pub clusters: &'a LightClusters,
-    pub error_ratio: f32,
-    pub uncertainty: f32,
-    pub max_nodes: usize,
+    pub settings: LightcutSettings,
 }
 
 /// Clusters that a node whose sight is closed is split into to see how much of it is seen. With 4 a tenth of the hall's

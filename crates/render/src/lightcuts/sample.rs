@@ -138,7 +138,7 @@ struct SampleSlot {
 struct Visit {
     node: u32,
     root: u32,
-    /// SampleSlot among those of [`Sights`].
+    /// Place among those of [`Sights`].
     place: u32,
     /// Evaluate, whatever the samples say (third exception), with the representative's term where it is known.
     evaluate: bool,
@@ -194,7 +194,7 @@ impl Traversal {
         let total: Vec3 = samples.iter().map(|(s, w)| s.total * *w).sum();
         let limit = clamp_limit(total, lit.points.clamp);
         // What a cluster may give at most where it counts as expected.
-        let expected = UNEXPECTED * lit.error_ratio * total.max_element();
+        let expected = UNEXPECTED * lit.settings.error_ratio * total.max_element();
         stats.cuts += 1;
         self.stack.clear();
         for (root, start) in lit.clusters.roots.iter().enumerate() {
@@ -232,7 +232,7 @@ impl Traversal {
                 if high == Vec3::ZERO {
                     continue;
                 }
-                let threshold = lit.error_ratio * all;
+                let threshold = lit.settings.error_ratio * all;
                 // Interpolate, unless all samples stop above.
                 if (high - low).max_element() < threshold
                     && low.max_element() > 0.0

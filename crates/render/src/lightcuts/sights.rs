@@ -51,7 +51,7 @@ impl Sight {
 /// A node that was asked about.
 #[derive(Clone, Copy, Debug)]
 struct AskedNode {
-    /// AskedNode of its first child, the other one is next to it; 0 if there is none yet.
+    /// Where its first child is, the other one next to it; 0 if it is nowhere yet.
     children: u32,
     /// Whether the sight is the node's own, not that of the one above it.
     asked: bool,
@@ -82,14 +82,15 @@ impl Sights {
     /// Forgets all; from now on receivers at `places` ask. Without a limit on the uncertainty, as in the paper, all sights are
     /// open.
     pub fn begin<'h>(&mut self, lit: &Lit<'_>, places: impl Iterator<Item = &'h SurfaceHit> + Clone) {
-        self.start = (lit.uncertainty < f32::INFINITY).then(|| ShaftStart::around(places.map(ray_end)));
+        self.start =
+            (lit.settings.uncertainty < f32::INFINITY).then(|| ShaftStart::around(places.map(ray_end)));
         self.parts.clear();
         self.places.clear();
         self.places
             .resize(lit.clusters.roots.len(), AskedNode::below(Sight::OPEN));
     }
 
-    /// AskedNode of the first of a node's children; any where no sights are sought.
+    /// Where the first of a node's children is; anywhere if no sights are sought.
     pub fn children(&mut self, place: u32) -> u32 {
         if self.start.is_none() {
             return place;

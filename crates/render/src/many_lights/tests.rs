@@ -1,29 +1,24 @@
 //! Truths: the lights' own samples, closed forms, and the path tracer.
 
 use super::*;
-use crate::brute::{self, PointsSettings};
-use crate::layers::RenderSize;
-use crate::path::{self, PathSettings};
+use crate::picture::Picture;
+use crate::test_images::*;
 use crate::test_scenes::*;
 use glam::DVec3;
 use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
-use relight_scene::light::{LightKind, LightTrack};
+use relight_scene::light::LightTrack;
 use relight_scene::light_set::SceneEmitters;
-use relight_scene::material::{AlphaMode, Material};
 use relight_transport::random::Stream;
 
 /// A floor, and over it a small plate that emits on both sides and lets a quarter of all rays pass.
-pub(crate) fn stage() -> TracedScene {
-    let at = |x: f32, z: f32| Vec3::new(x - 0.4, 0.7, z - 0.6);
-    let lamp = quad([at(0.0, 0.0), at(0.3, 0.0), at(0.3, 0.3), at(0.0, 0.3)], 1);
-    let glass = Material {
-        base_color: glam::Vec4::new(0.5, 0.5, 0.5, 0.75),
-        alpha_mode: AlphaMode::Blend,
-        double_sided: true,
-        ..matt(0.5, 4.0)
-    };
-    traced(vec![level(2.0, 0.0, 0), lamp], vec![matt(0.6, 0.0), glass])
+fn over_floor() -> TracedScene {
+    stage(blended(Vec3::splat(0.5), 0.75, 4.0))
+}
+
+/// The middle of a closed room.
+fn within() -> Camera {
+    camera(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.1, -0.4), 60.0)
 }
 
 fn points_of(scene: &TracedScene, tracks: &[LightTrack], settings: &PointSettings) -> PointLights {
@@ -32,59 +27,27 @@ fn points_of(scene: &TracedScene, tracks: &[LightTrack], settings: &PointSetting
     PointLights::new(scene, &lights, settings)
 }
 
-pub(crate) const SIZE: RenderSize = RenderSize {
-    width: 16,
-    height: 16,
-};
-
-fn rendered(scene: &TracedScene, tracks: &[LightTrack], view: &Camera, settings: &PointSettings) -> Layers {
-    rendered_with(scene, tracks, view, settings, 1)
-}
-
-fn rendered_with(
+fn rendered(
     scene: &TracedScene,
     tracks: &[LightTrack],
     view: &Camera,
     settings: &PointSettings,
     spp: u32,
 ) -> Layers {
-    let emitters = SceneEmitters::new(scene);
-    let lights = LightSet::new(&emitters, tracks, 0.0).unwrap();
-    let points = PointLights::new(scene, &lights, settings);
-    let how = PointsSettings {
-        spp,
-        seed: 3,
-        light_layers: false,
-        packets: true,
-    };
-    let (layers, _) = brute::render_points(scene, &lights, &points, view, SIZE, &how, &()).unwrap();
-    layers
-}
-
-fn path_traced(scene: &TracedScene, tracks: &[LightTrack], view: &Camera, spp: u32) -> Layers {
-    let emitters = SceneEmitters::new(scene);
-    let lights = LightSet::new(&emitters, tracks, 0.0).unwrap();
-    let settings = PathSettings {
-        spp,
-        ..PathSettings::default()
-    };
-    path::render(scene, &lights, view, SIZE, &settings, &()).unwrap()
-}
-
-pub(crate) fn mean(layers: &Layers, name: &str) -> f64 {
-    let data = &layers.layer(name).unwrap().data;
-    data.iter().map(|&v| f64::from(v)).sum::<f64>() / data.len() as f64
+    pictured(scene, tracks, view, spp, |picture| {
+        by_points(&Picture { seed: 3, ..picture }, settings)
+    })
 }
 
 /// Truth: the mean over the light's own samples, at random places and normals. Averaged over 32 sets of points of
 /// different seeds, since single sets are close, but not exact, near lights with extent.
 #[test]
 fn points_give_the_irradiance_of_the_lights_own_samples() {
-    let scene = stage();
+    let scene = over_floor();
     let emitters = SceneEmitters::new(&scene);
     for track in [
         bulb(Vec3::new(0.3, 1.0, 0.2), 2.0),
-        spot(),
+        spot(Vec3::new(0.2, 1.5, 0.1), 40.0),
         sun(),
         panel(),
         globe(),
@@ -144,7 +107,7 @@ fn points_give_the_irradiance_of_the_lights_own_samples() {
 
 #[test]
 fn area_lights_share_the_number_that_was_asked_for() {
-    let scene = stage();
+    let scene = over_floor();
     let tracks = [panel(), globe(), glow(), sun()];
     for total in [3, 100, 4608] {
         let settings = PointSettings {
@@ -153,37 +116,32 @@ fn area_lights_share_the_number_that_was_asked_for() {
         };
         let points = points_of(&scene, &tracks, &settings);
         assert_eq!(points.len(), total as usize + 1);
-        let backs = points
-            .lights
-            .iter()
-            .zip(&points.source)
-            .filter(|(l, s)| **s == 2 && l.axis.y > 0.0)
-            .count();
-        let fronts = points
-            .lights
-            .iter()
-            .zip(&points.source)
-            .filter(|(l, s)| **s == 2 && l.axis.y < 0.0)
-            .count();
-        assert!(
-            // Rounding of one point for each side of both triangles.
-            total < 100 || backs.abs_diff(fronts) <= 4,
-            "{backs} up, {fronts} down"
-        );
+        let facing = |up: f32| {
+            let plate = points
+                .lights
+                .iter()
+                .zip(&points.source)
+                .filter(|(_, source)| **source == 2);
+            plate.filter(|(light, _)| light.axis.y * up > 0.0).count()
+        };
+        let (backs, fronts) = (facing(1.0), facing(-1.0));
+        // Rounding of one point for each side of both triangles.
+        let even = total < 100 || backs.abs_diff(fronts) <= 4;
+        assert!(even, "{backs} up, {fronts} down");
     }
 }
 
 /// Truth: the path tracer's direct light. Its noise and that of 4000 points are below 0.5 % over 256 pixels.
 #[test]
 fn brute_over_points_gives_the_direct_light_of_a_path_tracer() {
-    let (scene, view) = (stage(), camera(Vec3::new(0.3, 1.5, 2.0), Vec3::ZERO, 35.0));
+    let (scene, view) = (over_floor(), camera(Vec3::new(0.3, 1.5, 2.0), Vec3::ZERO, 35.0));
     for track in [panel(), globe(), sky(), day(), glow()] {
         let tracks = [track];
         let settings = PointSettings {
             area_samples: Some(4000),
             ..PointSettings::default()
         };
-        let found = mean(&rendered(&scene, &tracks, &view, &settings), "direct");
+        let found = mean(&rendered(&scene, &tracks, &view, &settings, 1), "direct");
         let truth = mean(&path_traced(&scene, &tracks, &view, 512), "direct");
         assert!(
             (found / truth - 1.0).abs() < 0.015,
@@ -200,21 +158,13 @@ fn brute_over_points_gives_the_direct_light_of_a_path_tracer() {
 fn virtual_lights_fill_a_closed_furnace() {
     for albedo in [0.5f32, 0.9] {
         let scene = traced(vec![room(0)], vec![matt(albedo, 1.0)]);
-        let view = camera(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.1, -0.4), 60.0);
         let settings = PointSettings {
             area_samples: Some(4000),
             vpls: 30_000,
             clamp: f32::INFINITY,
             ..PointSettings::default()
         };
-        let tracks = [light(
-            "walls",
-            LightKind::Emissive {
-                material: None,
-                scale: constant(Vec3::ONE),
-            },
-        )];
-        let layers = rendered(&scene, &tracks, &view, &settings);
+        let layers = rendered(&scene, &[emitted(1.0)], &within(), &settings, 1);
         let rho = f64::from(albedo);
         let found = mean(&layers, "indirect") / (rho * rho / (1.0 - rho));
         assert!((found - 1.0).abs() < 0.03, "{albedo}: {found}");
@@ -226,31 +176,14 @@ fn virtual_lights_fill_a_closed_furnace() {
 /// Truth: the path tracer, with a blended plate in the way of the light, and a small light that lies in the ceiling.
 #[test]
 fn virtual_lights_give_the_indirect_light_of_a_path_tracer() {
-    let blind = Material {
-        base_color: glam::Vec4::new(0.8, 0.6, 0.4, 0.4),
-        alpha_mode: AlphaMode::Blend,
-        double_sided: true,
-        ..matt(0.8, 0.0)
-    };
+    let blind = blended(Vec3::new(0.8, 0.6, 0.4), 0.4, 0.0);
     let scene = traced(vec![room(0), level(0.5, 0.3, 1)], vec![matt(0.6, 0.0), blind]);
-    let panel = LightKind::Rect {
-        center: constant(Vec3::new(0.2, 1.0, 0.0)),
-        edge_u: constant(Vec3::X * 0.6),
-        edge_v: constant(Vec3::Z * 0.6),
-        radiance: constant(Vec3::new(9.0, 6.0, 3.0)),
-    };
+    let edges = [Vec3::X * 0.6, Vec3::Z * 0.6];
     let view = camera(Vec3::new(0.1, -0.2, 0.9), Vec3::new(0.0, -0.5, -1.0), 60.0);
     for track in [
-        light("panel", panel),
+        rect("panel", Vec3::new(0.2, 1.0, 0.0), edges, Vec3::new(9.0, 6.0, 3.0)),
         spot_inside(),
-        light(
-            "bulb",
-            LightKind::Sphere {
-                center: constant(Vec3::new(0.4, 0.6, 0.1)),
-                radius: constant(0.2),
-                radiance: constant(Vec3::ONE),
-            },
-        ),
+        ball(Vec3::new(0.4, 0.6, 0.1), 0.2, Vec3::ONE),
     ] {
         let tracks = [track];
         let settings = PointSettings {
@@ -259,11 +192,11 @@ fn virtual_lights_give_the_indirect_light_of_a_path_tracer() {
             clamp: f32::INFINITY,
             ..PointSettings::default()
         };
-        let found = rendered(&scene, &tracks, &view, &settings);
+        let found = rendered(&scene, &tracks, &view, &settings, 1);
         let truth = path_traced(&scene, &tracks, &view, 512);
         // A single light through the blind is a coin toss for each sample: 16,384 of them are within 0.6 %.
         let none = PointSettings { vpls: 0, ..settings };
-        let direct = rendered_with(&scene, &tracks, &view, &none, 64);
+        let direct = rendered(&scene, &tracks, &view, &none, 64);
         for (layer, found) in [("direct", &direct), ("indirect", &found)] {
             let (found, truth) = (mean(found, layer), mean(&truth, layer));
             assert!(
@@ -275,20 +208,9 @@ fn virtual_lights_give_the_indirect_light_of_a_path_tracer() {
     }
 }
 
-pub(crate) fn spot_inside() -> LightTrack {
-    let kind = LightKind::Spot {
-        position: constant(Vec3::new(0.2, 0.9, 0.1)),
-        direction: constant(Vec3::new(0.1, -1.0, 0.2)),
-        inner_angle_deg: constant(15.0),
-        outer_angle_deg: constant(60.0),
-        intensity: constant(Vec3::new(3.0, 4.0, 5.0)),
-    };
-    light("spot", kind)
-}
-
 #[test]
 fn as_many_virtual_lights_are_stored_as_were_asked_for() {
-    for scene in [traced(vec![room(0)], vec![matt(0.5, 0.0)]), stage()] {
+    for scene in [traced(vec![room(0)], vec![matt(0.5, 0.0)]), over_floor()] {
         for vpls in [1, 100, 20_000] {
             let settings = PointSettings {
                 vpls,
@@ -308,17 +230,9 @@ fn the_same_seed_gives_the_same_points_on_any_number_of_threads() {
         ..PointSettings::default()
     };
     let tracks = [panel(), globe(), glow(), day()];
-    let on = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        pool.install(|| points_of(&stage(), &tracks, &settings).lights)
-    };
-    let first = on(1);
-    assert_eq!(first, on(3));
+    let first = same_on_any_threads(|| points_of(&over_floor(), &tracks, &settings).lights);
     let other = PointSettings { seed: 1, ..settings };
-    assert_ne!(first, points_of(&stage(), &tracks, &other).lights);
+    assert_ne!(first, points_of(&over_floor(), &tracks, &other).lights);
 }
 
 /// Truth: what virtual lights may have at most, by hand: 1 % of all the light there.
@@ -331,18 +245,17 @@ fn no_virtual_light_gives_more_than_its_share() {
     assert_eq!(clamped(c, f32::INFINITY), c);
     // One light alone, of all the light there is, keeps a hundredth.
     let scene = traced(vec![room(0)], vec![matt(0.5, 0.0)]);
-    let view = camera(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.1, -0.4), 60.0);
     let tracks = [bulb(Vec3::ZERO, 1.0)];
     let settings = |clamp| PointSettings {
         vpls: 1,
         clamp,
         ..PointSettings::default()
     };
-    let free = rendered(&scene, &tracks, &view, &settings(f32::INFINITY));
-    let held = rendered(&scene, &tracks, &view, &settings(0.01));
+    let free = rendered(&scene, &tracks, &within(), &settings(f32::INFINITY), 1);
+    let held = rendered(&scene, &tracks, &within(), &settings(0.01), 1);
     let [free, held, direct] = [(&free, "indirect"), (&held, "indirect"), (&held, "direct")]
-        .map(|(layers, name)| layers.layer(name).unwrap().data.clone());
-    for ((free, held), direct) in free.iter().zip(&held).zip(&direct) {
+        .map(|(layers, name)| data(layers, name));
+    for ((free, held), direct) in free.iter().zip(held).zip(direct) {
         let limit = 0.01 * (free + direct);
         assert!(
             (held - free.min(limit)).abs() <= 1e-6 * limit,
@@ -354,12 +267,11 @@ fn no_virtual_light_gives_more_than_its_share() {
 #[test]
 fn extreme_lights_give_finite_and_right_images() {
     let scene = traced(vec![room(0)], vec![matt(0.5, 0.0)]);
-    let view = camera(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.1, -0.4), 60.0);
     let settings = PointSettings {
         vpls: 200,
         ..PointSettings::default()
     };
-    let render = |tracks: &[LightTrack]| rendered(&scene, tracks, &view, &settings);
+    let render = |tracks: &[LightTrack]| rendered(&scene, tracks, &within(), &settings, 1);
     let finite = |layers: &Layers| {
         assert!(layers.layers.iter().all(|l| {
             l.data
@@ -383,10 +295,8 @@ fn extreme_lights_give_finite_and_right_images() {
     // In a wall, where nothing but the wall itself is met: seen from inside or not at all, but finite.
     finite(&render(&[bulb(Vec3::new(1.0, 0.1, 0.0), 1.0)]));
     // Behind the wall.
-    assert_eq!(
-        mean(&render(&[bulb(Vec3::new(1.5, 0.1, 0.0), 1.0)]), "beauty"),
-        0.0
-    );
+    let behind = render(&[bulb(Vec3::new(1.5, 0.1, 0.0), 1.0)]);
+    assert_eq!(mean(&behind, "beauty"), 0.0);
     // Of all strengths at once: the strongest is all that counts.
     let place = Vec3::new(0.2, 0.1, 0.0);
     let mixed = render(&[
@@ -401,10 +311,5 @@ fn extreme_lights_give_finite_and_right_images() {
     assert!((mean(&faint, "direct") / mean(&one, "direct") / 1e-20 - 1.0).abs() < 1e-4);
     assert!((mean(&faint, "indirect") / mean(&one, "indirect") / 1e-20 - 1.0).abs() < 1e-4);
     // The middle of a large sphere sees nothing of it, as the lights' own samples have it.
-    let around = LightKind::Sphere {
-        center: constant(Vec3::ZERO),
-        radius: constant(0.9),
-        radiance: constant(Vec3::ONE),
-    };
-    finite(&render(&[light("around", around)]));
+    finite(&render(&[ball(Vec3::ZERO, 0.9, Vec3::ONE)]));
 }

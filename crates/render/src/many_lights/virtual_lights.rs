@@ -12,7 +12,7 @@
 
 use super::points::{End, PointLights, PointSettings, stage};
 use crate::sampler::Sampler;
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec2};
 use rayon::prelude::*;
 use relight_scene::bsdf;
 use relight_scene::environment::luminance;
@@ -221,12 +221,6 @@ impl<'a> Emitter<'a> {
     fn leave(&self, i: usize, light: &PointLight, sampler: &mut Sampler) -> Ray {
         let random = sampler.next_2d();
         let [a, b] = random.map(f64::from);
-        let from = |origin: Vec3, direction: Vec3| Ray {
-            origin,
-            direction,
-            t_min: 0.0,
-            t_max: f32::INFINITY,
-        };
         match light.emission {
             Emission::Omni => {
                 let direction = around(DVec3::Z, 2.0 * a - 1.0, b);
@@ -240,7 +234,7 @@ impl<'a> Emitter<'a> {
                     }
                     _ => position,
                 };
-                from(start.as_vec3(), direction.as_vec3())
+                Ray::endless(start.as_vec3(), direction.as_vec3())
             }
             Emission::Oriented => {
                 let local = cosine_hemisphere(Vec2::from(random));
@@ -254,19 +248,19 @@ impl<'a> Emitter<'a> {
                         };
                         ray_from_surface(&surface, direction)
                     }
-                    _ => from(light.position, direction),
+                    _ => Ray::endless(light.position, direction),
                 }
             }
             Emission::Spot { scale, offset } => {
                 let cos = Ramp::new(scale, offset).sample(a);
-                from(light.position, around(light.axis.as_dvec3(), cos, b).as_vec3())
+                Ray::endless(light.position, around(light.axis.as_dvec3(), cos, b).as_vec3())
             }
             Emission::Directional => {
                 let axis = light.axis.as_dvec3();
                 let (u, v) = axis.any_orthonormal_pair();
                 let (sin, cos) = (TAU * b).sin_cos();
                 let beside = (u * cos + v * sin) * (a.sqrt() * self.radius);
-                from((self.center - axis * self.radius + beside).as_vec3(), light.axis)
+                Ray::endless((self.center - axis * self.radius + beside).as_vec3(), light.axis)
             }
         }
     }

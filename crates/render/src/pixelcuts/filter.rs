@@ -29,7 +29,7 @@ pub(super) fn filtered(view: &View, light: &[f32], point: usize, out: &mut [f32]
             if px < 0 || py < 0 || px >= view.size.width as i64 || py >= view.size.height as i64 {
                 continue;
             }
-            let Some(other) = view.at(px as usize, py as usize, sample) else {
+            let Some(other) = view.at((px as usize, py as usize), sample) else {
                 continue;
             };
             let neighbour = &view.points[other];

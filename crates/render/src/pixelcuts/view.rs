@@ -1,14 +1,11 @@
 //! What eye rays find: the points whose light is wanted.
 
 use crate::layers::RenderSize;
-use crate::path::eye_ray;
-use crate::sampler::Sampler;
+use crate::picture::Picture;
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_scene::camera::Camera;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces};
-use relight_scene::traced::TracedScene;
 use relight_transport::pixel_tree::TreePixel;
 
 /// A point of a surface that the eye sees.
@@ -37,23 +34,21 @@ const SAME_NORMAL: f32 = 1.0 - 1e-6;
 
 impl View {
     /// The same eye rays as of `brute` and `path`.
-    pub fn new(scene: &TracedScene, camera: &Camera, size: RenderSize, spp: u32, seed: u64) -> View {
+    pub fn new(picture: &Picture<'_>, spp: u32) -> View {
+        let Picture { scene, size, .. } = *picture;
         let RenderSize { width, height } = size;
         let found: Vec<Vec<(Point, [u32; 3])>> = (0..height * spp as usize)
             .into_par_iter()
             .map(|row| {
                 let (sample, y) = ((row / height) as u32, row % height);
-                let mut found = Vec::new();
-                for x in 0..width {
-                    let mut sampler = Sampler::new(seed, (y * width + x) as u64, sample);
-                    let eye = eye_ray(camera, size, x, y, &mut sampler);
-                    if let Some(hit) = scene.closest_hit(&eye) {
-                        let wo = -eye.direction;
-                        let shading = scene.shading_point(&hit).facing(wo);
-                        found.push((Point { hit, shading, wo }, [x as u32, y as u32, sample]));
-                    }
-                }
-                found
+                let points = (0..width).filter_map(|x| {
+                    let (eye, _) = picture.eye_ray((x, y), sample);
+                    let hit = scene.closest_hit(&eye)?;
+                    let wo = -eye.direction;
+                    let shading = scene.shading_point(&hit).facing(wo);
+                    Some((Point { hit, shading, wo }, [x as u32, y as u32, sample]))
+                });
+                points.collect()
             })
             .collect();
         let (points, place): (Vec<Point>, Vec<[u32; 3]>) = found.into_iter().flatten().unzip();
@@ -65,7 +60,7 @@ impl View {
             diagonal: 0.0,
         };
         for (point, &[x, y, sample]) in view.place.iter().enumerate() {
-            let at = view.slot(x as usize, y as usize, sample);
+            let at = view.slot((x as usize, y as usize), sample);
             view.index[at] = point as u32;
         }
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -83,13 +78,13 @@ impl View {
         view
     }
 
-    fn slot(&self, x: usize, y: usize, sample: u32) -> usize {
+    fn slot(&self, (x, y): (usize, usize), sample: u32) -> usize {
         (sample as usize * self.size.height + y) * self.size.width + x
     }
 
     /// The point of a sample of a pixel.
-    pub fn at(&self, x: usize, y: usize, sample: u32) -> Option<usize> {
-        let point = self.index[self.slot(x, y, sample)];
+    pub fn at(&self, pixel: (usize, usize), sample: u32) -> Option<usize> {
+        let point = self.index[self.slot(pixel, sample)];
         (point != NOTHING).then_some(point as usize)
     }
 

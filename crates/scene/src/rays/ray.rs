@@ -18,6 +18,19 @@ pub struct Ray {
     pub t_max: f32,
 }
 
+impl Ray {
+    /// A ray from its origin on, without end.
+    #[inline]
+    pub fn endless(origin: Vec3, direction: Vec3) -> Ray {
+        Ray {
+            origin,
+            direction,
+            t_min: 0.0,
+            t_max: f32::INFINITY,
+        }
+    }
+}
+
 /// Where a ray meets a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {

@@ -316,11 +316,10 @@ impl Resolver<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cuts::VisibilityCuts;
     use crate::cuts::illumination::Illumination;
     use crate::cuts::shade::shade;
-    use crate::cuts::tests::{HalfRoof, LIGHTS, world};
-    use relight_transport::cuts::{Selector, SiteCuts, merge};
+    use crate::cuts::tests::{HalfRoof, LIGHTS, cuts, world};
+    use relight_transport::cuts::merge;
     use relight_transport::light_tree::Node;
 
     /// A lamp, as long as the floor, that is narrower than a direction's cell, beside the roof's edge. Truth: what the roof leaves of
@@ -365,16 +364,9 @@ mod tests {
 
     /// Truth: the visibility of every direction, one by one.
     #[test]
-    fn a_cell_is_in_doubt_where_some_site_sees_some_direction_around_it_and_some_does_not() {
+    fn a_cell_is_uncertain_where_some_site_sees_some_direction_around_it_and_some_does_not() {
         let world = world();
-        let mut all = SiteCuts::default();
-        let mut selector = Selector::default();
-        all.offsets.push(0);
-        for seen in &world.seen {
-            selector.select(seen, 0.0, usize::MAX, &mut all.heights, &mut all.values);
-            all.offsets.push(all.heights.len() as u32);
-        }
-        let cuts = VisibilityCuts::of_directions(all, &world.lights);
+        let cuts = cuts(&world, 0.0);
         let directions = cuts.directions().unwrap();
         let parts = directions
             .cells

@@ -1,68 +1,28 @@
 //! Statements about lightcuts and reconstruction cuts. Truth is every point light with a shadow ray of its own.
 
-#[path = "../examples/lightcuts/tightness.rs"]
-#[allow(dead_code, reason = "the example also prints it")]
-mod tightness;
-
-use glam::{Affine3A, DVec3, Vec3};
-use relight_render::brute::{self, PointsSettings};
-use relight_render::layers::RenderSize;
-use relight_render::lightcuts::{self, EyeRays, LightcutSettings, LightcutStats, ReconstructionStats};
-use relight_render::many_lights::{PointLights, PointSettings};
-use relight_render::path::{self, PathSettings};
-use relight_render::watch::Watch;
-use relight_scene::animated::Animated;
-use relight_scene::camera::{Camera, CameraTrack};
-use relight_scene::image::{Layers, metrics};
+use super::lit::Receiver;
+use super::*;
+use crate::direct::reflected;
+use crate::layers::RenderSize;
+use crate::many_lights::PointSettings;
+use crate::path;
+use crate::test_images::*;
+use crate::test_scenes::*;
+use glam::{DVec3, Vec2};
+use relight_scene::camera::Camera;
+use relight_scene::image::metrics;
 use relight_scene::light::{LightKind, LightTrack};
-use relight_scene::light_set::{LightSet, SceneEmitters};
 use relight_scene::material::Material;
-use relight_scene::scene::{Instance, Mesh, Scene};
-use relight_scene::sequence::Sequence;
-use relight_scene::traced::{Shading, TracedScene};
-use std::sync::Arc;
+use relight_scene::traced::Shading;
+use relight_transport::random::Stream;
 
 const SIZE: RenderSize = RenderSize {
     width: 24,
     height: 20,
 };
 
-fn constant<T>(value: T) -> Animated<T> {
-    Animated::Constant(value)
-}
-
-/// An axis-aligned box, fronts outwards or inwards.
-fn cuboid(low: Vec3, high: Vec3, inwards: bool, material: u32) -> Mesh {
-    let positions: Vec<Vec3> = (0..8)
-        .map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32))
-        .map(|p| low + (high - low) * p)
-        .collect();
-    let middle = (low + high) * 0.5;
-    let mut triangles = Vec::new();
-    for [a, b, c, d] in [
-        [0, 1, 3, 2],
-        [4, 5, 7, 6],
-        [0, 1, 5, 4],
-        [2, 3, 7, 6],
-        [0, 2, 6, 4],
-        [1, 3, 7, 5],
-    ] {
-        for [i, j, k] in [[a, b, c], [a, c, d]] {
-            let [p, q, r] = [i, j, k].map(|v: u32| positions[v as usize]);
-            let outwards = (q - p).cross(r - p).dot(p + q + r - middle * 3.0) > 0.0;
-            triangles.push(if outwards != inwards { [i, j, k] } else { [i, k, j] });
-        }
-    }
-    Mesh {
-        positions,
-        triangles,
-        material,
-        ..Mesh::default()
-    }
-}
-
 /// A room of 4 m with a matt and a glossy box in it.
-fn room() -> TracedScene {
+fn furnished() -> TracedScene {
     let material = |color: Vec3, metallic: f32, roughness: f32| Material {
         base_color: color.extend(1.0),
         metallic,
@@ -79,77 +39,37 @@ fn room() -> TracedScene {
         cuboid(Vec3::new(-1.2, -2.0, -1.0), Vec3::new(-0.3, -0.6, 0.0), false, 1),
         cuboid(Vec3::new(0.4, -2.0, -0.8), Vec3::new(1.2, -1.2, 0.2), false, 2),
     ];
-    let instances = (0..meshes.len() as u32)
-        .map(|mesh| Instance {
-            mesh,
-            world_from_mesh: Affine3A::IDENTITY,
-        })
-        .collect();
-    let scene = Scene {
-        meshes,
-        instances,
-        materials,
-        textures: Vec::new(),
-        cameras: Vec::new(),
-        sequence: Sequence {
-            frames: 1,
-            fps: 24.0,
-            camera: None,
-            lights: Vec::new(),
-        },
-        notes: Vec::new(),
-    };
-    TracedScene::new(Arc::new(scene), Shading::Full).unwrap()
+    traced_with(meshes, materials, Shading::Full)
 }
 
-fn camera() -> Camera {
-    CameraTrack {
-        name: String::new(),
-        position: constant(Vec3::new(0.3, 0.2, 1.9)),
-        look_at: constant(Vec3::new(0.0, -0.8, -1.0)),
-        up: constant(Vec3::Y),
-        vfov_deg: constant(75.0),
-        aspect: None,
-    }
-    .at(0.0)
-}
-
-fn light(name: &str, kind: LightKind) -> LightTrack {
-    LightTrack {
-        name: name.into(),
-        kind,
-    }
+fn eye() -> Camera {
+    let (position, look_at) = (Vec3::new(0.3, 0.2, 1.9), Vec3::new(0.0, -0.8, -1.0));
+    Camera::looking(
+        position,
+        (look_at - position).normalize(),
+        Vec3::Y,
+        37.5f32.to_radians().tan(),
+    )
 }
 
 /// Lamps of every type.
 fn lamps() -> Vec<LightTrack> {
-    let rect = |x: f32, radiance: Vec3| LightKind::Rect {
-        center: constant(Vec3::new(x, 1.95, 0.0)),
-        edge_u: constant(Vec3::new(0.8, 0.0, 0.0)),
-        edge_v: constant(Vec3::new(0.0, 0.0, 0.8)),
-        radiance: constant(radiance),
+    let panel = |name: &str, x: f32, radiance: Vec3| {
+        let edges = [Vec3::X * 0.8, Vec3::Z * 0.8];
+        rect(name, Vec3::new(x, 1.95, 0.0), edges, radiance)
+    };
+    let spot = LightKind::Spot {
+        position: constant(Vec3::new(1.5, 1.5, 1.5)),
+        direction: constant(Vec3::new(-1.0, -1.2, -1.0)),
+        inner_angle_deg: constant(15.0),
+        outer_angle_deg: constant(30.0),
+        intensity: constant(Vec3::splat(3.0)),
     };
     vec![
-        light("left", rect(-1.2, Vec3::new(3.0, 2.0, 1.0))),
-        light("right", rect(1.2, Vec3::new(1.0, 2.0, 3.0))),
-        light(
-            "ball",
-            LightKind::Sphere {
-                center: constant(Vec3::new(-1.4, -1.5, 1.2)),
-                radius: constant(0.2),
-                radiance: constant(Vec3::splat(2.0)),
-            },
-        ),
-        light(
-            "spot",
-            LightKind::Spot {
-                position: constant(Vec3::new(1.5, 1.5, 1.5)),
-                direction: constant(Vec3::new(-1.0, -1.2, -1.0)),
-                inner_angle_deg: constant(15.0),
-                outer_angle_deg: constant(30.0),
-                intensity: constant(Vec3::splat(3.0)),
-            },
-        ),
+        panel("left", -1.2, Vec3::new(3.0, 2.0, 1.0)),
+        panel("right", 1.2, Vec3::new(1.0, 2.0, 3.0)),
+        ball(Vec3::new(-1.4, -1.5, 1.2), 0.2, Vec3::splat(2.0)),
+        light("spot", spot),
     ]
 }
 
@@ -159,99 +79,57 @@ struct Run {
     points: PointSettings,
     settings: LightcutSettings,
     size: RenderSize,
+    spp: u32,
+    light_layers: bool,
 }
 
 impl Run {
     fn new(tracks: Vec<LightTrack>, area_samples: u32, vpls: u32) -> Run {
         Run {
-            scene: room(),
+            scene: furnished(),
             tracks,
             points: PointSettings {
                 area_samples: Some(area_samples),
                 vpls,
                 ..PointSettings::default()
             },
-            settings: LightcutSettings {
-                spp: 1,
-                ..LightcutSettings::default()
-            },
+            settings: LightcutSettings::default(),
             size: SIZE,
+            spp: 1,
+            light_layers: false,
         }
     }
 
-    fn with<T>(&self, run: impl FnOnce(&LightSet<'_>, &PointLights, &dyn Watch) -> T) -> T {
-        let emitters = SceneEmitters::new(&self.scene);
-        let lights = LightSet::new(&emitters, &self.tracks, 0.0).unwrap();
-        let points = PointLights::new(&self.scene, &lights, &self.points);
-        run(&lights, &points, &())
-    }
-
-    fn cuts(&self) -> (Layers, LightcutStats) {
-        self.with(|lights, points, watch| {
-            let clusters = lightcuts::trees(&self.scene, points, self.settings.light_layers, 0);
-            lightcuts::render(
-                &self.scene,
-                lights,
-                points,
-                &clusters,
-                &camera(),
-                self.size,
-                &self.settings,
-                watch,
-            )
-            .unwrap()
+    fn with<T>(&self, run: impl FnOnce(&Picture<'_>, &PointLights, &LightClusters) -> T) -> T {
+        pictured(&self.scene, &self.tracks, &eye(), self.spp, |picture| {
+            let picture = Picture {
+                size: self.size,
+                light_layers: self.light_layers,
+                ..picture
+            };
+            let points = PointLights::new(&self.scene, picture.lights, &self.points);
+            let clusters = trees(&self.scene, &points, self.light_layers, 0);
+            run(&picture, &points, &clusters)
         })
     }
 
+    fn cuts(&self) -> (Layers, LightcutStats) {
+        self.with(|picture, points, clusters| render(picture, points, clusters, &self.settings).unwrap())
+    }
+
     fn reconstructed(&self, eye_rays: EyeRays) -> (Layers, ReconstructionStats) {
-        self.with(|lights, points, watch| {
-            let clusters = lightcuts::trees(&self.scene, points, self.settings.light_layers, 0);
-            lightcuts::render_reconstructed(
-                &self.scene,
-                lights,
-                points,
-                &clusters,
-                &camera(),
-                self.size,
-                &self.settings,
-                eye_rays,
-                watch,
-            )
-            .unwrap()
+        self.with(|picture, points, clusters| {
+            render_reconstructed(picture, points, clusters, &self.settings, eye_rays).unwrap()
         })
     }
 
     fn all(&self) -> Layers {
-        self.with(|lights, points, watch| {
-            let settings = PointsSettings {
-                spp: self.settings.spp,
-                seed: self.settings.seed,
-                light_layers: self.settings.light_layers,
-                packets: true,
-            };
-            brute::render_points(
-                &self.scene,
-                lights,
-                points,
-                &camera(),
-                self.size,
-                &settings,
-                watch,
-            )
-            .unwrap()
-            .0
-        })
+        self.with(|picture, _, _| by_points(picture, &self.points))
     }
 }
 
 fn pixels(layers: &Layers, name: &str) -> Vec<Vec3> {
-    layers
-        .rgb(name)
-        .unwrap()
-        .pixels
-        .iter()
-        .map(|&p| Vec3::from(p))
-        .collect()
+    data(layers, name).chunks_exact(3).map(Vec3::from_slice).collect()
 }
 
 /// Largest difference of two layers, relative to the first one's pixel.
@@ -265,7 +143,7 @@ fn difference(a: &Layers, b: &Layers, name: &str) -> f32 {
 /// sure; without it the room's boxes hide much.
 #[test]
 fn without_any_error_a_lightcut_is_every_light() {
-    let without_ball = || lamps().into_iter().filter(|lamp| lamp.name != "ball").collect();
+    let without_ball = || lamps().into_iter().filter(|lamp| lamp.name != "globe").collect();
     for (vpls, tracks) in [
         (0, lamps()),
         (700, lamps()),
@@ -316,7 +194,7 @@ fn at_two_percent_nearly_all_pixels_are_within_two_percent() {
 #[test]
 fn layers_of_lights_add_up_and_threads_change_nothing() {
     let mut run = Run::new(lamps(), 300, 300);
-    run.settings.light_layers = true;
+    run.light_layers = true;
     let (layers, _) = run.cuts();
     let beauty = pixels(&layers, "beauty");
     let mut sum = vec![Vec3::ZERO; beauty.len()];
@@ -332,29 +210,13 @@ fn layers_of_lights_add_up_and_threads_change_nothing() {
         assert!((*sum - *beauty).abs().max_element() <= 1e-5 * beauty.max_element());
     }
     let eye_rays = EyeRays { least: 3, most: 12 };
-    let on = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        pool.install(|| (run.cuts().0, run.reconstructed(eye_rays).0))
-    };
-    let (one, three) = (on(1), on(3));
-    assert!(one.0.layers == three.0.layers && one.1.layers == three.1.layers);
+    same_on_any_threads(|| (run.cuts().0, run.reconstructed(eye_rays).0));
 }
 
 /// Truth: every light, where f32 can hold it; all pixels must be finite.
 #[test]
 fn degenerate_lights_give_finite_images() {
-    let point = |x: f32, intensity: f32| {
-        light(
-            &format!("p{x}{intensity}"),
-            LightKind::Point {
-                position: constant(Vec3::new(x, 0.5, 0.3)),
-                intensity: constant(Vec3::splat(intensity)),
-            },
-        )
-    };
+    let point = |x: f32, intensity: f32| bulb(Vec3::new(x, 0.5, 0.3), intensity);
     let many = |n: usize, intensity: &dyn Fn(usize) -> f32, spread: f32| -> Vec<LightTrack> {
         (0..n).map(|i| point(spread * i as f32, intensity(i))).collect()
     };
@@ -376,11 +238,8 @@ fn degenerate_lights_give_finite_images() {
             let (reconstructed, _) = run.reconstructed(EyeRays::default());
             let all = run.all();
             for layers in [&cuts, &reconstructed] {
-                assert!(
-                    pixels(layers, "beauty")
-                        .iter()
-                        .all(|p| p.is_finite() && p.min_element() >= 0.0)
-                );
+                let valid = |v: &f32| v.is_finite() && *v >= 0.0;
+                assert!(data(layers, "beauty").iter().all(valid));
             }
             let [a, b] = [&cuts, &all].map(|l| pixels(l, "beauty").iter().map(|p| p.x as f64).sum::<f64>());
             assert!((a - b).abs() <= 0.03 * b, "case {case}: {a} {b}");
@@ -396,7 +255,7 @@ fn reconstruction_cuts_are_lightcuts_but_for_little() {
         width: 96,
         height: 80,
     };
-    run.settings.spp = 4;
+    run.spp = 4;
     let (cuts, _) = run.cuts();
     let (reconstructed, stats) = run.reconstructed(EyeRays { least: 4, most: 4 });
     let [a, b] = [&reconstructed, &cuts].map(|l| l.rgb("beauty").unwrap());
@@ -421,15 +280,11 @@ fn a_mirror_shows_the_light_on_what_it_reflects() {
     materials[1] = mirror.clone();
     materials[2] = mirror;
     run.scene.set_materials(materials).unwrap();
-    run.settings.spp = 16;
+    run.spp = 16;
     let (cuts, _) = run.cuts();
-    let traced = run.with(|lights, _, watch| {
-        let settings = PathSettings {
-            spp: 256,
-            max_bounces: Some(2),
-            ..PathSettings::default()
-        };
-        path::render(&run.scene, lights, &camera(), run.size, &settings, watch).unwrap()
+    let traced = run.with(|picture, _, _| {
+        let spp = Some(256);
+        path::render(&Picture { spp, ..*picture }, Some(2)).unwrap()
     });
     let (found, truth) = (pixels(&cuts, "indirect"), pixels(&traced, "indirect"));
     let covered = pixels(&cuts, "direct");
@@ -451,7 +306,7 @@ fn more_eye_rays_go_where_pixels_need_them() {
         width: 48,
         height: 40,
     };
-    run.settings.spp = 64;
+    run.spp = 64;
     let (truth, _) = run.cuts();
     let pixels = (run.size.width * run.size.height) as u64;
     let reconstructed = |most| {
@@ -470,15 +325,56 @@ fn more_eye_rays_go_where_pixels_need_them() {
     assert!(adaptive < 0.5 * few, "{adaptive} {few}");
 }
 
-/// Truth: all lights of the clusters, one by one.
+/// Truth: all lights of the clusters, one by one; random clusters at the pixels' middles, of any depth.
 #[test]
-fn bounds_hold_where_they_are_used() {
+fn bounds_hold_and_are_met_by_half_where_they_are_used() {
     let run = Run::new(lamps(), 2000, 1000);
-    run.with(|_, points, _| {
-        let clusters = lightcuts::trees(&run.scene, points, false, 0);
-        let found = tightness::bound_tightness(&run.scene, points, &clusters, &camera(), SIZE, 64);
-        assert_eq!(found.violated, 0);
-        assert!(found.shares.len() > 5000);
-        assert!(found.shares[found.shares.len() / 2] > 0.5, "{found}");
+    run.with(|picture, points, clusters| {
+        // True largest value over bound.
+        let mut shares = Vec::new();
+        let (mut members, mut stack) = (Vec::new(), Vec::new());
+        for pixel in 0..SIZE.width * SIZE.height {
+            let place = Vec2::new((pixel % SIZE.width) as f32, (pixel / SIZE.width) as f32) + 0.5;
+            let ray = picture.ray_through(place);
+            let Some(hit) = run.scene.closest_hit(&ray) else {
+                continue;
+            };
+            let wo = -ray.direction;
+            let point = run.scene.shading_point(&hit).facing(wo);
+            let receiver = Receiver::new(&hit, &point, wo);
+            for k in 0..64 {
+                let mut random = Stream::new(pixel as u64, 0, k);
+                let root = (random.uniform() * clusters.roots.len() as f32) as usize;
+                let mut node = clusters.roots[root].node;
+                for _ in 0..(random.uniform() * 20.0) as u32 {
+                    let Some(children) = clusters.children(node) else {
+                        break;
+                    };
+                    node = children[usize::from(random.uniform() < 0.5)];
+                }
+                members.clear();
+                stack.push(node);
+                while let Some(at) = stack.pop() {
+                    match clusters.children(at) {
+                        Some(children) => stack.extend(children),
+                        None => members.push(clusters.nodes[at as usize].representative),
+                    }
+                }
+                let intensity = clusters.nodes[node as usize].intensity;
+                let most = (members.iter())
+                    .filter_map(|&i| points.lights[i as usize].arrival(hit.position))
+                    .map(|a| (reflected(&point, wo, a.direction) * a.factor * intensity).max_element())
+                    .fold(0.0, f32::max);
+                let bound = receiver.node_bound(clusters, node);
+                assert!(most <= bound, "{most} {bound}");
+                // Infinite within a cluster's box.
+                if members.len() > 1 && most > 0.0 && bound < f32::INFINITY {
+                    shares.push(most / bound);
+                }
+            }
+        }
+        shares.sort_by(f32::total_cmp);
+        assert!(shares.len() > 5000, "{}", shares.len());
+        assert!(shares[shares.len() / 2] > 0.5, "{}", shares[shares.len() / 2]);
     });
 }
