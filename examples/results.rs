@@ -13,7 +13,7 @@ use relight_scene::image::preview::{contact_sheet, display_encoded, pbr_neutral}
 use relight_scene::image::{FloatImage, Layers, Limits, error_map, read_exr, write_png};
 use relight_scene::sequence::read_sequence;
 use serde_json::Value;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::error::Error;
 use std::fmt::Write;
 use std::path::Path;
@@ -50,9 +50,6 @@ const OTHERS: &str = "sponza_dabrovic_point sponza_dabrovic_sun sponza_crytek_po
 type Own = (&'static str, &'static str, &'static str, [usize; 2], u32);
 /// Emission and direct light; light of two and more reflections; all.
 type Parts = [FloatImage; 3];
-
-/// An integrator, and its samples a pixel.
-type How<'a> = (&'a Integrator, Option<u32>);
 
 /// The lines of the page.
 #[derive(Default)]
@@ -91,13 +88,12 @@ impl Page {
         let asset = self.bake(&format!("data/{scene}"), options)?;
         let lights = format!("data/{name}.lights.json");
         let image = self.play(name, &asset, &lights, size)?;
-        let path = Integrator::Traced(Tracer::Path { max_bounces: None });
-        let traced = |seed| lit(&asset, &lights, size, (&path, Some(spp)), seed, 0);
-        let (Lit { parts: a, first, .. }, Lit { parts: b, .. }) = (traced(1)?, traced(2)?);
+        let traced = |seed| lit(&asset, &lights, size, (Some(spp), seed), 0);
+        let ((a, seconds, _), (b, ..)) = (traced(1)?, traced(2)?);
         // Each of two errs by half of what they differ by, their mean by half of that.
         let noise = [0, 1, 2].map(|k| relmse(&a[k], &b[k]).ok().map(|error| error / 4.0));
         let mean = [0, 1, 2].map(|k| combined(&a[k], &b[k], |a, b| 0.5 * (a + b)));
-        let by = format!("two path tracings of {spp} samples a pixel, {first:.0} s each");
+        let by = format!("two path tracings of {spp} samples a pixel, {seconds:.0} s each");
         self.judge(name, &by, [&image, &mean], noise)?;
         // What the README shows of the first scene: relit, path traced, and the error.
         let mut panels = [image[2].clone(), mean[2].clone(), error_map(&image[2], &mean[2])?];
@@ -156,15 +152,10 @@ impl Page {
 
     /// What the player makes of the first light of a sequence; the times go to the page.
     fn play(&mut self, name: &str, asset: &str, lights: &str, size: [usize; 2]) -> Result<Parts> {
-        let mut lit = lit(asset, lights, size, (&Integrator::Auto, None), 0, FRAMES)?;
-        lit.others
-            .values_mut()
-            .for_each(|all| all.sort_by(f64::total_cmp));
-        let of = |(stage, all): (_, &Vec<f64>)| format!("{stage} {:.1}", all[FRAMES / 2]);
-        let stages = lit.others.iter().map(of).collect::<Vec<_>>().join(", ");
-        let ([width, height], first) = (size, lit.first);
-        self.frames += &format!("| {name} | {width}x{height} | {first:.2} | {stages} |\n");
-        Ok(lit.parts)
+        let (parts, first, each) = lit(asset, lights, size, (None, 0), FRAMES)?;
+        let [width, height] = size;
+        self.frames += &format!("| {name} | {width}x{height} | {first:.2} | {each} |\n");
+        Ok(parts)
     }
 
     fn judge(&mut self, name: &str, by: &str, pair: [&Parts; 2], noise: [Option<f64>; 3]) -> Result<()> {
@@ -188,7 +179,7 @@ impl Page {
         let model = "sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1";
         let (cpu, threads) = (says("sh", &["-c", model]), std::thread::available_parallelism()?);
         let (bakes, frames, errors, medians) = (&self.bakes, &self.frames, &self.errors, FRAMES);
-        let [nine, four, eleven] = [9, 4, 11].map(|columns| format!("|{}", " --- |".repeat(columns)));
+        let [nine, five, eleven] = [9, 5, 11].map(|columns| format!("|{}", " --- |".repeat(columns)));
         Ok(format!(
             "# Results
 
@@ -205,10 +196,10 @@ Written by `{command}`.
 {bakes}
 ## Frames
 
-Seconds from the asset's file to the first frame; milliseconds of each further one, all and by stage.
+Seconds from the asset's file to the first frame; milliseconds of each further one, and the stages of the last.
 
-| lights | size | first, s | each, ms |
-{four}
+| lights | size | first, s | each, ms | stages, ms |
+{five}
 {frames}
 ## Errors
 
@@ -227,44 +218,49 @@ fn says(program: &str, arguments: &[&str]) -> String {
     text.unwrap_or("unknown".into()).trim().into()
 }
 
-/// Frames of a light.
-struct Lit {
-    /// All of them alike.
-    parts: Parts,
-    /// Seconds from the asset's file to the first.
-    first: f64,
-    /// Milliseconds of the others, all and by stage.
-    others: BTreeMap<&'static str, Vec<f64>>,
-}
-
-/// One frame of a sequence's first light, and `more`.
-fn lit(asset: &str, lights: &str, size: [usize; 2], how: How, seed: u64, more: usize) -> Result<Lit> {
+/// A frame of a sequence's first light, as the asset has it or of so many path traced samples; seconds from the file to it; and,
+/// of `more` frames, the median of milliseconds and the stages of the last.
+fn lit(
+    asset: &str,
+    lights: &str,
+    [width, height]: [usize; 2],
+    (samples, seed): (Option<u32>, u64),
+    more: usize,
+) -> Result<(Parts, f64, String)> {
     let start = Instant::now();
-    let player = Player::open_for(asset, how.0)?;
+    let path = |_| Integrator::Traced(Tracer::Path { max_bounces: None });
+    let settings = ShotSettings {
+        integrator: samples.map_or(Integrator::Auto, path),
+        width,
+        height,
+        samples,
+        ..ShotSettings::default()
+    };
+    let player = Player::open_for(asset, &settings.integrator)?;
     let sequence = read_sequence(Path::new(lights))?;
     let lights = player.lights(&sequence.lights)?;
-    let camera = player.camera(&sequence, None)?.at(0.0);
-    let mut shot = ShotSettings::default();
-    ([shot.width, shot.height], shot.integrator, shot.samples) = (size, how.0.clone(), how.1);
-    let shot = player.shot(&camera, &shot)?;
+    let shot = player.shot(&player.camera(&sequence, None)?.at(0.0), &settings)?;
     let settings = FrameSettings {
         seed,
         ..FrameSettings::default()
     };
     let mut frame = player.frame(&shot, &lights, 0.0, &settings)?;
-    let (first, mut others) = (start.elapsed().as_secs_f64(), BTreeMap::<_, Vec<f64>>::new());
-    for _ in 0..more {
+    let first = start.elapsed().as_secs_f64();
+    let mut times = vec![0.0; more];
+    for time in &mut times {
         let start = Instant::now();
         frame = player.frame(&shot, &lights, 0.0, &settings)?;
-        let all = ("all", Figure::Milliseconds(1e3 * start.elapsed().as_secs_f64()));
-        for (stage, figure) in frame.stats.figures().into_iter().chain([all]) {
-            if let Figure::Milliseconds(time) = figure {
-                others.entry(stage).or_default().push(time);
-            }
+        *time = 1e3 * start.elapsed().as_secs_f64();
+    }
+    times.sort_by(f64::total_cmp);
+    let mut each = format!("{:.0} |", times.get(more / 2).unwrap_or(&0.0));
+    for (stage, figure) in frame.stats.figures() {
+        if let Figure::Milliseconds(time) = figure {
+            write!(each, " {} {time:.0},", stage.replace('_', " "))?;
         }
     }
     let parts = parts(&frame.layers, &frame.layers, "indirect")?;
-    Ok(Lit { parts, first, others })
+    Ok((parts, first, each))
 }
 
 /// From an image of everything and one whose layer `name` is the indirect light.

@@ -22,8 +22,8 @@ use crate::signals;
 use crate::words;
 use case::{Case, Measure};
 use clap::Args;
+use comfy_table::Table;
 use comfy_table::presets;
-use comfy_table::{CellAlignment, Table};
 use serde::Serialize;
 use stage::Stage;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -263,12 +263,8 @@ fn shown(lines: &[Line], all: bool) -> Vec<&Line> {
 }
 
 fn table(lines: &[&Line]) -> String {
-    let mut table = Table::new();
-    table
-        .load_style(presets::NOTHING)
-        .set_header(["case", "value", "bound", "left %", "", "seconds"]);
-    for line in lines {
-        table.add_row([
+    let rows = lines.iter().map(|line| {
+        vec![
             line.name.clone(),
             number(line.value),
             number(line.bound),
@@ -279,16 +275,9 @@ fn table(lines: &[&Line]) -> String {
             },
             if line.ok { "ok".into() } else { "SHORT".into() },
             format!("{:.1}", line.seconds),
-        ]);
-    }
-    for (i, column) in table.column_iter_mut().enumerate() {
-        column.set_cell_alignment(if i == 0 {
-            CellAlignment::Left
-        } else {
-            CellAlignment::Right
-        });
-    }
-    table.trim_fmt()
+        ]
+    });
+    output::table(&["case", "value", "bound", "left %", "", "seconds"], rows)
 }
 
 fn number(x: f64) -> String {

@@ -4,8 +4,6 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::output::{self, SCHEMA};
 use clap::Args;
-use comfy_table::presets;
-use comfy_table::{CellAlignment, Table};
 use relight_scene::image::metrics::{Comparison, compare};
 use relight_scene::image::{FloatImage, Layers, Limits, read_exr};
 use serde::Serialize;
@@ -177,12 +175,9 @@ fn pairs(
 
 /// A table of comparisons, one row each.
 pub fn results_table(results: &[(String, Comparison)]) -> String {
-    let mut table = Table::new();
-    table
-        .load_style(presets::NOTHING)
-        .set_header(["layer", "RMSE", "relMSE", "PSNR dB", "bias %", "p99 rel.", "FLIP"]);
-    for (name, c) in results {
-        table.add_row([
+    let header = ["layer", "RMSE", "relMSE", "PSNR dB", "bias %", "p99 rel.", "FLIP"];
+    let rows = results.iter().map(|(name, c)| {
+        vec![
             name.clone(),
             format!("{:.5}", c.rmse),
             format!("{:.6}", c.relmse),
@@ -194,14 +189,7 @@ pub fn results_table(results: &[(String, Comparison)]) -> String {
             format!("{:+.3}", 100.0 * c.bias),
             format!("{:.4}", c.relative_error_p99),
             format!("{:.4}", c.flip),
-        ]);
-    }
-    for (i, column) in table.column_iter_mut().enumerate() {
-        column.set_cell_alignment(if i == 0 {
-            CellAlignment::Left
-        } else {
-            CellAlignment::Right
-        });
-    }
-    table.trim_fmt()
+        ]
+    });
+    output::table(&header, rows)
 }

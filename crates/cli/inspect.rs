@@ -7,8 +7,6 @@ use crate::inspection::{BakeLog, BakeRun, Inspection};
 use crate::output;
 use crate::words::{self, bytes, count};
 use clap::Args;
-use comfy_table::presets;
-use comfy_table::{CellAlignment, Table};
 use relight_format::layout::Kind;
 use relight_format::{self as format, Content, FormatError, Limits};
 use serde::Serialize;
@@ -106,22 +104,6 @@ struct InspectReport {
     /// Pictures that were drawn.
     #[serde(skip_serializing_if = "Option::is_none")]
     images: Option<Vec<String>>,
-}
-
-fn table(header: &[&str], rows: Vec<Vec<String>>) -> String {
-    let mut table = Table::new();
-    table.load_style(presets::NOTHING).set_header(header.to_vec());
-    for row in rows {
-        table.add_row(row);
-    }
-    for (i, column) in table.column_iter_mut().enumerate() {
-        column.set_cell_alignment(if i == 0 {
-            CellAlignment::Left
-        } else {
-            CellAlignment::Right
-        });
-    }
-    table.trim_fmt()
 }
 
 /// The fixed summary of an asset and, where its log is known, of its bake.
@@ -222,18 +204,16 @@ pub fn describe(asset: &Inspection) -> String {
 
 fn levels_table(asset: &Inspection) -> String {
     let levels = asset.points.iter().zip(&asset.disk_radius);
-    let rows = (levels.zip(&asset.links_per_level).enumerate())
-        .map(|(i, ((&points, radius), &links))| {
-            vec![
-                i.to_string(),
-                count(points),
-                format!("{radius:.4}"),
-                count(links),
-                words::per(links, points),
-            ]
-        })
-        .collect();
-    table(&["level", "points", "distance m", "links", "links/point"], rows)
+    let rows = (levels.zip(&asset.links_per_level).enumerate()).map(|(i, ((&points, radius), &links))| {
+        vec![
+            i.to_string(),
+            count(points),
+            format!("{radius:.4}"),
+            count(links),
+            words::per(links, points),
+        ]
+    });
+    output::table(&["level", "points", "distance m", "links", "links/point"], rows)
 }
 
 fn bytes_table(asset: &Inspection, points: u64) -> String {
@@ -264,5 +244,5 @@ fn bytes_table(asset: &Inspection, points: u64) -> String {
         count(asset.bytes.total),
         String::new(),
     ]);
-    table(&["section", "bytes raw", "stored", ""], rows)
+    output::table(&["section", "bytes raw", "stored", ""], rows)
 }

@@ -1,6 +1,8 @@
 //! Where results go: JSON on stdout, files beside their targets.
 
 use anyhow::{Context, Result};
+use comfy_table::presets;
+use comfy_table::{CellAlignment, Table};
 use serde::Serialize;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -37,6 +39,17 @@ pub fn print_text(text: &str) -> Result<()> {
         }
         _ => Ok(()),
     }
+}
+
+/// A table whose first column is words and whose others are numbers.
+pub fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING).set_header(header.to_vec());
+    table.add_rows(rows);
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table.trim_fmt()
 }
 
 /// Makes the folder of an output and checks that files can be made in it, so that nobody waits for a result

@@ -1,6 +1,8 @@
 //! Visibility cuts: baked on demand, played where they are, refused where they are not.
 
-use crate::stage::{TINY, bake_json, complaint, cornell, data, folder, json, mean, names, relight};
+use crate::stage::{
+    TINY, bake_json, complaint, cornell, data, folder, inspect_json, json, mean, names, relight, sky,
+};
 use relight_scene::image::{FloatImage, Layers, Limits, read_exr};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -68,13 +70,7 @@ fn the_json_of_a_bake_says_what_cuts_there_are_and_what_they_cost() {
 
 #[test]
 fn without_cuts_an_asset_has_no_section_for_them() {
-    let run = relight()
-        .arg("inspect")
-        .arg(cornell())
-        .arg("--json")
-        .assert()
-        .success();
-    let said = json(&run.get_output().stdout);
+    let said = inspect_json(cornell());
     assert!(said["cuts"].is_null());
     assert!(said["bytes"].get("cuts").is_none() && said["bytes"].get("light_tree").is_none());
     let folder = folder();
@@ -167,12 +163,7 @@ fn map(folder: &Path, name: &str, width: usize, height: usize, rgbe: impl Fn(usi
     let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
     bytes.extend((0..width * height).flat_map(rgbe));
     std::fs::write(folder.join(name), bytes).unwrap();
-    let lights = folder.join(format!("{name}.json"));
-    let sequence = format!(
-        r#"{{ "relight_sequence": 1, "lights": [ {{ "name": "sky", "type": "environment", "file": "{name}" }} ] }}"#
-    );
-    std::fs::write(&lights, sequence).unwrap();
-    lights
+    sky(folder, name)
 }
 
 #[test]
@@ -234,12 +225,7 @@ fn float_map(
         <(f32, f32, f32)>::from(pixel(y * width + x))
     })
     .unwrap();
-    let lights = folder.join(format!("{name}.json"));
-    let sequence = format!(
-        r#"{{ "relight_sequence": 1, "lights": [ {{ "name": "sky", "type": "environment", "file": "{name}" }} ] }}"#
-    );
-    std::fs::write(&lights, sequence).unwrap();
-    lights
+    sky(folder, name)
 }
 
 #[test]

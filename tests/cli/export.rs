@@ -1,6 +1,8 @@
 //! `relight export`: other tools read what an asset holds.
 
-use crate::stage::{TINY, bake_json, complaint, cornell, data, folder, json, names, relight};
+use crate::stage::{
+    TINY, bake_json, complaint, cornell, data, folder, json, names, relight, with_broken_links,
+};
 use glam::Vec3;
 use relight_format::{Asset, LightSamples, Limits, read_file};
 use relight_play::open::load_operators;
@@ -458,16 +460,7 @@ fn what_an_asset_lacks_is_said() {
 #[test]
 fn points_are_exported_from_a_file_whose_links_are_damaged() {
     let folder = folder();
-    let broken = folder.path().join("broken.relight");
-    let mut bytes = std::fs::read(cornell()).unwrap();
-    let summary = relight_format::summarise(&bytes).unwrap();
-    let links = summary
-        .sections
-        .iter()
-        .find(|s| s.name == "links_transfer")
-        .unwrap();
-    bytes[links.offset as usize + 5] ^= 1;
-    std::fs::write(&broken, bytes).unwrap();
+    let broken = with_broken_links(folder.path(), |links| links[5] ^= 1);
     export(&broken, "points", &folder.path().join("points"));
     let out = folder.path().join("links");
     let text = complaint(

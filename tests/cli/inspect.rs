@@ -1,18 +1,10 @@
 //! `relight inspect`.
 
-use crate::stage::{complaint, cornell, folder, json, relight};
+use crate::stage::{complaint, cornell, folder, inspect_json, json, relight, with_broken_links};
 
 #[test]
 fn what_inspect_says_agrees_with_what_bake_said() {
-    let output = relight()
-        .arg("inspect")
-        .arg(cornell())
-        .arg("--json")
-        .assert()
-        .success()
-        .get_output()
-        .clone();
-    let said = json(&output.stdout);
+    let said = inspect_json(cornell());
     let points = said["points"].as_array().unwrap();
     assert_eq!(points.len(), 2);
     // Radii halve, so counts grow about fourfold on surfaces.
@@ -40,15 +32,7 @@ fn without_its_log_an_asset_has_no_times() {
     let folder = folder();
     let alone = folder.path().join("alone.relight");
     std::fs::copy(cornell(), &alone).unwrap();
-    let output = relight()
-        .arg("inspect")
-        .arg(&alone)
-        .arg("--json")
-        .assert()
-        .success()
-        .get_output()
-        .clone();
-    let said = json(&output.stdout);
+    let said = inspect_json(&alone);
     assert!(said.get("seconds").is_none());
     let output = relight()
         .arg("inspect")
@@ -127,24 +111,9 @@ fn every_level_can_be_drawn() {
 #[test]
 fn links_are_counted_without_being_read() {
     let folder = folder();
-    let broken = folder.path().join("broken.relight");
-    let mut bytes = std::fs::read(cornell()).unwrap();
-    let summary = relight_format::summarise(&bytes).unwrap();
-    let links = summary
-        .sections
-        .iter()
-        .find(|s| s.name == "links_transfer")
-        .unwrap();
-    bytes[links.offset as usize..][..links.stored_bytes as usize].fill(0);
-    std::fs::write(&broken, bytes).unwrap();
+    let broken = with_broken_links(folder.path(), |links| links.fill(0));
     let said = |asset: &std::path::Path| {
-        let output = relight()
-            .arg("inspect")
-            .arg(asset)
-            .arg("--json")
-            .assert()
-            .success();
-        let mut said = json(&output.get_output().stdout);
+        let mut said = inspect_json(asset);
         // What the log beside the file says, and the file's name.
         for key in ["asset", "seconds", "peak_memory_bytes", "threads"] {
             said.as_object_mut().unwrap().remove(key);

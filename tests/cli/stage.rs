@@ -1,7 +1,7 @@
 //! What the tests share: the program, scenes, and a small asset that is baked once.
 
 use assert_cmd::Command;
-use relight_scene::image::FloatImage;
+use relight_scene::image::{FloatImage, Layers};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -65,6 +65,40 @@ pub fn bake_json(scene: &Path, asset: &Path, more: &[&str]) -> Value {
         .get_output()
         .clone();
     json(&output.stdout)
+}
+
+/// What `inspect --json` prints of an asset.
+pub fn inspect_json(asset: &Path) -> Value {
+    let mut inspect = relight();
+    let run = inspect.arg("inspect").arg(asset).arg("--json").assert().success();
+    json(&run.get_output().stdout)
+}
+
+/// The Cornell box's asset with its links changed, in a folder.
+pub fn with_broken_links(folder: &Path, damage: impl FnOnce(&mut [u8])) -> PathBuf {
+    let mut bytes = std::fs::read(cornell()).unwrap();
+    let summary = relight_format::summarise(&bytes).unwrap();
+    let links = summary.sections.iter().find(|s| s.name == "links_transfer");
+    let (start, length) = links
+        .map(|s| (s.offset as usize, s.stored_bytes as usize))
+        .unwrap();
+    damage(&mut bytes[start..start + length]);
+    let broken = folder.join("broken.relight");
+    std::fs::write(&broken, bytes).unwrap();
+    broken
+}
+
+/// Writes a sequence of one environment map of the same folder; returns its path.
+pub fn sky(folder: &Path, map: &str) -> PathBuf {
+    let light = format!(r#"{{ "name": "sky", "type": "environment", "file": "{map}" }}"#);
+    let text = format!(r#"{{ "relight_sequence": 1, "lights": [ {light} ] }}"#);
+    sequence(folder, &format!("{map}.json"), &text)
+}
+
+/// Whether no pixel of a layer is lit.
+pub fn is_dark(layers: &Layers, layer: &str) -> bool {
+    let layer = layers.rgb(layer).unwrap();
+    layer.pixels.iter().all(|p| *p == [0.0; 3])
 }
 
 /// Sum of the channels, mean over the pixels.
