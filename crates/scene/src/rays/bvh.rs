@@ -82,7 +82,8 @@ impl TriangleBvh {
         Some([vertex(a), vertex(b), vertex(c)])
     }
 
-    /// The closest hit; of several at the same t the one with the lowest triangle index.
+    /// The closest hit. Of sheets that lie on each other it is the one whose front (vertices counter-clockwise) faces the
+    /// ray, of several at the same t the one with the lowest triangle index.
     pub fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
         self.closest_hit_where(ray, |_| true)
     }

@@ -11,6 +11,7 @@
 
 #[cfg_attr(not(target_arch = "x86_64"), path = "avx2_absent.rs")]
 mod avx2;
+mod best;
 mod build;
 mod bvh;
 mod collapse;

@@ -42,6 +42,9 @@ pub struct Hit {
     pub u: f32,
     /// Barycentric weight of the triangle's vertex 2, in [0, 1]; vertex 0 has 1 − u − v.
     pub v: f32,
+    /// How far before the triangle, across it, the back of a sheet lies that this hit was preferred to (metres); 0 where
+    /// there is none. Rays from here start beyond it.
+    pub sheet: f32,
 }
 
 /// A point on a surface that rays can start from or end at.

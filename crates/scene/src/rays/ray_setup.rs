@@ -64,6 +64,8 @@ pub(super) struct RaySetup {
     pub t_max: f32,
     /// The ray's own t per internal t: a power of two.
     pub world_t_from_internal: f64,
+    /// Metres per internal length.
+    pub world_from_internal: f32,
 }
 
 impl RaySetup {
@@ -131,6 +133,7 @@ impl RaySetup {
             t_min,
             t_max,
             world_t_from_internal: 1.0 / internal_t_from_world,
+            world_from_internal: (1.0 / tree.internal_from_world) as f32,
         };
         for axis in 0..3 {
             let sign = 1f32.copysign(d[axis]);

@@ -1,12 +1,14 @@
 //! The portable kernel, twin of `avx2`: the same triangle test, operation by operation, so that both report the same
 //! hits bit by bit. Boxes only ever cull conservatively, so their rounding may differ.
 
+use super::best::Best;
 use super::layout::{BLOCK_WIDTH, Block, LEAF_BIT, NO_TRIANGLE, NODE_WIDTH, Node, STACK_SIZE, Tree};
 use super::ray::Hit;
 use super::ray_setup::RaySetup;
 use super::shaft::BvhPart;
 
-/// The closest accepted hit (`ANY` = false) or some accepted hit. Of hits at equal t the lowest triangle index wins.
+/// The closest accepted hit (`ANY` = false), of sheets that lie on each other the one that faces the ray (`best`), or some
+/// accepted hit.
 pub(super) fn traverse<const ANY: bool>(
     tree: &Tree,
     ray: &RaySetup,
@@ -20,19 +22,19 @@ pub(super) fn traverse<const ANY: bool>(
     while top > 0 {
         top -= 1;
         let (child, near) = stack[top];
-        if near > best.t {
+        if near > best.limit {
             continue;
         }
         if child & LEAF_BIT != 0 {
             let block = &tree.blocks[(child & !LEAF_BIT) as usize];
             if intersect_block(block, ray, &mut best, accept) && ANY {
-                return best.hit;
+                return best.some_hit();
             }
             continue;
         }
         let node = &tree.nodes[child as usize];
         let first = top;
-        let near = box_entries(node, ray, best.t);
+        let near = box_entries(node, ray, best.limit);
         for (&child, &near) in node.children.iter().zip(&near) {
             if near == f32::INFINITY {
                 continue;
@@ -47,7 +49,7 @@ pub(super) fn traverse<const ANY: bool>(
             top += 1;
         }
     }
-    best.hit
+    best.hit(ray)
 }
 
 /// Some accepted hit of the parts' triangles.
@@ -64,7 +66,7 @@ pub(super) fn meet_among(
             break;
         }
     }
-    best.hit
+    best.some_hit()
 }
 
 /// For each child, where the ray enters its box, or infinity where it misses.
@@ -87,59 +89,6 @@ fn box_entries(node: &Node, ray: &RaySetup, t_max: f32) -> [f32; NODE_WIDTH] {
         }
     }
     near
-}
-
-/// The best hit so far.
-pub(super) struct Best {
-    /// Internal parameter of the hit, or the ray's end.
-    pub t: f32,
-    pub triangle: u32,
-    pub hit: Option<Hit>,
-}
-
-impl Best {
-    #[inline(always)]
-    pub(super) fn new(ray: &RaySetup) -> Best {
-        Best {
-            t: ray.t_max,
-            triangle: NO_TRIANGLE,
-            hit: None,
-        }
-    }
-
-    /// Takes a candidate that passed the edge and distance tests, if it is closer and `accept`ed.
-    /// `straddles`: some of its vertices lie behind the origin along k_z.
-    #[inline(always)]
-    pub(super) fn offer(
-        &mut self,
-        block: &Block,
-        lane: usize,
-        ray: &RaySetup,
-        t: f32,
-        edges: [f32; 3],
-        straddles: bool,
-        accept: &impl Fn(&Hit) -> bool,
-    ) -> bool {
-        let triangle = block.triangles[lane];
-        if t > self.t || (t == self.t && triangle >= self.triangle) {
-            return false;
-        }
-        if straddles && !ray.plane_is_ahead(&block.triangle(lane)) {
-            return false;
-        }
-        let det = edges[0] + edges[1] + edges[2];
-        let hit = Hit {
-            t: ray.world_t(t),
-            triangle,
-            u: edges[1] / det,
-            v: edges[2] / det,
-        };
-        if !accept(&hit) {
-            return false;
-        }
-        (self.t, self.triangle, self.hit) = (t, triangle, Some(hit));
-        true
-    }
 }
 
 /// Tests the triangles of a block; true if one of them became the best hit.

@@ -44,7 +44,8 @@ pub fn surface_point(bvh: &TriangleBvh, hit: &Hit) -> SurfacePoint {
     SurfacePoint {
         position,
         normal: geometric_normal(a, b, c),
-        clearance: error.max_element() + CLEARANCE * size,
+        // Beyond a sheet as far again as it lies before this one: in front of it, too, nothing is met that is nearer.
+        clearance: error.max_element() + CLEARANCE * size + 2.0 * hit.sheet,
     }
 }
 

@@ -208,6 +208,7 @@ impl TracedScene {
             triangle,
             u,
             v,
+            sheet: 0.0,
         };
         let point = surface_point(&self.bvh, &hit);
         self.hit_on(&hit, &point, |_| front)

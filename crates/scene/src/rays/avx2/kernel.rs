@@ -3,10 +3,10 @@
 use std::arch::x86_64::*;
 use std::mem::MaybeUninit;
 
+use super::super::best::Best;
 use super::super::layout::{Block, LEAF_BIT, Node, STACK_SIZE, Tree};
 use super::super::ray::{Hit, Ray};
 use super::super::ray_setup::RaySetup;
-use super::super::scalar::Best;
 use super::super::shaft::{self, BvhPart, ShaftEnd, ShaftSetup, ShaftStart};
 
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
@@ -45,7 +45,7 @@ pub(super) fn cast_among(
             break;
         }
     }
-    best.hit
+    best.some_hit()
 }
 
 /// The per-ray constants in registers.
@@ -108,7 +108,7 @@ pub(super) fn traverse<const ANY: bool>(
         if current & LEAF_BIT == 0 {
             // SAFETY: references without the leaf bit are indices of `nodes`.
             let node = unsafe { tree.nodes.get_unchecked(current as usize) };
-            let (near, mut mask) = meet_boxes(node, &lanes, best.t);
+            let (near, mut mask) = meet_boxes(node, &lanes, best.limit);
             if mask != 0 {
                 // SAFETY (pushes): a node leaves at most seven children waiting, and `STACK_SIZE` has room for
                 // seven per level of the deepest tree that the builder makes.
@@ -185,17 +185,17 @@ pub(super) fn traverse<const ANY: bool>(
             // SAFETY: references with the leaf bit are indices of `blocks`.
             let block = unsafe { tree.blocks.get_unchecked((current & !LEAF_BIT) as usize) };
             if meet_triangles(block, ray, &lanes, &mut best, accept) && ANY {
-                return best.hit;
+                return best.some_hit();
             }
         }
         loop {
             if top == 0 {
-                return best.hit;
+                return best.hit(ray);
             }
             top -= 1;
             // SAFETY: all entries below `top` were written.
             let entry = unsafe { stack.get_unchecked(top).assume_init() };
-            if ANY || f32::from_bits((entry >> 32) as u32) <= best.t {
+            if ANY || f32::from_bits((entry >> 32) as u32) <= best.limit {
                 current = entry as u32;
                 break;
             }
@@ -268,7 +268,7 @@ fn meet_triangles(
     let t = _mm_div_ps(_mm_mul_ps(depth, lanes.shear[2]), det);
     let reached = _mm_and_ps(
         _mm_cmpge_ps(t, _mm_set1_ps(ray.t_min)),
-        _mm_cmple_ps(t, _mm_set1_ps(best.t)),
+        _mm_cmple_ps(t, _mm_set1_ps(best.limit)),
     );
     let mask = _mm_and_ps(_mm_and_ps(inside, reached), _mm_cmpneq_ps(det, zero));
     let mut mask = _mm_movemask_ps(mask) as u32;
