@@ -14,8 +14,9 @@ use std::path::PathBuf;
 ///
 /// Per layer: RMSE; relMSE (squared error relative to the pixel's squared brightness plus 1 % of the squared
 /// mean, the worst 0.1 % of the pixels left out); PSNR; bias (relative error of the mean); the 99th percentile of
-/// the relative error; HDR-FLIP (what the eye sees, 0 to 1). Layers that only one image has are named and left
-/// aside.
+/// the relative error; HDR-FLIP (what the eye sees, 0 to 1). Layers of the same pass belong together although other
+/// programs name them otherwise (ViewLayer.Combined is beauty, RenderLayer.DiffDir is DiffDir); layers that only one
+/// image has are named and left aside. Colours are compared in Rec. 709, over the display window.
 #[derive(Args)]
 pub struct CompareArgs {
     /// Image to judge.
@@ -144,22 +145,37 @@ fn pairs(
             _ => None,
         };
         let left = image
-            .rgb(name)
+            .find(name)
+            .and_then(|layer| image.rgb(&layer.name))
             .ok_or_else(|| anyhow::anyhow!("{a}: has no layer {name:?}; it has {}", names(image)))?;
         let right = reference
-            .rgb(name)
+            .find(name)
+            .and_then(|layer| reference.rgb(&layer.name))
             .or_else(only)
             .ok_or_else(|| anyhow::anyhow!("{b}: has no layer {name:?}; it has {}", names(reference)))?;
         return Ok(vec![(name.clone(), left, right)]);
     }
     let mut pairs = Vec::new();
+    let mut found = Vec::new();
     for layer in &image.layers {
-        match (image.rgb(&layer.name), reference.rgb(&layer.name)) {
-            (Some(left), Some(right)) => pairs.push((layer.name.clone(), left, right)),
+        // Of two layers that mean the same here, none is the one that the reference means.
+        let alone = image.find(&layer.name).is_some();
+        let other = reference.find(&layer.name).filter(|other| {
+            alone
+                && image
+                    .find(&other.name)
+                    .is_some_and(|back| back.name == layer.name)
+        });
+        let other = other.map(|other| other.name.as_str());
+        match (image.rgb(&layer.name), other.and_then(|name| reference.rgb(name))) {
+            (Some(left), Some(right)) => {
+                found.extend(other);
+                pairs.push((layer.name.clone(), left, right));
+            }
             _ => console.note(format!("note: layer {} is in {a} only", layer.name)),
         }
     }
-    for layer in reference.layers.iter().filter(|l| image.layer(&l.name).is_none()) {
+    for layer in (reference.layers.iter()).filter(|layer| !found.contains(&layer.name.as_str())) {
         console.note(format!("note: layer {} is in {b} only", layer.name));
     }
     if pairs.is_empty() {

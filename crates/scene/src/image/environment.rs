@@ -4,8 +4,9 @@
 //! lengths; EXPOSURE and COLORCORR are divided out, as it asks. The `image` crate decodes the pixels. Not read: XYZE
 //! pixels, and other orientations than rows from the top, columns from the left (`-Y … +X …`).
 
+use super::cube::{Faces, cross, unfolded};
 use super::error::{ImageError, Limits, read_file};
-use super::exr_read::decode_exr;
+use super::exr_read::decode_exr_and_cube;
 use super::layers::{BEAUTY, FloatImage};
 use ::image::ImageDecoder;
 use ::image::codecs::hdr::HdrDecoder;
@@ -21,8 +22,9 @@ pub struct EnvironmentMap {
     pub repaired: usize,
 }
 
-/// Reads an equirectangular environment map, `.hdr` or `.exr` by its content. Of an OpenEXR file the beauty is taken
-/// (plain `R G B`), or its only layer.
+/// Reads an environment map, `.hdr` or `.exr` by its content: equirectangular, or a cube's faces as a cross or, in OpenEXR
+/// files that say so (attribute `envmap`), one below the other. Of an OpenEXR file the beauty is taken (plain `R G B`,
+/// or what other programs call it), or its only layer.
 ///
 /// # Errors
 /// [`ImageError`] of every kind; it names the file.
@@ -36,11 +38,13 @@ pub fn read_environment(path: &Path, limits: &Limits) -> Result<EnvironmentMap, 
 /// # Errors
 /// As [`read_environment`].
 pub fn decode_environment(file: &str, bytes: &[u8], limits: &Limits) -> Result<EnvironmentMap, ImageError> {
+    let mut is_cube = false;
     let image = if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
-        let layers = decode_exr(file, bytes, limits)?;
+        let layers;
+        (layers, is_cube) = decode_exr_and_cube(file, bytes, limits)?;
         let name = match layers.layers.as_slice() {
             [only] => only.name.as_str(),
-            _ => BEAUTY,
+            _ => layers.find(BEAUTY).map_or(BEAUTY, |layer| &layer.name),
         };
         let found = || {
             layers
@@ -59,6 +63,14 @@ pub fn decode_environment(file: &str, bytes: &[u8], limits: &Limits) -> Result<E
         })?
     } else {
         decode_hdr(file, bytes, limits)?
+    };
+    let faces = match is_cube {
+        true => Some(Faces::Column),
+        false => cross(file, &image)?,
+    };
+    let image = match faces {
+        Some(faces) => unfolded(file, &image, faces, limits)?,
+        None => image,
     };
     Ok(repaired(image))
 }

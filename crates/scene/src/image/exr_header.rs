@@ -36,7 +36,7 @@ impl ExrHeader {
 }
 
 /// Rec. 709 primaries and the white point D65 (CIE xy), ITU-R BT.709-6 table 1.
-const REC_709: Chromaticities = Chromaticities {
+pub(super) const REC_709: Chromaticities = Chromaticities {
     red: Vec2(0.64, 0.33),
     green: Vec2(0.30, 0.60),
     blue: Vec2(0.15, 0.06),

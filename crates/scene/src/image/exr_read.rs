@@ -1,17 +1,19 @@
 //! Reading OpenEXR, also files of other programs: half, float or uint; scan lines or tiles (the largest level);
-//! one part or many. Not read: deep data, subsampled channels, parts of different sizes.
+//! one part or many. Not read: deep data, subsampled channels.
 //!
 //! The `exr` crate decodes. It allocates what a header asks for, so the headers are read first and held against
 //! [`Limits`] and against the file's length. It decodes on one thread here: a panic in one of its worker threads
 //! would end the process, one in ours is caught and becomes an error.
 
 use super::error::{ImageError, Limits, read_file};
+use super::exr_space::{Placement, rec_709_from};
 use super::layers::{BEAUTY, Layer, Layers};
 use exr::block::reader::Reader;
 use exr::image::{AnyChannels, FlatSamples, Layer as Part};
-use exr::meta::attribute::Compression;
+use exr::meta::attribute::{Compression, EnvironmentMap as Projection, IntegerBounds};
 use exr::meta::header::Header;
 use exr::prelude::{ReadChannels, ReadLayers};
+use glam::{DMat3, DVec3};
 use std::io::Cursor;
 use std::path::Path;
 
@@ -19,8 +21,9 @@ use std::path::Path;
 ///
 /// Channels with a common prefix and the endings `R G B` or `X Y Z` become one layer of three, named by the prefix
 /// ([`super::BEAUTY`] without one); the only channel of a prefix becomes a layer named by it; every other channel
-/// becomes a layer with its full name. In a file of many parts the part's name comes before the prefix. Values come
-/// as the file has them, NaN and infinity included. The image is the data window.
+/// becomes a layer with its full name. In a file of many parts the part's name comes before the prefix, unless it is there
+/// already. Values come as the file has them, NaN and infinity included, but colours (`R G B`) in Rec. 709 where the file
+/// has other chromaticities. The image is the display window; where it has no data it is 0.
 ///
 /// # Errors
 /// [`ImageError`] of every kind; it names the file.
@@ -33,6 +36,15 @@ pub fn read_exr(path: &Path, limits: &Limits) -> Result<Layers, ImageError> {
 /// # Errors
 /// As [`read_exr`].
 pub fn decode_exr(file: &str, bytes: &[u8], limits: &Limits) -> Result<Layers, ImageError> {
+    decode_exr_and_cube(file, bytes, limits).map(|(layers, _)| layers)
+}
+
+/// As [`decode_exr`], and whether the file says that it holds the faces of a cube (attribute `envmap`).
+pub(super) fn decode_exr_and_cube(
+    file: &str,
+    bytes: &[u8],
+    limits: &Limits,
+) -> Result<(Layers, bool), ImageError> {
     // Last net: no known input gets here, but the decoder holds asserts.
     std::panic::catch_unwind(|| decode(file, bytes, limits)).unwrap_or_else(|_| {
         Err(ImageError::invalid(
@@ -42,7 +54,7 @@ pub fn decode_exr(file: &str, bytes: &[u8], limits: &Limits) -> Result<Layers, I
     })
 }
 
-fn decode(file: &str, bytes: &[u8], limits: &Limits) -> Result<Layers, ImageError> {
+fn decode(file: &str, bytes: &[u8], limits: &Limits) -> Result<(Layers, bool), ImageError> {
     let error = |e: exr::error::Error| match e {
         exr::error::Error::NotSupported(what) => ImageError::unsupported(
             file,
@@ -61,7 +73,12 @@ fn decode(file: &str, bytes: &[u8], limits: &Limits) -> Result<Layers, ImageErro
         .non_parallel()
         .from_chunks(reader)
         .map_err(error)?;
-    grouped(file, image.layer_data.to_vec())
+    let window = image.attributes.display_window;
+    let to_709 = rec_709_from(file, image.attributes.chromaticities)?;
+    let is_cube =
+        (image.layer_data.iter()).any(|part| part.attributes.environment_map == Some(Projection::Cube));
+    let layers = grouped(file, image.layer_data.to_vec(), window, to_709)?;
+    Ok((layers, is_cube))
 }
 
 /// How many bytes one byte of a compressed block can become at most, an upper bound.
@@ -78,6 +95,11 @@ fn largest_expansion(compression: Compression) -> u64 {
     }
 }
 
+/// Bytes that a display window may take whatever the file's length, and beyond that per byte of the file: no more than pixels
+/// of one colour pack to.
+const FREE_WINDOW: u64 = 64 << 20;
+const LARGEST_WINDOW: u64 = 1032;
+
 /// Refuses what would cost more memory than the limits allow, or than a file of that length can hold.
 fn check_headers(
     file: &str,
@@ -85,19 +107,13 @@ fn check_headers(
     headers: &[Header],
     limits: &Limits,
 ) -> Result<(), ImageError> {
-    let first = headers
-        .first()
-        .ok_or_else(|| ImageError::invalid(file, "the file has no part"))?;
-    let mut bytes_per_pixel = 0;
+    if headers.is_empty() {
+        return Err(ImageError::invalid(file, "the file has no part"));
+    }
+    let (mut seen, mut bytes) = (false, 0u64);
     for header in headers {
         if header.deep {
             return Err(ImageError::unsupported(file, "deep data; flatten the image"));
-        }
-        if header.layer_size != first.layer_size {
-            return Err(ImageError::unsupported(
-                file,
-                "its parts differ in size; write them to one file each",
-            ));
         }
         if header
             .channels
@@ -111,10 +127,21 @@ fn check_headers(
             ));
         }
         let (w, h) = (header.layer_size.0 as u64, header.layer_size.1 as u64);
-        // Each value is decoded as it is in the file and then kept as f32.
-        let part = header.channels.bytes_per_pixel as u64 + 4 * header.channels.list.len() as u64;
-        bytes_per_pixel += part;
-        limits.check(file, w, h, bytes_per_pixel)?;
+        // Each value is decoded as it is in the file, and then kept as f32 over the display window.
+        let window = header.shared_attributes.display_window;
+        limits.check(file, w, h, header.channels.bytes_per_pixel as u64)?;
+        let channels = header.channels.list.len() as u64;
+        let (window_w, window_h) = (window.size.0 as u64, window.size.1 as u64);
+        limits.check(file, window_w, window_h, 4 * channels)?;
+        let placed = window_w * window_h * 4 * channels;
+        if placed > FREE_WINDOW.max((file_bytes as u64).saturating_mul(LARGEST_WINDOW)) {
+            let detail = format!(
+                "its display window of {window_w} × {window_h} pixels is far larger than its data, {w} × {h}; crop it"
+            );
+            return Err(ImageError::invalid(file, detail));
+        }
+        let position = header.own_attributes.layer_position;
+        seen |= Placement::new(header.layer_size, position, window).is_seen();
         let raw = w
             .saturating_mul(h)
             .saturating_mul(header.channels.bytes_per_pixel as u64);
@@ -125,6 +152,20 @@ fn check_headers(
                 format!("{w} × {h} pixels cannot be in {file_bytes} bytes: the file is damaged or cut off");
             return Err(ImageError::invalid(file, detail));
         }
+        bytes = bytes.saturating_add(raw).saturating_add(placed);
+    }
+    if bytes > limits.max_bytes {
+        return Err(ImageError::LimitExceeded {
+            file: file.into(),
+            what: "the decoded size in bytes",
+            found: bytes,
+            limit: limits.max_bytes,
+        });
+    }
+    if !seen {
+        let what =
+            "no pixel lies in the display window; write the image with a display window around its data";
+        return Err(ImageError::invalid(file, what));
     }
     Ok(())
 }
@@ -132,12 +173,18 @@ fn check_headers(
 /// Channels of one prefix of one part.
 struct Group {
     prefix: String,
+    placement: Placement,
     /// Ending and values.
     channels: Vec<(String, FlatSamples)>,
 }
 
-fn grouped(file: &str, parts: Vec<Part<AnyChannels<FlatSamples>>>) -> Result<Layers, ImageError> {
-    let (width, height) = parts.first().map_or((0, 0), |p| (p.size.0, p.size.1));
+fn grouped(
+    file: &str,
+    parts: Vec<Part<AnyChannels<FlatSamples>>>,
+    window: IntegerBounds,
+    to_709: Option<DMat3>,
+) -> Result<Layers, ImageError> {
+    let (width, height) = (window.size.0, window.size.1);
     let many = parts.len() > 1;
     let mut groups: Vec<Group> = Vec::new();
     for (i, part) in parts.into_iter().enumerate() {
@@ -148,10 +195,14 @@ fn grouped(file: &str, parts: Vec<Part<AnyChannels<FlatSamples>>>) -> Result<Lay
             String::new()
         };
         let first = groups.len();
+        let placement = Placement::new(part.size, part.attributes.layer_position, window);
         for channel in part.channel_data.list {
             let name = text(channel.name.as_slice());
             let (prefix, ending) = name.rsplit_once('.').unwrap_or(("", &name));
-            let prefix = [part_name.as_str(), prefix]
+            let is_named = prefix
+                .strip_prefix(part_name.as_str())
+                .is_some_and(|rest| rest.is_empty() || rest.starts_with('.') || part_name.is_empty());
+            let prefix = [if is_named { "" } else { &part_name }, prefix]
                 .iter()
                 .filter(|s| !s.is_empty())
                 .copied()
@@ -163,6 +214,7 @@ fn grouped(file: &str, parts: Vec<Part<AnyChannels<FlatSamples>>>) -> Result<Lay
                 .unwrap_or_else(|| {
                     groups.push(Group {
                         prefix,
+                        placement,
                         channels: Vec::new(),
                     });
                     groups.len() - 1 - first
@@ -187,7 +239,7 @@ fn grouped(file: &str, parts: Vec<Part<AnyChannels<FlatSamples>>>) -> Result<Lay
             let [Some(a), Some(b), Some(c)] = endings.map(find) else {
                 continue;
             };
-            let mut data = vec![0.0; 3 * width * height];
+            let mut data = vec![0.0; 3 * group.placement.size.0 * group.placement.size.1];
             for (component, at) in [a, b, c].into_iter().enumerate() {
                 let values = group.channels[at].1.values_as_f32();
                 data[component..]
@@ -196,6 +248,14 @@ fn grouped(file: &str, parts: Vec<Part<AnyChannels<FlatSamples>>>) -> Result<Lay
                     .zip(values)
                     .for_each(|(to, v)| *to = v);
             }
+            if let Some(matrix) = to_709.filter(|_| endings[0] == "R") {
+                for color in data.as_chunks_mut::<3>().0 {
+                    *color = (matrix * DVec3::from_array(color.map(f64::from)))
+                        .as_vec3()
+                        .to_array();
+                }
+            }
+            let data = group.placement.placed(data, 3);
             group
                 .channels
                 .retain(|(e, _)| !endings.iter().any(|known| e.eq_ignore_ascii_case(known)));
@@ -219,7 +279,7 @@ fn grouped(file: &str, parts: Vec<Part<AnyChannels<FlatSamples>>>) -> Result<Lay
                 prefix if alone => prefix.to_string(),
                 prefix => format!("{prefix}.{ending}"),
             };
-            let data: Vec<f32> = samples.values_as_f32().collect();
+            let data = group.placement.placed(samples.values_as_f32().collect(), 1);
             layers.layers.push(Layer {
                 name: unused(&layers, &name),
                 channels: 1,

@@ -357,3 +357,145 @@ fn a_missing_file_is_an_error_that_names_it() {
         .to_string();
     assert!(message.contains("no/such.exr"), "{message}");
 }
+
+/// A file of one part with R, G, B of `rgb` in float, its data window at `position`.
+fn foreign(
+    names: [&str; 3],
+    size: (usize, usize),
+    position: (i32, i32),
+    rgb: &[[f32; 3]],
+    attributes: ex::ImageAttributes,
+    projection: Option<exr::meta::attribute::EnvironmentMap>,
+) -> Vec<u8> {
+    let channel =
+        |k: usize| ex::AnyChannel::new(names[k], ex::FlatSamples::F32(rgb.iter().map(|c| c[k]).collect()));
+    let list = ex::AnyChannels::sort(vec![channel(0), channel(1), channel(2)].into());
+    let part = ex::LayerAttributes {
+        layer_position: ex::Vec2(position.0, position.1),
+        environment_map: projection,
+        ..ex::LayerAttributes::default()
+    };
+    let encoding = ex::Encoding::SMALL_LOSSLESS;
+    let layers = vec![ex::Layer::new(size, part, encoding, list)];
+    let mut out = std::io::Cursor::new(Vec::new());
+    ex::Image {
+        attributes,
+        layer_data: ex::Layers::from(layers),
+    }
+    .write()
+    .to_buffered(&mut out)
+    .unwrap();
+    out.into_inner()
+}
+
+/// Truth: the colour (0.2, 0.4, 0.8) of Rec. 709 in ACES AP0, by the matrix that the ACES transforms publish (their inverse of
+/// Rec. 709 with Bradford adaptation, five digits).
+#[test]
+fn colours_of_other_primaries_become_rec_709() {
+    let to_ap0 = [
+        [0.43963, 0.38299, 0.17738],
+        [0.08978, 0.81344, 0.09678],
+        [0.01754, 0.11155, 0.87091],
+    ];
+    let color = [0.2, 0.4, 0.8];
+    let ap0 = to_ap0.map(|row: [f32; 3]| row.iter().zip(color).map(|(a, b)| a * b).sum::<f32>());
+    let attributes = ex::ImageAttributes {
+        chromaticities: Some(exr::meta::attribute::Chromaticities {
+            red: ex::Vec2(0.7347, 0.2653),
+            green: ex::Vec2(0.0, 1.0),
+            blue: ex::Vec2(0.0001, -0.077),
+            white: ex::Vec2(0.32168, 0.33767),
+        }),
+        ..ex::ImageAttributes::with_size((2, 1))
+    };
+    let bytes = foreign(
+        ["R", "G", "B"],
+        (2, 1),
+        (0, 0),
+        &[ap0; 2],
+        attributes.clone(),
+        None,
+    );
+    let map = decode_environment("t", &bytes, &Limits::default()).unwrap();
+    for (found, expected) in map.image.pixels[1].iter().zip(color) {
+        assert!((found - expected).abs() < 1e-3, "{:?}", map.image.pixels);
+    }
+    // Positions are no colours.
+    let bytes = foreign(["P.X", "P.Y", "P.Z"], (2, 1), (0, 0), &[ap0; 2], attributes, None);
+    let read = decode_exr("t", &bytes, &Limits::default()).unwrap();
+    assert_eq!(read.layer("P").unwrap().data[..3], ap0);
+}
+
+/// Truth: by hand. Two pixels of data below and right of the display window's first.
+#[test]
+fn a_data_window_has_its_place_in_the_display_window() {
+    let window = |position, size| ex::ImageAttributes::new(ex::IntegerBounds::new(position, size));
+    let rgb = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]];
+    let attributes = window((10, -5), (4, 2));
+    let bytes = foreign(["R", "G", "B"], (2, 1), (11, -4), &rgb, attributes, None);
+    let read = decode_exr("t", &bytes, &Limits::default()).unwrap();
+    assert_eq!((read.width, read.height), (4, 2));
+    let pixels = read.rgb(BEAUTY).unwrap().pixels;
+    assert_eq!(pixels[5..7], rgb);
+    assert!((0..8).all(|i| (5..7).contains(&i) || pixels[i] == [0.0; 3]));
+    let bytes = foreign(
+        ["R", "G", "B"],
+        (2, 1),
+        (0, 0),
+        &rgb,
+        window((10, -5), (4, 2)),
+        None,
+    );
+    let error = decode_exr("t", &bytes, &Limits::default())
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("display window"), "{error}");
+    let huge = foreign(
+        ["R", "G", "B"],
+        (2, 1),
+        (0, 0),
+        &rgb,
+        window((0, 0), (100_000, 100_000)),
+        None,
+    );
+    let error = decode_exr("t", &huge, &Limits::default());
+    assert!(
+        matches!(error, Err(ImageError::LimitExceeded { .. })),
+        "{error:?}"
+    );
+}
+
+/// Truth: OpenEXR's attribute `envmap`: +X, −X, +Y, −Y, +Z, −Z from the top; a map's middle looks along +Z, the middle of its
+/// left half along +X.
+#[test]
+fn a_cube_map_becomes_a_map_of_latitude_and_longitude() {
+    let rgb: Vec<[f32; 3]> = (0..6 * 16).map(|i| [(i / 16) as f32; 3]).collect();
+    let attributes = ex::ImageAttributes::with_size((4, 24));
+    let cube = Some(exr::meta::attribute::EnvironmentMap::Cube);
+    let bytes = foreign(["R", "G", "B"], (4, 24), (0, 0), &rgb, attributes, cube);
+    let map = decode_environment("t", &bytes, &Limits::default()).unwrap().image;
+    assert_eq!((map.width, map.height), (16, 8));
+    let at = |x: usize, y: usize| map.pixels[y * 16 + x][0];
+    assert_eq!([at(8, 4), at(4, 4), at(12, 4), at(0, 4)], [4.0, 0.0, 1.0, 5.0]);
+    assert_eq!([at(8, 0), at(8, 7)], [2.0, 3.0]);
+}
+
+/// Truth: the names that Blender writes.
+#[test]
+fn passes_of_other_programs_are_found_by_what_they_are() {
+    let names = [
+        "ViewLayer.Combined.R",
+        "ViewLayer.Combined.G",
+        "ViewLayer.Combined.B",
+    ];
+    let attributes = ex::ImageAttributes::with_size((2, 1));
+    let bytes = foreign(names, (2, 1), (0, 0), &[[1.0, 2.0, 3.0]; 2], attributes, None);
+    let mut read = decode_exr("t", &bytes, &Limits::default()).unwrap();
+    assert_eq!(read.find(BEAUTY).unwrap().name, "ViewLayer.Combined");
+    read.push_rgb("RenderLayer.DiffDir", &[[0.0; 3]; 2]);
+    read.push_rgb("light.DiffDir", &[[0.0; 3]; 2]);
+    assert_eq!(read.find("DiffDir").unwrap().name, "RenderLayer.DiffDir");
+    assert_eq!(read.find("Other.diffdir").unwrap().name, "RenderLayer.DiffDir");
+    read.push_rgb("Second.Combined", &[[0.0; 3]; 2]);
+    assert!(read.find(BEAUTY).is_none(), "two may be meant");
+}

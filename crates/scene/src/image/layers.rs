@@ -89,6 +89,16 @@ impl Layers {
         self.layers.iter().find(|layer| layer.name == name)
     }
 
+    /// The layer of that name, else the only one that means the same: other programs put the name of a view layer before
+    /// a pass's (`ViewLayer.DiffDir`) and call the beauty `Combined` or `rgba`.
+    pub fn find(&self, name: &str) -> Option<&Layer> {
+        let named = self.layer(name);
+        named.or_else(|| {
+            let mut alike = self.layers.iter().filter(|layer| pass(&layer.name) == pass(name));
+            alike.next().filter(|_| alike.next().is_none())
+        })
+    }
+
     /// The layer of that name as an RGB image; a single channel becomes grey.
     pub fn rgb(&self, name: &str) -> Option<FloatImage> {
         let layer = self.layer(name)?;
@@ -102,6 +112,23 @@ impl Layers {
             pixels,
         })
     }
+}
+
+/// What a layer holds, in relight's word for it where there is one: the part of its name behind the view layer's. Lights'
+/// layers keep their whole name.
+fn pass(name: &str) -> String {
+    if name.starts_with("light.") {
+        return name.to_owned();
+    }
+    let last = name.rsplit('.').next().unwrap_or(name).to_lowercase();
+    let word = match last.as_str() {
+        "combined" | "rgba" | "rgb" | "composite" | "color" => BEAUTY,
+        "emit" => "emission",
+        "n" => "normal",
+        "z" => "depth",
+        _ => return last,
+    };
+    word.to_owned()
 }
 
 /// Checks that two images can be compared.

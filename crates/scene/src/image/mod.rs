@@ -14,10 +14,12 @@
 
 pub mod atomic;
 pub mod colormap;
+mod cube;
 pub mod environment;
 pub mod error;
 pub mod exr_header;
 pub mod exr_read;
+mod exr_space;
 pub mod exr_write;
 pub mod flip;
 pub mod layers;
@@ -33,7 +35,7 @@ pub use exr_header::ExrHeader;
 pub use exr_read::{decode_exr, read_exr};
 pub use exr_write::{ExrWarning, encode_exr, write_exr};
 pub use layers::{BEAUTY, FloatImage, Layer, Layers};
-pub use ldr::{Image8, decode_ldr, write_png};
+pub use ldr::{Image8, decode_ldr, encode_png, write_png};
 pub use preview::{contact_sheet, display_encoded, tone_mapped};
 
 #[cfg(test)]
