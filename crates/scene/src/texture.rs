@@ -35,7 +35,7 @@ pub enum ColorSpace {
 /// Decodes texture number `index` of a scene.
 ///
 /// # Errors
-/// The bytes are neither a PNG nor a JPEG, are damaged, or the image is too large; the message names the
+/// The bytes are no PNG, JPEG or WebP, are damaged, or the image is too large; the message names the
 /// texture.
 pub fn decode_texture(texture: &Texture, index: usize) -> Result<DecodedTexture, ImageError> {
     let name = format!("texture {index} ('{}')", texture.name);

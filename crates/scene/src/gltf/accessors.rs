@@ -40,7 +40,7 @@ pub(super) struct Accessor {
     pub view: Option<usize>,
     pub offset: u64,
     pub component: Component,
-    /// Components per element; 0 stands for a matrix, which no supported use has.
+    /// Components per element; 0 stands for a matrix, as skins alone have.
     pub width: usize,
     pub count: usize,
     pub normalized: bool,
@@ -49,6 +49,11 @@ pub(super) struct Accessor {
 }
 
 impl Accessor {
+    /// Whether its elements are matrices of 4 × 4.
+    pub fn is_matrix_4(&self) -> bool {
+        self.kind == "MAT4"
+    }
+
     /// Whether all elements, if any, are 0 without a byte that says so.
     fn is_zeros(&self) -> bool {
         self.count == 0 || (self.view.is_none() && self.sparse.is_none())
@@ -480,6 +485,16 @@ impl<'a> Data<'a> {
             Component::I8 => self.collect(accessor, |v: [i8; N]| v.map(|x| signed(x.into(), n, 127.0))),
             Component::I16 => self.collect(accessor, |v: [i16; N]| v.map(|x| signed(x.into(), n, 32767.0))),
             Component::U32 => self.collect(accessor, |v: [u32; N]| v.map(|x| x as f32)),
+        }
+    }
+
+    /// Elements of an accessor of 4 × 4 matrices of floats, column by column; empty for any other.
+    pub fn matrices(&self, accessor: usize) -> Vec<[[f32; 4]; 4]> {
+        let info = self.readable(accessor);
+        match info.filter(|a| a.is_matrix_4() && a.component == Component::F32) {
+            Some(info) if info.is_zeros() => vec![[[0.0; 4]; 4]; info.count],
+            Some(_) => self.collect(accessor, |m: [[f32; 4]; 4]| m),
+            None => Vec::new(),
         }
     }
 

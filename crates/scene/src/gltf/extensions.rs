@@ -6,9 +6,12 @@ use super::notes::Notes;
 
 /// Extensions that are imported.
 const SUPPORTED: &[&str] = &[
+    "EXT_mesh_gpu_instancing",
+    "EXT_texture_webp",
     "KHR_animation_pointer",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_unlit",
     "KHR_node_visibility",
     "KHR_texture_transform",
@@ -86,16 +89,8 @@ pub(super) fn advice(name: &str) -> String {
         "KHR_texture_basisu" => {
             "turn the KTX2 textures into PNG with `gltf-transform ktxdecompress IN.glb OUT.glb`".into()
         }
-        "EXT_texture_webp" | "EXT_texture_avif" => {
-            "turn the textures into PNG with `gltf-transform png IN.glb OUT.glb`".into()
-        }
+        "EXT_texture_avif" => "turn the textures into PNG with `gltf-transform png IN.glb OUT.glb`".into(),
         "MSFT_texture_dds" => "export the textures as PNG or JPEG".into(),
-        "KHR_materials_pbrSpecularGlossiness" => {
-            "convert the materials with `gltf-transform metalrough IN.glb OUT.glb`".into()
-        }
-        "EXT_mesh_gpu_instancing" => {
-            "export the instances as nodes of their own (they may share one mesh)".into()
-        }
         _ => {
             "export the scene without it, or drop it from extensionsRequired if the scene is right without it"
                 .into()

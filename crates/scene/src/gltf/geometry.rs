@@ -4,9 +4,10 @@
 //! area stay, since casting rays copes with them.
 
 use super::accessors::Data;
+use super::deform::{self, Skin, SkinPose, Vertices};
 use super::json::Faults;
 use super::list::List;
-use super::nodes::Graph;
+use super::nodes::{Graph, Node};
 use super::notes::Notes;
 use super::primitives::{MeshPrimitives, Mode, Primitive};
 use crate::scene::{Instance, Mesh};
@@ -53,6 +54,28 @@ impl Budget {
     }
 }
 
+/// What makes a mesh: nodes that agree in all of this show the same one.
+#[derive(Clone, PartialEq, Eq, Hash)]
+struct Shape<'a> {
+    primitive: &'a Primitive,
+    /// Weights of its morph targets, as bits of f32; empty where all are 0.
+    weights: Vec<u32>,
+    skin: Option<usize>,
+}
+
+impl<'a> Shape<'a> {
+    fn new(primitive: &'a Primitive, node: &Node) -> Shape<'a> {
+        let weights = node.weights.as_ref().unwrap_or(&primitive.weights);
+        let weights = &weights[..weights.len().min(primitive.targets.len())];
+        let rests = weights.iter().all(|&weight| f32::from_bits(weight) == 0.0);
+        Shape {
+            primitive,
+            weights: if rests { Vec::new() } else { weights.to_vec() },
+            skin: node.skin,
+        }
+    }
+}
+
 /// Meshes and where they are.
 pub(super) struct Geometry {
     pub meshes: Vec<Mesh>,
@@ -65,6 +88,7 @@ pub(super) fn build(
     data: &Data,
     meshes: &List<MeshPrimitives>,
     graph: &Graph,
+    skins: &List<Skin>,
     default_material: u32,
     faults: &Faults,
     notes: &mut Notes,
@@ -73,7 +97,16 @@ pub(super) fn build(
         meshes: Vec::new(),
         instances: Vec::new(),
     };
-    let mut mesh_of: HashMap<&Primitive, Option<u32>> = HashMap::new();
+    let mut mesh_of: HashMap<Shape, Option<u32>> = HashMap::new();
+    let mut poses: Vec<Option<SkinPose>> = (0..skins.len()).map(|_| None).collect();
+    for node in graph.order.iter().map(|&i| &graph.nodes[i]) {
+        if let (Some(index), Some(_)) = (node.skin, node.mesh)
+            && poses[index].is_none()
+            && let Some(skin) = skins.peek(index)
+        {
+            poses[index] = Some(SkinPose::at_rest(skin, data, graph));
+        }
+    }
     let mut budget = Budget::new(data);
     let mut drawn = 0u64;
     // Of each mesh, the greatest distances from its origin along the axes.
@@ -82,13 +115,25 @@ pub(super) fn build(
     for &i in &graph.order {
         let node = &graph.nodes[i];
         let Some(mesh) = node.mesh else { continue };
-        if node.skinned {
+        let pose = node.skin.and_then(|skin| poses[skin].as_ref());
+        let placements = match (pose, &node.instancing) {
+            (Some(pose), _) => vec![pose.world_from_posed],
+            (None, Some(instancing)) => {
+                let placed = instancing.node_from_mesh(data, notes).into_iter();
+                placed
+                    .map(|node_from_mesh| world_from_nodes[i] * node_from_mesh)
+                    .collect()
+            }
+            (None, None) => vec![world_from_nodes[i]],
+        };
+        if pose.is_some() {
             notes.count("skinned meshes, imported at rest", 1);
         }
         for (primitive, path) in meshes.peek(mesh).into_iter().flatten() {
-            let index = *mesh_of.entry(primitive).or_insert_with(|| {
+            let shape = Shape::new(primitive, node);
+            let index = *mesh_of.entry(shape.clone()).or_insert_with(|| {
                 budget.take(element_count(data, primitive), path, faults)?;
-                let mesh = decode(data, primitive, path, default_material, faults, notes)?;
+                let mesh = decode(data, &shape, pose, path, default_material, faults, notes)?;
                 extents.push(
                     mesh.positions
                         .iter()
@@ -98,38 +143,39 @@ pub(super) fn build(
                 Some(geometry.meshes.len() as u32 - 1)
             });
             let Some(index) = index else { continue };
-            drawn += geometry.meshes[index as usize].triangles.len() as u64;
-            if drawn > MAX_DRAWN {
-                let path = format!("nodes[{}].mesh", node.source);
-                let message =
-                    format!("brings the scene to more than {MAX_DRAWN} drawn triangles; split the scene");
-                faults.add(path, message);
-                return geometry;
-            }
-            let world_from_mesh = &world_from_nodes[i];
-            if !within_reach(extents[index as usize], world_from_mesh) {
-                notes.count("placed meshes beyond the reach of 32-bit numbers left out", 1);
-                continue;
-            }
-            match rank(world_from_mesh.matrix3) {
-                3 => geometry.instances.push(Instance {
-                    mesh: index,
-                    world_from_mesh: Affine3A::from_mat4(glam::DMat4::from(*world_from_mesh).as_mat4()),
-                }),
-                2 => {
-                    let source = &geometry.meshes[index as usize];
-                    let elements = element_count(data, primitive);
-                    if budget.take(elements, path, faults).is_some() {
-                        let flat = flattened(source, world_from_mesh);
-                        geometry.meshes.push(flat);
-                        extents.push(Vec3::ZERO);
-                        geometry.instances.push(Instance {
-                            mesh: geometry.meshes.len() as u32 - 1,
-                            world_from_mesh: Affine3A::IDENTITY,
-                        });
-                    }
+            for world_from_mesh in &placements {
+                drawn += geometry.meshes[index as usize].triangles.len() as u64;
+                if drawn > MAX_DRAWN {
+                    let path = format!("nodes[{}].mesh", node.source);
+                    let message =
+                        format!("brings the scene to more than {MAX_DRAWN} drawn triangles; split the scene");
+                    faults.add(path, message);
+                    return geometry;
                 }
-                _ => notes.count("placed meshes scaled to nothing left out", 1),
+                if !within_reach(extents[index as usize], world_from_mesh) {
+                    notes.count("placed meshes beyond the reach of 32-bit numbers left out", 1);
+                    continue;
+                }
+                match rank(world_from_mesh.matrix3) {
+                    3 => geometry.instances.push(Instance {
+                        mesh: index,
+                        world_from_mesh: Affine3A::from_mat4(glam::DMat4::from(*world_from_mesh).as_mat4()),
+                    }),
+                    2 => {
+                        let source = &geometry.meshes[index as usize];
+                        let elements = element_count(data, primitive);
+                        if budget.take(elements, path, faults).is_some() {
+                            let flat = flattened(source, world_from_mesh);
+                            geometry.meshes.push(flat);
+                            extents.push(Vec3::ZERO);
+                            geometry.instances.push(Instance {
+                                mesh: geometry.meshes.len() as u32 - 1,
+                                world_from_mesh: Affine3A::IDENTITY,
+                            });
+                        }
+                    }
+                    _ => notes.count("placed meshes scaled to nothing left out", 1),
+                }
             }
         }
     }
@@ -140,6 +186,10 @@ fn element_count(data: &Data, primitive: &Primitive) -> u64 {
     let count = |accessor: usize| data.layout.accessors.peek(accessor).map_or(0, |a| a.count as u64);
     let attributes = 1
         + primitive.uvs.len()
+        + 2 * primitive.joints.len()
+        + (primitive.targets.iter())
+            .map(|target| 3 + target.uvs.len())
+            .sum::<usize>()
         + [primitive.normals, primitive.tangents, primitive.colors]
             .iter()
             .flatten()
@@ -195,21 +245,46 @@ fn rank(m: DMat3) -> usize {
     }
 }
 
-/// A primitive's vertices and triangles; `None` if no triangle is left.
+/// A shape's vertices and triangles; `None` if no triangle is left.
 fn decode(
     data: &Data,
-    primitive: &Primitive,
+    shape: &Shape,
+    pose: Option<&SkinPose>,
     path: &str,
     default_material: u32,
     faults: &Faults,
     notes: &mut Notes,
 ) -> Option<Mesh> {
-    let positions: Vec<Vec3> = data
-        .vectors(primitive.positions)
-        .into_iter()
-        .map(Vec3::from_array)
-        .collect();
+    let primitive = shape.primitive;
+    let positions = data.vectors(primitive.positions).into_iter();
+    let mut vertices = Vertices {
+        positions: positions.map(Vec3::from_array).collect(),
+        normals: primitive
+            .normals
+            .map(|accessor| data.vectors(accessor))
+            .unwrap_or_default(),
+        tangents: primitive
+            .tangents
+            .map(|accessor| data.vectors(accessor))
+            .unwrap_or_default(),
+        uvs: (primitive.uvs.iter())
+            .map(|set| set.map(|accessor| data.vectors(accessor)).unwrap_or_default())
+            .collect(),
+    };
+    deform::morph(data, &primitive.targets, &shape.weights, &mut vertices);
+    if let Some(pose) = pose {
+        deform::skin(data, primitive, pose, path, &mut vertices, faults, notes);
+    }
+    let Vertices {
+        positions,
+        normals: read_normals,
+        tangents: read_tangents,
+        uvs,
+    } = vertices;
     let mut triangles = triangles(data, primitive, positions.len(), path, faults, notes)?;
+    if pose.is_some_and(SkinPose::is_mirrored) {
+        triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    }
     let bad: Vec<bool> = positions.iter().map(|p| !p.is_finite()).collect();
     if bad.contains(&true) {
         let before = triangles.len();
@@ -234,11 +309,11 @@ fn decode(
     }
     let count = positions.len();
     let normals = match primitive.normals {
-        Some(accessor) => normals(data.vectors(accessor), &positions, &triangles, notes),
+        Some(_) => normals(read_normals, &positions, &triangles, notes),
         None => Vec::new(),
     };
     let tangents = match primitive.tangents {
-        Some(accessor) if !normals.is_empty() => tangents(data.vectors(accessor), notes),
+        Some(_) if !normals.is_empty() => tangents(read_tangents, notes),
         _ => Vec::new(),
     };
     let mut bad_uvs = 0;
@@ -247,8 +322,8 @@ fn decode(
         bad_uvs += u64::from(!uv.is_finite());
         if uv.is_finite() { uv } else { Vec2::ZERO }
     };
-    let uvs = primitive.uvs.iter().map(|set| match set {
-        Some(accessor) => data.vectors(*accessor).into_iter().map(&mut finite_uv).collect(),
+    let uvs = (primitive.uvs.iter().zip(uvs)).map(|(set, read)| match set {
+        Some(_) => read.into_iter().map(&mut finite_uv).collect(),
         None => vec![Vec2::ZERO; count],
     });
     let uvs = uvs.collect();

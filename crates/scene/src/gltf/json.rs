@@ -264,6 +264,18 @@ impl<'a> At<'a> {
         Some(values)
     }
 
+    /// An array of numbers that are finite as f32, as their bits, so that equal ones can be found.
+    pub fn weights(&self, key: &str) -> Vec<u32> {
+        let number = |item: At| {
+            let value = item.value.as_f64().map(|x| x as f32).filter(|x| x.is_finite());
+            if value.is_none() {
+                item.fault(format!("must be a finite number, found {}", brief(item.value)));
+            }
+            value.map_or(0, f32::to_bits)
+        };
+        self.items(key).into_iter().map(number).collect()
+    }
+
     /// A string.
     pub fn text(&self, key: &str) -> Option<&'a str> {
         let member = self.get(key)?;

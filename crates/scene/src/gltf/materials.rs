@@ -1,5 +1,5 @@
 //! Materials, textures, samplers and images (glTF 2.0, sections 3.8 and 3.9), with KHR_texture_transform,
-//! KHR_materials_emissive_strength and KHR_materials_unlit.
+//! KHR_materials_emissive_strength, KHR_materials_unlit and EXT_texture_webp.
 //!
 //! Read straight from the JSON, because the gltf crate does not apply texture transforms to normal maps.
 //! Occlusion textures are left out: relight computes occlusion.
@@ -28,10 +28,15 @@ pub(super) enum ImageSource {
 /// A glTF texture: an image and how it is sampled.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct TextureSource {
-    image: usize,
+    pub image: usize,
     /// 0 repeat, 1 mirror, 2 clamp: ordered, so that equal samplers can be found.
-    wrap: [u8; 2],
-    nearest: bool,
+    pub wrap: [u8; 2],
+    pub nearest: bool,
+}
+
+/// How coordinates beyond a texture are taken.
+pub(super) fn wraps(key: &TextureSource) -> [Wrap; 2] {
+    (key.wrap).map(|w| [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp][w as usize])
 }
 
 /// Everything about materials that the JSON says. Texture uses refer to `textures`.
@@ -122,15 +127,17 @@ fn parse_texture(
     let sampler = at.index("sampler", samplers.len(), "samplers");
     let sampler = sampler.and_then(|sampler| samplers.get(sampler, at.faults()));
     let &(wrap, nearest) = sampler.unwrap_or(&([0, 0], false));
+    let webp = at.extension("EXT_texture_webp");
+    if at.get("source").is_none()
+        && let Some(image) = webp.and_then(|webp| webp.index("source", images.len(), "images"))
+    {
+        images.get(image, at.faults())?;
+        return Some(TextureSource { image, wrap, nearest });
+    }
     if at.get("source").is_none() {
-        let name = [
-            "KHR_texture_basisu",
-            "EXT_texture_webp",
-            "EXT_texture_avif",
-            "MSFT_texture_dds",
-        ]
-        .into_iter()
-        .find(|name| at.extension(name).is_some());
+        let name = ["KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"]
+            .into_iter()
+            .find(|name| at.extension(name).is_some());
         at.fault(match name {
             Some(name) => format!("has only an image of {name}: {}", advice(name)),
             None => "has no source image; give it one or remove it".into(),
@@ -142,7 +149,7 @@ fn parse_texture(
     Some(TextureSource { image, wrap, nearest })
 }
 
-fn parse_use(at: &At, key: &str, textures: usize) -> Option<TextureUse> {
+pub(super) fn parse_use(at: &At, key: &str, textures: usize) -> Option<TextureUse> {
     let info = at.object(key)?;
     let texture = info.required_index("index", textures, "textures")?;
     let mut uv_set = info.uint("texCoord").unwrap_or(0);
@@ -273,16 +280,13 @@ pub(super) fn load_textures(
                         path: format!("images[{}]", key.image),
                         message,
                     })?;
-                let wrap = key
-                    .wrap
-                    .map(|w| [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp][w as usize]);
                 textures.push(Texture {
                     name: source
                         .images
                         .peek(key.image)
                         .map_or_else(String::new, |image| image.0.clone()),
                     encoded,
-                    wrap,
+                    wrap: wraps(&key),
                     nearest: key.nearest,
                 });
                 Ok(textures.len() as u32 - 1)
@@ -302,7 +306,8 @@ pub(super) fn load_textures(
     textures
 }
 
-fn load_image(
+/// The bytes of an image that relight reads; `total` counts all that were loaded.
+pub(super) fn load_image(
     source: &Materials,
     image: usize,
     data: &Data,
@@ -334,26 +339,24 @@ fn load_image(
     Ok(bytes)
 }
 
-/// Refuses images that are neither PNG nor JPEG. The bytes decide: media types are often wrong.
+/// Refuses images that are neither PNG, JPEG nor WebP. The bytes decide: media types are often wrong.
 fn check_image_type(bytes: &[u8]) -> Result<(), String> {
     let is_png = bytes.starts_with(b"\x89PNG\r\n\x1a\n");
-    if is_png || bytes.starts_with(b"\xff\xd8\xff") {
+    let is_webp = bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP");
+    if is_png || is_webp || bytes.starts_with(b"\xff\xd8\xff") {
         return Ok(());
     }
     let known = match bytes {
         _ if bytes.starts_with(b"\xabKTX 20\xbb") => Some(("KTX2", "KHR_texture_basisu")),
-        _ if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") => {
-            Some(("WebP", "EXT_texture_webp"))
-        }
         _ if bytes.get(4..12) == Some(b"ftypavif") => Some(("AVIF", "EXT_texture_avif")),
         _ if bytes.starts_with(b"DDS ") => Some(("DDS", "MSFT_texture_dds")),
         _ => None,
     };
     Err(match known {
         Some((what, extension)) => format!(
-            "is a {what} image; only PNG and JPEG are read: {}",
+            "is a {what} image; only PNG, JPEG and WebP are read: {}",
             advice(extension)
         ),
-        None => "is neither a PNG nor a JPEG image; export the textures again".to_owned(),
+        None => "is neither a PNG, a JPEG nor a WebP image; export the textures again".to_owned(),
     })
 }

@@ -1,7 +1,9 @@
 //! Import of glTF 2.0 scenes (feature `gltf`).
 //!
 //! Implements the Khronos glTF 2.0 specification with KHR_lights_punctual, KHR_materials_emissive_strength,
-//! KHR_materials_unlit, KHR_node_visibility, KHR_texture_transform and, for lights and cameras, KHR_animation_pointer.
+//! KHR_materials_pbrSpecularGlossiness (converted), KHR_materials_unlit, KHR_node_visibility, KHR_texture_transform,
+//! EXT_mesh_gpu_instancing, EXT_texture_webp and, for lights and cameras, KHR_animation_pointer. Skins and morph targets
+//! are posed at rest.
 //!
 //! **Anybody may have written the file.** Every index, range, count and type is checked against the JSON and
 //! the real bytes before anything is decoded or allocated; all faults of a stage are reported together, each
@@ -10,7 +12,7 @@
 //! only from the scene's own folder.
 //!
 //! **Left out, with a note in [`Scene::notes`]:** points and lines, orthographic cameras, transmission (the
-//! material counts as opaque), material variants, animation of meshes, skins and morph targets (all at rest),
+//! material counts as opaque), material variants, animation of meshes, skins and morph targets,
 //! triangles with vertices that are not finite, the range of lights. Occlusion textures are left out without
 //! one: relight computes occlusion. What the specification forbids but can only mean one thing is accepted:
 //! quaternions that are not quite of unit length, factors slightly out of range, an incomplete last triangle,
@@ -18,14 +20,17 @@
 //! Latin-1, chunks without padding; all but the commonest with a note.
 //!
 //! The way of the data: `container` splits the file, `mend` makes JSON of it, `list` holds entries, `accessors`, `materials`, `nodes`,
-//! `primitives` and `animation` read and check, `geometry` and `tracks` build the scene.
+//! `primitives`, `instancing` and `animation` read and check, `geometry`, `deform`, `specgloss` and `tracks` build the
+//! scene.
 
 mod accessors;
 mod animation;
 mod container;
+mod deform;
 mod error;
 mod extensions;
 mod geometry;
+mod instancing;
 mod json;
 mod list;
 mod materials;
@@ -33,6 +38,7 @@ mod mend;
 mod nodes;
 mod notes;
 mod primitives;
+mod specgloss;
 mod tracks;
 mod units;
 mod uri;
@@ -96,13 +102,16 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
     let layout = accessors::Layout::parse(&root, container.bin.is_some(), &mut notes);
     let source = materials::Materials::parse(&root, &layout, &mut notes);
     let meshes = primitives::parse(&root, &layout, source.materials.len(), &mut notes);
-    let graph = nodes::Graph::parse(&root, meshes.len(), &mut notes);
+    let graph = nodes::Graph::parse(&root, &layout, meshes.len(), &mut notes);
+    let skins = deform::parse_skins(&root, &layout, &graph, &mut notes);
+    let glossy = specgloss::parse(&root, &source);
     // Asking for what is shown reports what is wrong with it.
     let mut used = vec![false; source.materials.len()];
     for mesh in graph.order.iter().filter_map(|&i| graph.nodes[i].mesh) {
         for (primitive, _) in meshes.get(mesh, &faults).into_iter().flatten() {
             if let Some(material) = primitive.material {
                 source.materials.get(material, &faults);
+                glossy.get(material, &faults);
                 used[material] = true;
             }
         }
@@ -120,7 +129,16 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
         .map(|i| source.materials.peek(i).cloned().unwrap_or_default())
         .collect();
     let default_material = materials.len() as u32;
-    let mut geometry = geometry::build(&data, &meshes, &graph, default_material, &faults, &mut notes);
+    specgloss::set_factors(&glossy, &mut materials, &mut notes);
+    let mut geometry = geometry::build(
+        &data,
+        &meshes,
+        &graph,
+        &skins,
+        default_material,
+        &faults,
+        &mut notes,
+    );
     if geometry
         .meshes
         .iter()
@@ -129,8 +147,19 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
         materials.push(Material::default());
     }
     used.push(true);
-    let textures =
+    let mut textures =
         materials::load_textures(&source, &mut materials, &used, &data, folder, &faults, &mut notes);
+    specgloss::convert(
+        &glossy,
+        &source,
+        &mut materials,
+        &used,
+        &mut textures,
+        &data,
+        folder,
+        &faults,
+        &mut notes,
+    );
     source.note_unused(&mut notes);
     layout.note_unused(&mut notes);
     let curves = animation::decode(&graph, &channels, &data, &faults);

@@ -4,6 +4,8 @@
 //! Nodes must form trees whose roots scenes list. Files in which a node is reached by several paths mean what they
 //! say: it is there once per path, as a copy of its own after the file's nodes. Circles mean nothing.
 
+use super::accessors::Layout;
+use super::instancing::{self, Instancing};
 use super::json::At;
 use super::list::List;
 use super::notes::Notes;
@@ -93,7 +95,10 @@ pub(super) struct Node {
     pub mesh: Option<usize>,
     pub camera: Option<usize>,
     pub light: Option<usize>,
-    pub skinned: bool,
+    pub skin: Option<usize>,
+    /// Weights of its mesh's morph targets, as bits of f32, where it has its own.
+    pub weights: Option<Vec<u32>>,
+    pub instancing: Option<Instancing>,
     /// Neither it nor what is below it is seen or shines.
     hidden: bool,
 }
@@ -138,7 +143,7 @@ pub(super) struct Graph {
 
 impl Graph {
     /// Reads the graph and checks what is shown.
-    pub fn parse(root: &At, meshes: usize, notes: &mut Notes) -> Graph {
+    pub fn parse(root: &At, layout: &Layout, meshes: usize, notes: &mut Notes) -> Graph {
         let cameras = List::parse(root, "cameras", |at| parse_camera(at, notes));
         let punctual = root.extension("KHR_lights_punctual");
         // Without the extension there is no such list.
@@ -150,7 +155,9 @@ impl Graph {
         let skins = root.items("skins").len();
         let count = root.items("nodes").len();
         let nodes = List::parse(root, "nodes", |at| {
-            Some(parse_node(at, count, meshes, cameras.len(), lights.len(), skins))
+            let node = parse_node(at, count, meshes, cameras.len(), lights.len(), skins);
+            let instancing = instancing::parse(at, layout);
+            Some(Node { instancing, ..node })
         });
         let mut graph = shown_tree(root, &nodes, notes);
         nodes.note_unused(notes);
@@ -178,6 +185,14 @@ impl Graph {
             world[i] = parent * node.local.parent_from_node();
         }
         world
+    }
+
+    /// Transform from a node to the world, at rest, also of nodes that the scene doesn't show.
+    pub fn world_from_node(&self, node: usize) -> DAffine3 {
+        let locals = self.chain(node).into_iter();
+        locals.fold(DAffine3::IDENTITY, |world, i| {
+            world * self.nodes[i].local.parent_from_node()
+        })
     }
 
     /// A node and its ancestors, the root first.
@@ -291,7 +306,9 @@ fn parse_node(at: &At, nodes: usize, meshes: usize, cameras: usize, lights: usiz
         mesh: at.index("mesh", meshes, "meshes"),
         camera: at.index("camera", cameras, "cameras"),
         light,
-        skinned: at.index("skin", skins, "skins").is_some(),
+        skin: at.index("skin", skins, "skins"),
+        weights: at.get("weights").map(|_| at.weights("weights")),
+        instancing: None,
     }
 }
 
@@ -349,7 +366,9 @@ fn shown_tree(root: &At, list: &List<Node>, notes: &mut Notes) -> Tree {
         mesh: None,
         camera: None,
         light: None,
-        skinned: false,
+        skin: None,
+        weights: None,
+        instancing: None,
     };
     let mut nodes: Vec<Node> = (0..list.len())
         .map(|source| Node {

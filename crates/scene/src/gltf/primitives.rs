@@ -31,9 +31,27 @@ pub(super) struct Primitive {
     /// By set; `None` for a set that is missing below another one.
     pub uvs: Vec<Option<usize>>,
     pub colors: Option<usize>,
+    /// JOINTS_n and WEIGHTS_n by set.
+    pub joints: Vec<(usize, usize)>,
+    pub targets: Vec<MorphTarget>,
+    /// The mesh's weights of the targets, as bits of f32.
+    pub weights: Vec<u32>,
     pub indices: Option<usize>,
     pub material: Option<usize>,
 }
+
+/// Accessors of displacements of a primitive's attributes.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub(super) struct MorphTarget {
+    pub positions: Option<usize>,
+    pub normals: Option<usize>,
+    pub tangents: Option<usize>,
+    /// By set.
+    pub uvs: Vec<Option<usize>>,
+}
+
+/// Sets of joints and weights that are read: sixteen joints a vertex.
+const MAX_JOINT_SETS: usize = 4;
 
 /// The primitives of a mesh with their JSON paths.
 pub(super) type MeshPrimitives = Vec<(Primitive, String)>;
@@ -42,9 +60,11 @@ pub(super) type MeshPrimitives = Vec<(Primitive, String)>;
 pub(super) fn parse(root: &At, layout: &Layout, materials: usize, notes: &mut Notes) -> List<MeshPrimitives> {
     List::parse(root, "meshes", |at| {
         let primitives = at.objects("primitives");
+        let weights = at.weights("weights");
         let parsed = primitives.iter().filter_map(|at| {
             let primitive = parse_primitive(at, layout, materials, notes)?;
-            Some((primitive, at.path.clone()))
+            let weights = weights.clone();
+            Some((Primitive { weights, ..primitive }, at.path.clone()))
         });
         Some(parsed.collect())
     })
@@ -74,9 +94,6 @@ fn parse_primitive(at: &At, layout: &Layout, materials: usize, notes: &mut Notes
         }
         return None;
     };
-    if !at.items("targets").is_empty() {
-        notes.count("primitives with morph targets, imported at rest", 1);
-    }
     let material = at.index("material", materials, "materials");
     if attributes.get("POSITION").is_none() {
         notes.count("primitives without positions left out", 1);
@@ -176,6 +193,50 @@ fn parse_primitive(at: &At, layout: &Layout, materials: usize, notes: &mut Notes
             return None;
         }
     }
+    let positions_count = info.count;
+    // Of what is wrong here the scene's triangles are right: it is left out with a note.
+    let mut refined = |of: &At, key: &str, width: usize, components: &[Component]| {
+        of.get(key)?;
+        let index = of.value[key]
+            .as_u64()
+            .and_then(|index| usize::try_from(index).ok());
+        let fits = |index: &usize| {
+            layout.accessors.peek(*index).is_some_and(|info| {
+                let backed = info.view.is_some() || info.count <= MAX_UNBACKED;
+                info.width == width
+                    && components.contains(&info.component)
+                    && info.count == positions_count
+                    && backed
+            })
+        };
+        let index = index.filter(fits);
+        if index.is_none() {
+            notes.count(
+                "joints, weights and morph targets of wrong type or length left out",
+                1,
+            );
+        }
+        index
+    };
+    let joints = (0..MAX_JOINT_SETS).map_while(|set| {
+        let joints = refined(&attributes, &format!("JOINTS_{set}"), 4, &[U8, U16])?;
+        let weights = refined(&attributes, &format!("WEIGHTS_{set}"), 4, &[F32, U8, U16])?;
+        Some((joints, weights))
+    });
+    let joints = joints.collect();
+    let targets = at.items("targets");
+    let targets = targets.iter().map(|target| MorphTarget {
+        positions: refined(target, "POSITION", 3, &[F32, I8, I16]),
+        normals: refined(target, "NORMAL", 3, &[F32, I8, I16]),
+        tangents: refined(target, "TANGENT", 3, &[F32, I8, I16]),
+        uvs: (0..uvs.len())
+            .map(|set| refined(target, &format!("TEXCOORD_{set}"), 2, &[F32, I8, U8, I16, U16]))
+            .collect(),
+    });
+    let targets: Vec<MorphTarget> = targets.collect();
+    if !targets.is_empty() {
+        notes.count("primitives with morph targets, imported at rest", 1);
+    }
     let indices = match at.get("indices") {
         None => None,
         Some(_) => {
@@ -197,6 +258,9 @@ fn parse_primitive(at: &At, layout: &Layout, materials: usize, notes: &mut Notes
         tangents,
         uvs,
         colors,
+        joints,
+        targets,
+        weights: Vec::new(),
         indices,
         material,
     })

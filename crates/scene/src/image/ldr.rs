@@ -1,4 +1,4 @@
-//! Images of 8 bits: PNG and JPEG textures in, PNG previews out. The `image` crate codes and decodes.
+//! Images of 8 bits: PNG, JPEG and WebP textures in, PNG previews out. The `image` crate codes and decodes.
 
 use super::atomic::write_atomically;
 use super::error::{ImageError, Limits};
@@ -17,7 +17,7 @@ pub struct Image8 {
     pub rgba8: Vec<[u8; 4]>,
 }
 
-/// Decodes a PNG or JPEG file, told by its first bytes. Grey becomes RGB, 16 bits become 8, palettes their colours.
+/// Decodes a PNG, JPEG or WebP file (of a moving one the first picture), told by its first bytes. Grey becomes RGB, 16 bits become 8, palettes their colours.
 /// `name` says in errors which image it is.
 ///
 /// # Errors
@@ -34,11 +34,11 @@ pub fn decode_ldr(name: &str, bytes: &[u8], limits: &Limits) -> Result<Image8, I
 
 fn decode(name: &str, bytes: &[u8], limits: &Limits) -> Result<Image8, ImageError> {
     let format = match ::image::guess_format(bytes) {
-        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => format,
         _ => {
             return Err(ImageError::unsupported(
                 name,
-                "neither PNG nor JPEG; convert the image to one of them",
+                "neither PNG, JPEG nor WebP; convert the image to one of them",
             ));
         }
     };
@@ -134,6 +134,32 @@ mod tests {
         }
     }
 
+    /// Truth: WebP's lossless coding, written by `image`'s encoder, and the size that its header claims.
+    #[test]
+    fn webp_comes_back_bit_by_bit_within_the_limits() {
+        for alpha in [255, 77] {
+            let image = image(alpha);
+            let mut bytes = Vec::new();
+            ::image::codecs::webp::WebPEncoder::new_lossless(&mut bytes)
+                .write_image(image.rgba8.as_flattened(), 7, 5, ExtendedColorType::Rgba8)
+                .unwrap();
+            assert_eq!(decode_ldr("t", &bytes, &Limits::default()).unwrap(), image);
+            let small = Limits {
+                max_pixels: 34,
+                ..Limits::default()
+            };
+            assert!(matches!(
+                decode_ldr("t", &bytes, &small),
+                Err(ImageError::LimitExceeded { .. })
+            ));
+            // The decoder forgives a missing end, as browsers do; it never makes another image of it.
+            for end in 0..bytes.len() {
+                let cut = decode_ldr("t", &bytes[..end], &Limits::default());
+                assert!(cut.is_err() || (end > 20 && cut.is_ok_and(|cut| cut.rgba8.len() == 35)));
+            }
+        }
+    }
+
     /// Truth: PNG's 16-bit values are the 8-bit ones times 257.
     #[test]
     fn sixteen_bits_become_eight() {
@@ -149,10 +175,13 @@ mod tests {
     #[test]
     fn other_formats_and_images_over_the_limits_are_refused_by_name() {
         let limits = Limits::default();
-        let message = decode_ldr("texture 3", b"RIFF....WEBP", &limits)
+        let message = decode_ldr("texture 3", b"DDS ....", &limits)
             .unwrap_err()
             .to_string();
-        assert!(message.contains("texture 3: neither PNG nor JPEG"), "{message}");
+        assert!(
+            message.contains("texture 3: neither PNG, JPEG nor WebP"),
+            "{message}"
+        );
         let bytes = encode_png("t", &image(255)).unwrap();
         let small = Limits {
             max_pixels: 34,
