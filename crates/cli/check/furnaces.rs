@@ -6,7 +6,6 @@ use super::stage::{SIZE, Stage, at_points, mean, quick};
 use glam::{DVec3, Vec3};
 use relight_bake::params::BakeParams;
 use relight_play::FrameSettings;
-use relight_scene::material::Material;
 use relight_scene::scene::{Mesh, Scene};
 use relight_scene::traced::{Shading, TracedScene};
 use std::sync::Arc;
@@ -21,28 +20,12 @@ fn enclosure(shape: &str) -> Mesh {
     }
 }
 
-/// Walls of two sheets each: black ones that face outwards lie on the glowing ones, `before` a hundred-thousandth of the
-/// room's width in front of them and first in the list.
-fn sheets(shape: &str, albedo: f32) -> Vec<(Mesh, Material)> {
-    let half = Vec3::splat(if shape == BEFORE { 1.0 - 2e-5 } else { 1.0 });
-    let glow = (enclosure("box"), glowing(albedo));
-    let black = (cuboid(-half, half, false), matt(Vec3::splat(0.02)));
-    if shape == BEFORE {
-        vec![black, glow]
-    } else {
-        vec![glow, black]
-    }
-}
-
-const SHEETS: &str = "sheets";
-const BEFORE: &str = "sheets-before";
-
 fn furnace(shape: &str, albedo: f32) -> Scene {
-    let walls = match shape {
-        SHEETS | BEFORE => sheets(shape, albedo),
-        _ => vec![(enclosure(shape), glowing(albedo))],
-    };
-    scene(walls, Vec3::new(-0.3, 0.1, 0.5), Vec3::new(0.6, -0.1, -0.5))
+    scene(
+        vec![(enclosure(shape), glowing(albedo))],
+        Vec3::new(-0.3, 0.1, 0.5),
+        Vec3::new(0.6, -0.1, -0.5),
+    )
 }
 
 /// Walls of radiance 1 and albedo ρ: direct ρ, indirect ρ²/(1 − ρ).
@@ -155,8 +138,8 @@ fn uneven(stage: &Stage, middle: f32, amplitude: f32, bound: f64, solution: bool
 }
 
 /// The path tracer in the same furnace.
-fn traced(stage: &Stage, shape: &str, albedo: f32, bound: f64, why: &'static str) -> Measured {
-    let scene = Arc::new(furnace(shape, albedo));
+fn traced(stage: &Stage, albedo: f32, bound: f64, why: &'static str) -> Measured {
+    let scene = Arc::new(furnace("box", albedo));
     let scene = TracedScene::new(scene, Shading::Lambert).map_err(|e| e.to_string())?;
     let layers = stage.traced(&scene, &[emissive()])?;
     let of = |name: &str| -> f64 {
@@ -215,19 +198,6 @@ pub fn cases() -> Vec<Case> {
         "the same with the bounces solved by the bake",
         move |stage| uneven(stage, 0.9, 0.09, 0.01, true),
     ));
-    for shape in [SHEETS, BEFORE] {
-        cases.push(Case::new(
-            format!("furnace/{shape}/0.5"),
-            true,
-            "the same box with black sheets that face outwards on its walls",
-            move |stage| {
-                let mut measured = even(stage, shape, 0.5, &quick())?;
-                let why = "36,864 paths, five standard errors at a variance of the sum squared";
-                measured.extend(traced(stage, shape, 0.5, 0.01, why)?);
-                Ok(measured)
-            },
-        ));
-    }
     for (albedo, bound) in [(0.5f32, 0.01), (0.9, 0.02)] {
         cases.push(Case::new(
             format!("furnace/path/{albedo}"),
@@ -236,7 +206,6 @@ pub fn cases() -> Vec<Case> {
             move |stage| {
                 traced(
                     stage,
-                    "box",
                     albedo,
                     bound,
                     "36,864 paths, five standard errors at a variance of the sum squared",
