@@ -135,6 +135,10 @@ fn points(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Facts> {
     folder.vectors("normals", "1", &normals)?;
     folder.vectors("albedo", "1", &albedo)?;
     folder.bytes("level", "1", &level)?;
+    let widening: Vec<u8> = (levels.iter())
+        .flat_map(|l| (0..l.positions.len()).map(|i| l.widenings.get(i).copied().unwrap_or(0)))
+        .collect();
+    folder.bytes("widening", "1", &widening)?;
     let radii: Vec<f32> = levels.iter().map(|l| l.disk_radius).collect();
     folder.floats("disk_radius", "m", &radii)?;
     let supports: Vec<f32> = levels.iter().map(|l| l.support_radius).collect();
@@ -146,6 +150,7 @@ fn points(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Facts> {
             (["nx", "ny", "nz"], Column::Vectors(&normals)),
             (["albedo_r", "albedo_g", "albedo_b"], Column::Vectors(&albedo)),
             (["level", "", ""], Column::Bytes(&level)),
+            (["widening", "", ""], Column::Bytes(&widening)),
         ],
     )?;
     Ok(Facts::Points { levels: levels.len() })

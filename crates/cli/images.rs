@@ -49,9 +49,10 @@ pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<(), Failure> {
     let seen = expose(&player.prepared.scene, &camera.at(0.0), width, HEIGHT, RAYS);
     for (file, level) in files(folder, asset.points.len()).iter().zip(&asset.points) {
         let vectors = |values: &[[f32; 3]]| values.iter().copied().map(Vec3::from).collect::<Vec<_>>();
-        let basis = Level::new(
+        let basis = Level::widened(
             vectors(&level.positions),
             vectors(&level.normals),
+            level.widenings.clone(),
             level.disk_radius,
             level.support_radius,
         );
@@ -64,7 +65,7 @@ pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<(), Failure> {
                 let facing = EDGE + (1.0 - EDGE) * hit.normal.dot(seen.directions[f]).abs();
                 strongest(&basis, hit.position, hit.normal).map_or(Vec3::ZERO, |point| {
                     let distance = basis.positions[point as usize].distance(hit.position);
-                    let dot = if distance < DOT * basis.disk_radius {
+                    let dot = if distance < DOT * basis.disk_radius_of(point as usize) {
                         0.15
                     } else {
                         1.0

@@ -249,6 +249,11 @@ pub fn round_trip(data: &[u8]) {
                 albedo: (0..count)
                     .map(|_| [0; 3].map(|_: i32| f32::from(draw.u8()) / 255.0))
                     .collect(),
+                // Few, so that most levels stay in the older layouts.
+                widenings: match draw.below(4) {
+                    0 => (0..count).map(|_| draw.u8() % 40).collect(),
+                    _ => Vec::new(),
+                },
             }
         })
         .collect();

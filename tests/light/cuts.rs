@@ -85,7 +85,7 @@ fn at_a_site_cuts_of_all_leaves_are_brute_force() {
     let scene = TracedScene::new(scene, Shading::Full).unwrap();
     let fragments = fragments(&scene);
     assert!(fragments.len() > PIXELS * PIXELS / 2, "{}", fragments.len());
-    let candidates: Vec<Candidate> = fragments.iter().map(|f| Candidate::at(&scene, &f.0)).collect();
+    let candidates: Vec<Candidate> = fragments.iter().map(|f| Candidate::at(&scene, &f.0, 0)).collect();
     let leaves = in_tree(&scene, &candidates, &Lights::directions(LIGHTS), 0.45);
     let Lights::Directions { directions, .. } = &leaves.lights else {
         unreachable!()
@@ -144,7 +144,7 @@ fn bits_of_means_that_sigma_cannot_use_change_less_than_sigma_does() {
     let scene = Arc::new(import(&data("cornell.glb"), &ImportOptions::default()).unwrap());
     let scene = TracedScene::new(scene, Shading::Full).unwrap();
     let fragments = fragments(&scene);
-    let candidates: Vec<Candidate> = fragments.iter().map(|f| Candidate::at(&scene, &f.0)).collect();
+    let candidates: Vec<Candidate> = fragments.iter().map(|f| Candidate::at(&scene, &f.0, 0)).collect();
     let leaves = in_tree(&scene, &candidates, &Lights::directions(LIGHTS), 0.45);
     let Lights::Directions { directions, .. } = &leaves.lights else {
         unreachable!()

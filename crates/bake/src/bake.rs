@@ -46,7 +46,7 @@ pub fn bake(request: &Request, ledger: Option<&Ledger>, progress: &dyn Progress)
 
     progress.stage("share", None);
     let viewers = Viewers {
-        viewpoints: &placed.viewpoints,
+        relevance: &placed.relevance,
         cameras: &placed.cameras,
     };
     let transport = transport(

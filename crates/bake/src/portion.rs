@@ -51,7 +51,7 @@ pub fn bake_part(
     let surfaces = Followed::new(&traced, &reach);
     let placed = placed(&traced, &surfaces, request, units, progress)?;
     let viewers = Viewers {
-        viewpoints: &placed.viewpoints,
+        relevance: &placed.relevance,
         cameras: &placed.cameras,
     };
     let points = &placed.points;

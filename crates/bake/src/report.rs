@@ -112,7 +112,7 @@ impl Made<'_> {
 
     fn remarks(&self) -> Vec<String> {
         let mut notes = Vec::new();
-        if let (true, Some(v)) = (self.placed.automatic, self.placed.viewpoints.first()) {
+        if let (true, Some(v)) = (self.placed.automatic, self.placed.relevance.viewpoints.first()) {
             notes.push(format!(
                 "The scene has no camera: points were spread from ({:.3}, {:.3}, {:.3}); --viewpoint sets another place.",
                 v.x, v.y, v.z

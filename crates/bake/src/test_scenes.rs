@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use relight_bake::points::poisson::{PointLevels, distribute};
+use relight_bake::points::relevance::Relevance;
 use relight_bake::units::Units;
 use relight_scene::implicit::{ImplicitSurface, Sdf};
 
@@ -14,7 +15,7 @@ pub fn hollow(albedo: f32) -> (ImplicitSurface, PointLevels) {
     let ball = ImplicitSurface::new(sdf, (Vec3::splat(-1.0), Vec3::splat(1.0)), Vec3::splat(albedo));
     let points = distribute(
         &ball,
-        &[Vec3::new(0.1, 0.2, -0.1)],
+        &Relevance::even(&[Vec3::new(0.1, 0.2, -0.1)]),
         3,
         0.4,
         0,

@@ -253,7 +253,7 @@ pub fn cuts(
     let sums: Vec<(f64, f64, f64, f64)> = chosen(player, SITES)
         .into_par_iter()
         .map(|(p, hit)| {
-            let site = Candidate::at(scene, &hit);
+            let site = Candidate::at(scene, &hit, 0);
             let (mut count, mut squares, mut seen, mut stored) = (0.0, 0.0, 0.0, 0.0);
             let cut: Cut = rows.cut(p);
             for (node, value) in cut.nodes() {

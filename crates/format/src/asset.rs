@@ -250,8 +250,8 @@ pub struct Stage {
     pub json: String,
 }
 
-/// Points of one level of the meshless hierarchy. All arrays have one entry per point; their order is kept, and
-/// spatially coherent order makes the file smaller.
+/// Points of one level of the meshless hierarchy. All arrays have one entry per point (`widenings` may have none); their order is
+/// kept, and spatially coherent order makes the file smaller.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Level {
     /// R: Poisson-disk radius of the level, metres, above zero. Positions are stored to R/256.
@@ -264,6 +264,8 @@ pub struct Level {
     pub normals: Vec<[f32; 3]>,
     /// Total hemispherical albedo, linear RGB, each 0 to 1. Stored in 12 bits.
     pub albedo: Vec<[f32; 3]>,
+    /// By how much both radii of each point are wider than the level's, as a power of two, 0 to 31; empty: none is.
+    pub widenings: Vec<u8>,
 }
 
 /// Senders: disjoint clusters of the finest level's points, in a tree of as many levels as send. Cluster j of

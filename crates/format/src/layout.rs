@@ -2,7 +2,7 @@
 //! numbers, and a test compares the two: a change here without one there fails.
 
 /// Version of the specification that this crate implements: the highest that it reads. SPEC 3.
-pub const SPEC_VERSION: u32 = 3;
+pub const SPEC_VERSION: u32 = 4;
 
 /// Version of the specification since which header and table are as they are: what the header says. SPEC 3.3.
 pub const CONTAINER_VERSION: u32 = 1;
@@ -215,7 +215,8 @@ impl Kind {
     /// the content.
     pub fn version(self) -> u16 {
         match self {
-            Kind::Points | Kind::LinksTransfer => 2,
+            Kind::Points => 3,
+            Kind::LinksTransfer => 2,
             _ => 1,
         }
     }
@@ -224,7 +225,8 @@ impl Kind {
     pub fn needs(self, layout: u16) -> u32 {
         match self {
             Kind::Separations => 3,
-            // Layouts of version N came with specification version N.
+            Kind::Points if layout == 3 => 4,
+            // Other layouts of version N came with specification version N.
             _ => u32::from(layout),
         }
     }

@@ -213,6 +213,7 @@ fn one_level(clusters: u32, points: u32) -> Option<Senders> {
 fn points(count: usize) -> Level {
     Level {
         disk_radius: 0.1,
+        widenings: Vec::new(),
         support_radius: 0.2,
         positions: (0..count)
             .map(|i| [i as f32 * 0.37, (i % 7) as f32, -2.0])
@@ -468,6 +469,7 @@ proptest! {
         let scale = 2f32.powi(scale);
         let level = Level {
             disk_radius: radius * scale,
+            widenings: Vec::new(),
             support_radius: 2.0 * radius * scale,
             positions: unit.iter().map(|(p, ..)| p.map(|c| c * scale)).collect(),
             normals: unit.iter().map(|&(_, z, phi)| {

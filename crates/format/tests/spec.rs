@@ -180,6 +180,7 @@ fn example() -> Asset {
         stage: Stage { json: "{}".into() },
         points: vec![Level {
             disk_radius: 1.0,
+            widenings: Vec::new(),
             support_radius: 1.5,
             positions: vec![[0.0, 0.0, 0.0], [2.0, 0.0, -1.0]],
             normals: vec![[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],

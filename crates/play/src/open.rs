@@ -237,9 +237,10 @@ fn prepared(asset: &mut Asset) -> Result<Transfer, String> {
     let levels = points
         .iter()
         .map(|l| {
-            Level::new(
+            Level::widened(
                 vectors(&l.positions),
                 vectors(&l.normals),
+                l.widenings.clone(),
                 l.disk_radius,
                 l.support_radius,
             )

@@ -126,14 +126,9 @@ impl Transfer {
 
     /// Whether a surface separates a place (position and smooth normal) from a finest point.
     pub fn is_separated(&self, surfaces: &dyn Surfaces, place: (Vec3, Vec3), point: u32) -> bool {
-        let Level {
-            positions,
-            normals,
-            disk_radius,
-            ..
-        } = &self.finest;
-        let j = point as usize;
-        are_separated(surfaces, place, (positions[j], normals[j]), *disk_radius)
+        let (finest, j) = (&self.finest, point as usize);
+        let there = (finest.positions[j], finest.normals[j]);
+        are_separated(surfaces, place, there, finest.disk_radius_of(j))
     }
 
     /// Other reflectances at the finest points, one each. A baked solution keeps those that it was solved with.

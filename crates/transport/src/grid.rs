@@ -4,7 +4,9 @@
 //! so a grid answers the same query with eight look-ups and no traversal.
 
 use crate::kernel::{self, SQUASH};
+use crate::random::mix;
 use glam::{IVec3, Vec3};
+use std::hash::Hasher;
 
 /// A point as the grid keeps it.
 #[derive(Clone, Copy, Debug)]
@@ -16,6 +18,18 @@ pub struct Entry {
     pub normal: Vec3,
     /// Index of the point in the arrays the grid was built from.
     pub index: u32,
+}
+
+/// Points as grids keep them, numbered as they come.
+pub fn entries(positions: &[Vec3], normals: &[Vec3]) -> Vec<Entry> {
+    (0..)
+        .zip(positions.iter().zip(normals))
+        .map(|(index, (&position, &normal))| Entry {
+            position,
+            normal,
+            index,
+        })
+        .collect()
 }
 
 /// Cells along one edge of a block, as a power of two. Rays that leave neighbouring receivers in the same direction end in the
@@ -44,9 +58,27 @@ const EMPTY: u32 = u32::MAX;
 /// Packs the coordinates of a cell or a block, 21 bits each. Those 2²¹ apart share a key: their points are found and then
 /// rejected by distance.
 #[inline]
-fn key_of(cell: IVec3) -> u64 {
+pub fn key_of(cell: IVec3) -> u64 {
     const MASK: u64 = (1 << 21) - 1;
     (cell.x as u64 & MASK) | ((cell.y as u64 & MASK) << 21) | ((cell.z as u64 & MASK) << 42)
+}
+
+/// Hashes of [`key_of`]: the keys are short, and tables of cells are asked a hundred million times.
+#[derive(Clone, Default)]
+pub struct CellHasher(u64);
+
+impl Hasher for CellHasher {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+    fn write(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.0 = mix(self.0 ^ u64::from(byte));
+        }
+    }
+    fn write_u64(&mut self, key: u64) {
+        self.0 = mix(key);
+    }
 }
 
 /// The cell of edge 1 that holds a place; the last one beyond what integers hold. Without [`f32::floor`], which is a call on
@@ -72,8 +104,8 @@ fn slot_of(key: u64, mask: usize) -> usize {
 }
 
 impl Cells {
-    /// From pairs of cell and point index; a point may be in several cells.
-    fn new(placed: impl Iterator<Item = (IVec3, u32)>, positions: &[Vec3], normals: &[Vec3]) -> Cells {
+    /// From pairs of cell and place in `points`; a point may be in several cells.
+    fn new(placed: impl Iterator<Item = (IVec3, u32)>, points: Vec<Entry>) -> Cells {
         // Block, cell in it, point.
         let mut placed: Vec<(u64, u32, u32)> = placed
             .map(|(cell, point)| {
@@ -102,14 +134,6 @@ impl Cells {
             }
         }
         starts.push(end);
-        let points = (0..)
-            .zip(positions.iter().zip(normals))
-            .map(|(index, (&position, &normal))| Entry {
-                position,
-                normal,
-                index,
-            })
-            .collect();
         Cells {
             table,
             starts,
@@ -169,14 +193,18 @@ pub struct PointGrid {
 impl PointGrid {
     /// A grid for queries of at most `radius`.
     pub fn new(positions: &[Vec3], normals: &[Vec3], radius: f32) -> PointGrid {
+        PointGrid::of(entries(positions, normals), radius)
+    }
+
+    /// A grid of these points for queries of at most `radius`.
+    pub fn of(points: Vec<Entry>, radius: f32) -> PointGrid {
         let inverse_cell = 0.5 / radius;
-        let placed = positions
-            .iter()
-            .enumerate()
-            .map(|(i, &p)| (cell_at(p * inverse_cell), i as u32));
+        let cells: Vec<IVec3> = (points.iter())
+            .map(|entry| cell_at(entry.position * inverse_cell))
+            .collect();
         PointGrid {
             inverse_cell,
-            cells: Cells::new(placed, positions, normals),
+            cells: Cells::new(cells.into_iter().zip(0..), points),
         }
     }
 
@@ -324,11 +352,11 @@ pub struct DiskGrid {
 
 impl DiskGrid {
     /// A grid over disks of `radius`, as flat as equation 10 makes them.
-    pub fn new(positions: &[Vec3], normals: &[Vec3], radius: f32) -> DiskGrid {
+    pub fn of(points: Vec<Entry>, radius: f32) -> DiskGrid {
         let inverse_cell = 1.0 / radius;
         let mut placed = Vec::new();
-        for (i, (&p, normal)) in positions.iter().zip(normals).enumerate() {
-            let p = p * inverse_cell;
+        for (i, Entry { position, normal, .. }) in points.iter().enumerate() {
+            let p = *position * inverse_cell;
             let (low, high) = (cell_at(p - 1.0), cell_at(p + 1.0));
             for z in low.z..=high.z {
                 for y in low.y..=high.y {
@@ -343,7 +371,7 @@ impl DiskGrid {
         }
         DiskGrid {
             inverse_cell,
-            cells: Cells::new(placed.into_iter(), positions, normals),
+            cells: Cells::new(placed.into_iter(), points),
         }
     }
 
@@ -446,7 +474,7 @@ mod tests {
         let positions: Vec<Vec3> = (0..3000).map(|_| vector()).collect();
         let normals: Vec<Vec3> = (0..3000).map(|_| vector().normalize_or(Vec3::Y)).collect();
         let radius = 0.3;
-        let grid = DiskGrid::new(&positions, &normals, radius);
+        let grid = DiskGrid::of(entries(&positions, &normals), radius);
         let mut found = 0;
         for _ in 0..500 {
             let x = vector() * 1.2;

@@ -33,6 +33,12 @@ pub fn weight(offset: Vec3, normal: Vec3, inverse_radius: f32, cosine: f32) -> f
     if cosine <= 0.0 { 0.0 } else { facing }
 }
 
+/// What radii are multiplied by for a widening: a power of two.
+#[inline]
+pub fn width(widening: u8) -> f32 {
+    f32::powi(2.0, i32::from(widening))
+}
+
 /// Square of the symmetric distance of equation 11 between two oriented points; infinite where their
 /// normals are 90° or more apart.
 #[inline]

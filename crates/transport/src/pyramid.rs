@@ -68,10 +68,7 @@ pub fn fine_from_coarse(levels: &[Level], is_separated: impl Fn(u32, u32) -> boo
         .collect();
     let pushing: Vec<Level> = levels[..levels.len().saturating_sub(1)]
         .iter()
-        .map(|l| {
-            let support = l.disk_radius * PUSH_SUPPORT;
-            Level::new(l.positions.clone(), l.normals.clone(), l.disk_radius, support)
-        })
+        .map(|l| l.with_support(l.disk_radius * PUSH_SUPPORT))
         .collect();
     build(ranges.total(), ranges.total(), |i, row| {
         let level = level_of[i] as usize;
@@ -224,21 +221,20 @@ pub fn push(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::poisson::Disks;
+    use crate::poisson::{Dart, Disks};
     use crate::random::Stream;
     use crate::sparse::from_rows;
 
     fn levels(count: usize) -> Vec<Level> {
         let mut s = Stream::new(4, 0, 0);
-        let candidates: Vec<Vec3> = (0..60_000)
-            .map(|_| Vec3::new(s.uniform(), 0.0, s.uniform()))
+        let darts: Vec<Dart> = (0..60_000)
+            .map(|_| Dart::plain(Vec3::new(s.uniform(), 0.0, s.uniform()), Vec3::Y))
             .collect();
-        let normals = vec![Vec3::Y; candidates.len()];
         (0..count)
             .map(|l| {
                 let radius = 0.2 / (1 << l) as f32;
                 let mut disks = Disks::new(radius);
-                disks.throw(&candidates, &normals, 0, |_| true);
+                disks.throw(&darts, 0, |_| true);
                 Level::new(
                     disks.positions,
                     disks.normals,

@@ -10,6 +10,9 @@
 //! Overlapping functions mix lit places with dark ones behind a column or an edge. Receivers that look at the
 //! lit ones see just those, so that the mixture made them too dark by a fifth (docs/notebook/transfer.md).
 
+use crate::basis::by_width;
+use crate::grid::{Entry, PointGrid};
+use crate::kernel::{distance_squared, width};
 use crate::pyramid::LevelRanges;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -195,6 +198,8 @@ pub struct Signed {
     pub position: Vec3,
     /// Unit normal.
     pub normal: Vec3,
+    /// By how much its point's radii are wider than its level's, as a power of two.
+    pub widening: u8,
     /// Which pilots see the place.
     pub signature: u128,
 }
@@ -212,31 +217,39 @@ pub const VISIBILITY_WEIGHT: f32 = 16.0;
 /// For each place the nearest seed: by distance in units of `spacing` and by disagreement of signatures, among
 /// seeds that face the same way if there are any near.
 pub fn nearest_seeds(places: &[Signed], seeds: &[Signed], spacing: f32) -> Vec<u32> {
-    use crate::grid::PointGrid;
     let weight = VISIBILITY_WEIGHT;
     let positions: Vec<Vec3> = seeds.iter().map(|s| s.position).collect();
     let normals: Vec<Vec3> = seeds.iter().map(|s| s.normal).collect();
+    let widenings: Vec<u8> = seeds.iter().map(|s| s.widening).collect();
     // Seeds are at most a spacing from any place; what sees the same may be a few of them away.
-    let reach = 3.0 * spacing;
-    let grid = PointGrid::new(&positions, &normals, reach);
+    let grids: Vec<PointGrid> = by_width(&positions, &normals, &widenings)
+        .into_iter()
+        .map(|(width, points)| PointGrid::of(points, 3.0 * spacing * width))
+        .collect();
     places
         .par_iter()
         .with_min_len(256)
         .map(|place| {
             let mut best = (f32::INFINITY, u32::MAX);
-            grid.near(place.position, |entry| {
+            let mut offer = |entry: &Entry| {
                 let offset = place.position - entry.position;
-                let squared = crate::kernel::distance_squared(offset, entry.normal) / (spacing * spacing);
+                let seed = &seeds[entry.index as usize];
+                // Of what is coarse and what is fine the finer one says how far is far.
+                let spacing = spacing * width(seed.widening.min(place.widening));
+                let squared = distance_squared(offset, entry.normal) / (spacing * spacing);
                 let cosine = entry.normal.dot(place.normal);
                 // Facing away costs like disagreeing entirely.
                 let facing = weight * (1.0 - cosine).min(1.0);
-                let differing = (place.signature ^ seeds[entry.index as usize].signature).count_ones();
+                let differing = (place.signature ^ seed.signature).count_ones();
                 let unlike = weight * differing as f32 / PILOTS as f32;
                 let cost = squared + facing * facing + unlike * unlike;
                 if (cost, entry.index) < best {
                     best = (cost, entry.index);
                 }
-            });
+            };
+            grids
+                .iter()
+                .for_each(|grid| grid.near(place.position, &mut offer));
             if best.1 == u32::MAX {
                 // Nothing near: the nearest of all, so that no light is lost.
                 for (i, seed) in seeds.iter().enumerate() {

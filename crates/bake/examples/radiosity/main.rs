@@ -22,6 +22,7 @@ use point_light::from_point_light;
 use rayon::prelude::*;
 use relight_bake::points::candidates::Candidate;
 use relight_bake::points::poisson::{distribute, levels_of};
+use relight_bake::points::relevance::Relevance;
 use relight_bake::units::Units;
 use relight_scene::camera::Camera;
 use relight_scene::image::{FloatImage, contact_sheet, tone_mapped, write_png};
@@ -63,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let start = Instant::now();
     let points = distribute(
         surfaces,
-        &[camera.position],
+        &Relevance::even(&[camera.position]),
         4,
         COARSE_RADIUS,
         0,
@@ -150,7 +151,7 @@ fn pictures(
         let Some(hit) = surfaces.closest_hit(&ray) else {
             return [Vec3::ZERO; 4];
         };
-        let place = Candidate::at(surfaces, &hit);
+        let place = Candidate::at(surfaces, &hit, 0);
         let (x, normal) = (place.position, place.normal);
         let mirror = direction.normalize().reflect(normal);
         let glossy = solved.radiance.each_ref().map(|values| {

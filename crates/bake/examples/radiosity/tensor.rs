@@ -55,7 +55,7 @@ pub fn at(
 mod tests {
     use super::*;
     use glam::Vec2;
-    use relight_transport::poisson::Disks;
+    use relight_transport::poisson::{Dart, Disks};
     use relight_transport::pyramid::fine_from_coarse;
     use relight_transport::random::Stream;
     use relight_transport::sampling::uniform_hemisphere;
@@ -69,12 +69,15 @@ mod tests {
     /// Three levels on the unit sphere, where neighbours' normals differ.
     fn sphere() -> (Vec<Level>, LevelRanges, SparseMatrix) {
         let mut s = Stream::new(51, 0, 0);
-        let candidates: Vec<Vec3> = (0..60_000).map(|_| direction(&mut s)).collect();
+        let darts: Vec<Dart> = (0..60_000)
+            .map(|_| direction(&mut s))
+            .map(|x| Dart::plain(x, x))
+            .collect();
         let levels: Vec<Level> = [0.4f32, 0.2, 0.1]
             .into_iter()
             .map(|radius| {
                 let mut disks = Disks::new(radius);
-                disks.throw(&candidates, &candidates, 0, |_| true);
+                disks.throw(&darts, 0, |_| true);
                 Level::new(disks.positions, disks.normals, radius, 2.0 * radius)
             })
             .collect();

@@ -10,6 +10,7 @@ use relight_bake::links::operators::{Viewers, transport};
 use relight_bake::params::BakeParams;
 use relight_bake::points::candidates::Candidate;
 use relight_bake::points::poisson::{PointLevels, distribute, levels_of};
+use relight_bake::points::relevance::Relevance;
 use relight_bake::units::Units;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::surface::Surfaces;
@@ -111,7 +112,16 @@ fn cornell() -> (TracedScene, PointLevels, Vec<Vec3>) {
     let scene = Arc::new(import(&file, &ImportOptions::default()).unwrap());
     let traced = TracedScene::new(scene.clone(), Shading::Lambert).unwrap();
     let eye = scene.cameras[0].at(0.0).position;
-    let points = distribute(&traced, &[eye], 4, 0.12, 0, Units::none(), |_| Ok(())).unwrap();
+    let points = distribute(
+        &traced,
+        &Relevance::even(&[eye]),
+        4,
+        0.12,
+        0,
+        Units::none(),
+        |_| Ok(()),
+    )
+    .unwrap();
     let (low, high) = traced.bounds().unwrap();
     let lamp = low.lerp(high, 0.5).with_y(0.45);
     let direct = finest(&points)
@@ -170,7 +180,7 @@ fn one_bounce_is_what_the_transfer_operator_gives() {
         &traced,
         placed,
         Viewers {
-            viewpoints: &middle,
+            relevance: &Relevance::even(&middle),
             cameras: &[],
         },
         &BakeParams::default(),

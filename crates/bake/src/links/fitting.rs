@@ -378,6 +378,7 @@ mod tests {
             .collect();
         let places: Vec<Signed> = (0..200)
             .map(|_| Signed {
+                widening: 0,
                 position: Vec3::new(s.uniform(), 0.0, s.uniform()) * 4.0,
                 normal: Vec3::Y,
                 signature: u128::MAX,

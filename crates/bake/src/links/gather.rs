@@ -38,8 +38,9 @@ impl SenderField<'_> {
     fn same_side(&self, surfaces: &dyn Surfaces, (x, normal): (Vec3, Vec3), nearest: u32) -> u32 {
         let level = self.points.level;
         let separated = |point: u32| {
-            let there = (level.positions[point as usize], level.normals[point as usize]);
-            are_separated(surfaces, (x, normal), there, level.disk_radius)
+            let point = point as usize;
+            let there = (level.positions[point], level.normals[point]);
+            are_separated(surfaces, (x, normal), there, level.disk_radius_of(point))
         };
         (self.points).on_same_side((x, normal), nearest, self.near_separated, separated)
     }
@@ -199,6 +200,7 @@ pub fn scalar_row(
 mod tests {
     use crate::links::operators::{Viewers, transport};
     use crate::params::BakeParams;
+    use crate::points::relevance::Relevance;
     use crate::test_scenes::hollow;
     use crate::units::Units;
     use glam::{Quat, Vec3};
@@ -222,7 +224,7 @@ mod tests {
             &ball,
             points,
             Viewers {
-                viewpoints: &[Vec3::ZERO],
+                relevance: &Relevance::even(&[Vec3::ZERO]),
                 cameras: &[],
             },
             &params,

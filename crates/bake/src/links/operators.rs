@@ -10,6 +10,7 @@ use crate::links::test_lights::TestLights;
 use crate::params::{BakeParams, Omittable};
 use crate::points::candidates::Candidate;
 use crate::points::poisson::{PointLevels, levels_of};
+use crate::points::relevance::Relevance;
 use crate::points::seen::seen_by;
 use crate::points::separation::{self, Separations};
 use crate::senders::clusters::{SenderClusters, sender_clusters};
@@ -173,7 +174,7 @@ fn leave_out_idle_senders(made: &mut Transport) {
 #[derive(Clone, Copy)]
 pub struct Viewers<'a> {
     /// Where light is carried to.
-    pub viewpoints: &'a [Vec3],
+    pub relevance: &'a Relevance,
     /// The cameras that alone will look; none: anybody may, from anywhere.
     pub cameras: &'a [Camera],
 }
@@ -197,7 +198,7 @@ pub struct Refining<T> {
 pub fn with_refinement<T>(
     surfaces: &dyn Surfaces,
     points: &PointLevels,
-    Viewers { viewpoints, cameras }: Viewers,
+    Viewers { relevance, cameras }: Viewers,
     params: &BakeParams,
     units: Units,
     work: impl FnOnce(&Refinement, &[Level]) -> Result<T, BakeError>,
@@ -207,7 +208,7 @@ pub fn with_refinement<T>(
     let (separations, parents) = separation::find(surfaces, &levels);
     let nearest_point = NearestPoint::new(&levels[levels.len() - 1]);
     let near = NEAR * levels[0].disk_radius;
-    let (importance, mut rays) = importance(surfaces, &nearest_point, near, viewpoints, params.seed, units)?;
+    let (importance, mut rays) = importance(surfaces, &nearest_point, near, relevance, params.seed, units)?;
     let SenderClusters { tree, pilots, finest } =
         sender_clusters(surfaces, points, importance, params, units)?;
     let radius = levels[0].disk_radius;

@@ -7,6 +7,7 @@
 //! Deviation: a particle that leaves the scene before that deposits what it hit, or surfaces in the open
 //! (a ground under the sky) would get no points although they are in view.
 
+use crate::points::relevance::Relevance;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
@@ -34,17 +35,20 @@ pub struct Candidate {
     pub origin: Vec3,
     /// Total hemispherical reflectance, linear RGB.
     pub albedo: Vec3,
+    /// By how much its point's radii are wider than its level's, as a power of two.
+    pub widening: u8,
 }
 
 impl Candidate {
-    /// The place that a ray hit.
-    pub fn at(surfaces: &dyn Surfaces, hit: &SurfaceHit) -> Candidate {
+    /// The place that a ray hit, for a point so much wider than its level's.
+    pub fn at(surfaces: &dyn Surfaces, hit: &SurfaceHit, widening: u8) -> Candidate {
         Candidate {
             position: hit.position,
             normal: hit.normal,
             geometric_normal: hit.geometric_normal,
             origin: ray_from(hit, hit.geometric_normal).origin,
             albedo: surfaces.albedo(hit),
+            widening,
         }
     }
 }
@@ -54,7 +58,7 @@ impl Candidate {
 /// are: the scene may be no wider. What the surfaces reflect is not asked: few landings become points.
 pub fn trace(
     surfaces: &dyn Surfaces,
-    viewpoints: &[Vec3],
+    relevance: &Relevance,
     seed: u64,
     first: u64,
     count: usize,
@@ -68,14 +72,8 @@ pub fn trace(
             let mut rays = 0;
             for i in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
                 let particle = first + i as u64;
-                let start = viewpoints[(particle % viewpoints.len() as u64) as usize];
-                rays += trace_one(
-                    surfaces,
-                    start,
-                    near,
-                    &mut Stream::new(seed, STAGE, particle),
-                    &mut landings,
-                );
+                let mut s = Stream::new(seed, STAGE, particle);
+                rays += trace_one(surfaces, relevance, particle, near, &mut s, &mut landings);
             }
             (landings, rays)
         })
@@ -86,15 +84,17 @@ pub fn trace(
 
 fn trace_one(
     surfaces: &dyn Surfaces,
-    start: Vec3,
+    relevance: &Relevance,
+    particle: u64,
     near: f32,
     s: &mut Stream,
     landings: &mut Vec<SurfaceHit>,
 ) -> u64 {
     let deposited = landings.len();
-    let mut last = start;
+    let start = relevance.start(particle, s);
+    let mut last = start.origin;
     let mut from_near = Vec::new();
-    let rays = walk(surfaces, start, s, BOUNCES, |bounce, hit| {
+    let rays = walk(surfaces, start, s, BOUNCES, |bounce, hit, s| {
         if bounce == SKIPPED {
             landings.truncate(deposited);
             from_near.clear();
@@ -102,6 +102,7 @@ fn trace_one(
         let is_near = hit.position.distance_squared(last) <= near * near;
         (if is_near { &mut from_near } else { &mut *landings }).push(*hit);
         last = hit.position;
+        relevance.goes_on(hit.position, s)
     });
     if landings.len() == deposited {
         landings.append(&mut from_near);
@@ -109,31 +110,22 @@ fn trace_one(
     rays
 }
 
-/// Sends an importance particle from `start` in a uniform direction; it leaves each surface as a matt one
-/// reflects. Calls `landed` with the number and place of each of at most `most` landings; returns the number of
-/// rays cast.
+/// Sends an importance particle along `ray`; it leaves each surface as a matt one reflects. Calls `landed` with the number and
+/// place of each of at most `most` landings, which tells whether it goes on; returns the number of rays cast.
 pub fn walk(
     surfaces: &dyn Surfaces,
-    start: Vec3,
+    mut ray: Ray,
     s: &mut Stream,
     most: usize,
-    mut landed: impl FnMut(usize, &SurfaceHit),
+    mut landed: impl FnMut(usize, &SurfaceHit, &mut Stream) -> bool,
 ) -> u64 {
-    let toward = {
-        let u = Vec2::new(2.0 * s.uniform() - 1.0, s.uniform());
-        relight_transport::sampling::uniform_hemisphere(u)
-    };
-    let mut ray = Ray {
-        origin: start,
-        direction: toward,
-        t_min: 0.0,
-        t_max: f32::INFINITY,
-    };
     for landing in 0..most {
         let Some(hit) = surfaces.closest_hit(&ray) else {
             return landing as u64 + 1;
         };
-        landed(landing, &hit);
+        if !landed(landing, &hit, s) {
+            return landing as u64 + 1;
+        }
         let u = Vec2::new(s.uniform(), s.uniform());
         let direction = Frame::around(hit.geometric_normal).world_from_local(cosine_hemisphere(u));
         ray = ray_from(&hit, direction);

@@ -5,12 +5,14 @@
 
 use crate::points::candidates::Candidate;
 use crate::points::poisson::{self, PointLevels};
+use crate::points::relevance::Relevance;
 use glam::Vec3;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
 use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::grid::morton_order;
-use relight_transport::poisson::Disks;
+use relight_transport::kernel::width;
+use relight_transport::poisson::{Dart, Disks};
 use relight_transport::random::Stream;
 
 /// Surface samples: enough to see one per cent of the surface to within a tenth of itself.
@@ -74,7 +76,12 @@ const STAGE_EVERYWHERE: u32 = 11;
 
 /// Adds points on all surfaces, both sides, that have none (`--keep points`); those that are there keep their places and
 /// their order before the new ones.
-pub fn everywhere(scene: &TracedScene, mut points: PointLevels, seed: u64) -> PointLevels {
+pub fn everywhere(
+    scene: &TracedScene,
+    mut points: PointLevels,
+    relevance: &Relevance,
+    seed: u64,
+) -> PointLevels {
     let Some(samples) = Samples::new(scene) else {
         return points;
     };
@@ -82,9 +89,15 @@ pub fn everywhere(scene: &TracedScene, mut points: PointLevels, seed: u64) -> Po
     let directions = poisson::crevice_directions(seed);
     let (mut disks, mut more): (Vec<Disks>, Vec<Vec<Candidate>>) = (points.levels.iter())
         .map(|level| {
-            let (positions, normals) = places(&level.points);
+            let darts: Vec<Dart> = (level.points.iter())
+                .map(|p| Dart {
+                    position: p.position,
+                    normal: p.normal,
+                    widening: p.widening,
+                })
+                .collect();
             let mut disks = Disks::new(level.disk_radius);
-            disks.throw(&positions, &normals, 0, |_| true);
+            disks.throw(&darts, 0, |_| true);
             (disks, Vec::new())
         })
         .unzip();
@@ -99,28 +112,24 @@ pub fn everywhere(scene: &TracedScene, mut points: PointLevels, seed: u64) -> Po
                 samples.at(at, &mut stream, i % 2 == 0)
             })
             .collect();
-        let (positions, normals): (Vec<Vec3>, Vec<Vec3>) =
-            batch.iter().map(|hit| (hit.position, hit.normal)).unzip();
+        let darts: Vec<Dart> = batch.iter().map(|hit| poisson::dart(relevance, hit)).collect();
         for (l, disks) in disks.iter_mut().enumerate() {
             let radius = disks.radius();
             let old = disks.candidates.len();
-            disks.throw(&positions, &normals, 0, |i| {
+            disks.throw(&darts, 0, |i| {
+                let radius = radius * width(darts[i].widening);
                 l == finest || poisson::is_open(scene, &batch[i], radius, &directions)
             });
-            let taken = disks.candidates[old..].iter();
-            more[l].extend(taken.map(|&c| Candidate::at(scene, &batch[c as usize])));
+            let taken = disks.candidates[old..].iter().map(|&c| c as usize);
+            more[l].extend(taken.map(|c| Candidate::at(scene, &batch[c], darts[c].widening)));
         }
     }
     for (level, more) in points.levels.iter_mut().zip(more) {
-        let (positions, _) = places(&more);
+        let positions: Vec<Vec3> = more.iter().map(|p| p.position).collect();
         let order = morton_order(&positions);
         (level.points).extend(order.into_iter().map(|i| more[i as usize]));
     }
     points
-}
-
-fn places(points: &[Candidate]) -> (Vec<Vec3>, Vec<Vec3>) {
-    points.iter().map(|p| (p.position, p.normal)).unzip()
 }
 
 /// Measures coverage by the finest level.

@@ -4,6 +4,7 @@ pub mod candidates;
 pub mod coverage;
 pub mod placing;
 pub mod poisson;
+pub mod relevance;
 pub mod seen;
 pub mod separation;
 pub mod viewpoints;

@@ -6,6 +6,7 @@ use crate::params::Omittable;
 use crate::points::candidates::Candidate;
 use crate::points::coverage::everywhere;
 use crate::points::poisson::{self, PointLevels};
+use crate::points::relevance::Relevance;
 use crate::points::seen;
 use crate::points::viewpoints;
 use crate::progress::{Progress, Watch};
@@ -48,7 +49,8 @@ pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<(Trac
     let traced = load(request, progress)?;
     check_memory(&traced, request)?;
     let (viewpoints, _, _) = chosen_viewpoints(&traced, request)?;
-    let radius = radius(&traced, request, &viewpoints, Units::none())?.0;
+    let relevance = Relevance::of(&traced, &viewpoints, known_cameras(request), request.params.seed);
+    let radius = radius(&traced, request, &relevance, Units::none())?.0;
     Ok((traced, radius))
 }
 
@@ -76,8 +78,8 @@ pub struct Placed<'a> {
     pub levels: Vec<format::Level>,
     /// The same as a reader of the file will see them: the operators are built over those.
     pub points: PointLevels,
-    /// Where importance started, and light is carried to.
-    pub viewpoints: Vec<Vec3>,
+    /// Where importance started and light is carried to, and how finely places are to be known.
+    pub relevance: Relevance,
     /// Whether the scene had none of its own.
     pub automatic: bool,
     /// The cameras that alone will look; none: anybody may look from anywhere.
@@ -103,19 +105,19 @@ pub fn placed<'a>(
     check_memory(traced, request)?;
     let Spread {
         mut points,
-        viewpoints,
+        relevance,
         automatic,
         rays,
     } = spread(surfaces, request, units, progress)?;
     if params.keeps(Omittable::Points) {
-        points = everywhere(traced, points, params.seed);
+        points = everywhere(traced, points, &relevance, params.seed);
     }
     let (tracks, cameras) = looking(request)?;
     let (levels, points) = quantised(points);
     Ok(Placed {
         levels,
         points,
-        viewpoints,
+        relevance,
         automatic,
         tracks,
         cameras,
@@ -139,14 +141,14 @@ fn check_memory(traced: &TracedScene, request: &Request) -> Result<(), BakeError
     }
     // Not all of it may be reached.
     let (viewpoints, _, _) = chosen_viewpoints(traced, request)?;
-    let (own, _) =
-        poisson::coarse_radius_for(traced, &viewpoints, RADIUS_LEVELS, params.seed, Units::none())?;
+    let relevance = Relevance::of(traced, &viewpoints, known_cameras(request), params.seed);
+    let (own, _) = poisson::coarse_radius_for(traced, &relevance, RADIUS_LEVELS, params.seed, Units::none())?;
     memory::check(automatic * (f64::from(own) / f64::from(radius)).powi(2), request)
 }
 
 struct Spread {
     points: PointLevels,
-    viewpoints: Vec<Vec3>,
+    relevance: Relevance,
     automatic: bool,
     rays: u64,
 }
@@ -173,22 +175,37 @@ fn chosen_viewpoints(
     Ok((viewpoints, rays, automatic))
 }
 
+/// Cameras of the scene and of the sequence over all frames, where they are the viewpoints.
+fn known_cameras(request: &Request) -> Vec<Camera> {
+    if !request.params.viewpoints.is_empty() {
+        return Vec::new();
+    }
+    let (scene, lights) = (&request.scene, request.lights);
+    let mut cameras = seen::poses(
+        &viewpoints::tracks(scene, lights),
+        viewpoints::frames(scene, lights),
+    );
+    cameras.retain(|camera| camera.position.is_finite());
+    cameras
+}
+
 /// R of the coarsest level, and rays cast to find it.
 fn radius(
     surfaces: &dyn Surfaces,
     request: &Request,
-    viewpoints: &[Vec3],
+    relevance: &Relevance,
     units: Units,
 ) -> Result<(f32, u64), BakeError> {
+    let levels = RADIUS_LEVELS;
     let (radius, rays) = match request.params.coarse_radius {
         Some(radius) => (radius, 0),
-        None => poisson::coarse_radius_for(surfaces, viewpoints, RADIUS_LEVELS, request.params.seed, units)?,
+        None => poisson::coarse_radius_for(surfaces, relevance, levels, request.params.seed, units)?,
     };
     if radius.is_finite() && radius > 0.0 {
         Ok((radius, rays))
     } else {
         Err(BakeError::NothingReachable {
-            viewpoints: viewpoints.to_vec(),
+            viewpoints: relevance.viewpoints.clone(),
         })
     }
 }
@@ -203,8 +220,9 @@ fn spread(
     let (params, watch) = (request.params, Watch(progress));
     let (viewpoints, mut rays, automatic) = chosen_viewpoints(surfaces, request)?;
     watch.go_on()?;
-    let (radius, cast) = radius(surfaces, request, &viewpoints, units)?;
-    rays += cast;
+    let relevance = Relevance::of(surfaces, &viewpoints, known_cameras(request), params.seed);
+    let (radius, cast) = radius(surfaces, request, &relevance, units)?;
+    rays += cast + relevance.rays;
     // Radii of our own make give about as many points as were wanted.
     let finest = poisson::expected(RADIUS_LEVELS, params.levels) as u64;
     let wanted = params
@@ -215,7 +233,7 @@ fn spread(
     let mut told = 0;
     let points = poisson::distribute(
         surfaces,
-        &viewpoints,
+        &relevance,
         params.levels,
         radius,
         params.seed,
@@ -232,7 +250,7 @@ fn spread(
     )?;
     Ok(Spread {
         points,
-        viewpoints,
+        relevance,
         rays,
         automatic,
     })
@@ -253,6 +271,7 @@ fn quantised(mut points: PointLevels) -> (Vec<format::Level>, PointLevels) {
                 .iter()
                 .map(|p| p.albedo.clamp(Vec3::ZERO, Vec3::ONE).to_array())
                 .collect(),
+            widenings: level.widenings(),
         };
         let stored = format::quantised_level(&exact);
         for (i, place) in level.points.iter_mut().enumerate() {

@@ -4,6 +4,7 @@
 
 use crate::error::BakeError;
 use crate::points::candidates::{self, Candidate};
+use crate::points::relevance::Relevance;
 use crate::units::Units;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -11,7 +12,8 @@ use relight_scene::rays::Ray;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_transport::basis::Level;
 use relight_transport::grid::morton_order;
-use relight_transport::poisson::Disks;
+use relight_transport::kernel::width;
+use relight_transport::poisson::{Dart, Disks};
 use relight_transport::random::Stream;
 use relight_transport::sampling::{DirectionSet, Frame};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -40,9 +42,10 @@ pub fn levels_of(points: &PointLevels) -> Vec<Level> {
         .levels
         .iter()
         .map(|level| {
-            Level::new(
+            Level::widened(
                 level.points.iter().map(|p| p.position).collect(),
                 level.points.iter().map(|p| p.normal).collect(),
+                level.widenings(),
                 level.disk_radius,
                 level.support_radius,
             )
@@ -59,6 +62,18 @@ pub struct PointLevel {
     pub support_radius: f32,
     /// The points, along a Morton curve.
     pub points: Vec<Candidate>,
+}
+
+impl PointLevel {
+    /// By how much each point's radii are wider than the level's, as a power of two; none where none is.
+    pub fn widenings(&self) -> Vec<u8> {
+        let widenings: Vec<u8> = self.points.iter().map(|p| p.widening).collect();
+        if widenings.iter().any(|&k| k > 0) {
+            widenings
+        } else {
+            Vec::new()
+        }
+    }
 }
 
 /// C in r = C·R: from 1.5 on the coarsest level to 2 on the finest. The paper goes to 2.5 (section 2.3); 2 looks
@@ -102,16 +117,16 @@ const BATCHES_PER_UNIT: usize = 8;
 /// Nothing is reachable, what `step` returns, or a unit cannot be kept.
 pub fn distribute(
     surfaces: &dyn Surfaces,
-    viewpoints: &[Vec3],
+    relevance: &Relevance,
     levels: usize,
     coarse_radius: f32,
     seed: u64,
     units: Units,
     mut step: impl FnMut(&Spread) -> Result<(), BakeError>,
 ) -> Result<PointLevels, BakeError> {
-    let mut spread = Spread::new(levels, coarse_radius);
+    let mut spread = Spread::new(levels, coarse_radius, relevance);
     let inputs = units.inputs(|key| {
-        key.vectors(viewpoints.iter())
+        key.vectors(relevance.viewpoints.iter())
             .f32s(&[coarse_radius])
             .u64s(&[levels as u64, seed]);
     });
@@ -128,7 +143,7 @@ pub fn distribute(
         let before: Vec<usize> = spread.kept.iter().map(Vec::len).collect();
         for _ in range.clone() {
             if !spread.is_done() {
-                spread.throw_batch(surfaces, viewpoints, seed, &directions)?;
+                spread.throw_batch(surfaces, seed, &directions)?;
                 step(&spread)?;
             }
         }
@@ -140,7 +155,8 @@ pub fn distribute(
 }
 
 /// Points in the making.
-pub struct Spread {
+pub struct Spread<'a> {
+    relevance: &'a Relevance,
     disks: Vec<Disks>,
     /// Where the points of each level are, in the order in which they were accepted.
     kept: Vec<Vec<SurfaceHit>>,
@@ -161,9 +177,10 @@ pub struct Growth {
     pub totals: [u64; 4],
 }
 
-impl Spread {
-    fn new(levels: usize, coarse_radius: f32) -> Spread {
+impl<'a> Spread<'a> {
+    fn new(levels: usize, coarse_radius: f32, relevance: &'a Relevance) -> Spread<'a> {
         Spread {
+            relevance,
             disks: (0..levels)
                 .map(|l| Disks::new(coarse_radius / (1u64 << l) as f32))
                 .collect(),
@@ -194,35 +211,34 @@ impl Spread {
     fn throw_batch(
         &mut self,
         surfaces: &dyn Surfaces,
-        viewpoints: &[Vec3],
         seed: u64,
         directions: &DirectionSet,
     ) -> Result<(), BakeError> {
-        let (batch, cast) = candidates::trace(surfaces, viewpoints, seed, self.particles, BATCH, self.near());
+        let (batch, cast) =
+            candidates::trace(surfaces, self.relevance, seed, self.particles, BATCH, self.near());
         self.particles += BATCH as u64;
         self.rays += cast;
         if batch.is_empty() {
             self.barren += 1;
             return if self.barren == MOST_BARREN / 2 && self.candidates == 0 {
                 Err(BakeError::NothingReachable {
-                    viewpoints: viewpoints.to_vec(),
+                    viewpoints: self.relevance.viewpoints.clone(),
                 })
             } else {
                 Ok(())
             };
         }
-        let positions: Vec<Vec3> = batch.iter().map(|c| c.position).collect();
-        let normals: Vec<Vec3> = batch.iter().map(|c| c.normal).collect();
+        let darts = self.darts(&batch);
         let crevice_rays = AtomicU64::new(0);
         let (first, levels) = (self.candidates, self.disks.len());
         for (level, (disks, kept)) in self.disks.iter_mut().zip(&mut self.kept).enumerate() {
             let finest = level + 1 == levels;
             let radius = disks.radius();
             let old = disks.candidates.len();
-            disks.throw(&positions, &normals, first, |i| {
+            disks.throw(&darts, first, |i| {
                 finest || {
                     crevice_rays.fetch_add(CREVICE_RAYS as u64, Ordering::Relaxed);
-                    is_open(surfaces, &batch[i], radius, directions)
+                    is_open(surfaces, &batch[i], radius * width(darts[i].widening), directions)
                 }
             });
             kept.extend(
@@ -234,6 +250,13 @@ impl Spread {
         self.candidates += batch.len() as u64;
         self.rays += crevice_rays.into_inner();
         Ok(())
+    }
+
+    fn darts(&self, hits: &[SurfaceHit]) -> Vec<Dart> {
+        hits.par_iter()
+            .with_min_len(1024)
+            .map(|hit| dart(self.relevance, hit))
+            .collect()
     }
 
     fn growth_since(&self, before: &[usize]) -> Growth {
@@ -248,12 +271,13 @@ impl Spread {
     }
 
     fn grow(&mut self, growth: Growth) {
+        let relevance = self.relevance;
         let levels = self.disks.iter_mut().zip(&mut self.kept);
         for ((disks, kept), ((hits, candidates), failures)) in
             levels.zip(growth.points.into_iter().zip(growth.failures))
         {
             let points = hits.iter().zip(candidates);
-            disks.restore(points.map(|(hit, c)| (hit.position, hit.normal, c)), failures);
+            disks.restore(points.map(|(hit, c)| (dart(relevance, hit), c)), failures);
             kept.extend(hits);
         }
         [self.particles, self.candidates, self.rays, self.barren] = growth.totals;
@@ -263,7 +287,7 @@ impl Spread {
         let levels = self.kept.len();
         let (coarse, finest) = self.kept.split_at_mut(levels - 1);
         for (disks, kept) in self.disks.iter().zip(coarse).filter(|level| level.1.is_empty()) {
-            *kept = without_openness(&finest[0], disks.radius());
+            *kept = without_openness(&finest[0], self.relevance, disks.radius());
         }
         let level = |l: usize| {
             let (hits, disk_radius) = (&self.kept[l], self.disks[l].radius());
@@ -273,7 +297,10 @@ impl Spread {
                 support_radius: disk_radius * support_over_disk(l, levels),
                 points: morton_order(&positions)
                     .into_par_iter()
-                    .map(|i| Candidate::at(surfaces, &hits[i as usize]))
+                    .map(|i| {
+                        let hit = &hits[i as usize];
+                        Candidate::at(surfaces, hit, self.relevance.widening(hit.position))
+                    })
                     .collect(),
             }
         };
@@ -285,13 +312,20 @@ impl Spread {
     }
 }
 
+/// A disk at a landing.
+pub fn dart(relevance: &Relevance, hit: &SurfaceHit) -> Dart {
+    Dart {
+        widening: relevance.widening(hit.position),
+        ..Dart::plain(hit.position, hit.normal)
+    }
+}
+
 /// Points of a level on which all places count as crevices, as disks wider than the scene do: a maximal set of the finest
 /// points, because every level must have some.
-fn without_openness(finest: &[SurfaceHit], radius: f32) -> Vec<SurfaceHit> {
-    let positions: Vec<Vec3> = finest.iter().map(|c| c.position).collect();
-    let normals: Vec<Vec3> = finest.iter().map(|c| c.normal).collect();
+fn without_openness(finest: &[SurfaceHit], relevance: &Relevance, radius: f32) -> Vec<SurfaceHit> {
+    let darts: Vec<Dart> = finest.iter().map(|hit| dart(relevance, hit)).collect();
     let mut disks = Disks::new(radius);
-    disks.throw(&positions, &normals, 0, |_| true);
+    disks.throw(&darts, 0, |_| true);
     (disks.candidates.iter()).map(|&c| finest[c as usize]).collect()
 }
 
@@ -338,23 +372,23 @@ pub const DENSITY: f64 = 0.70;
 
 /// A radius for the coarsest level such that the finest has about [`FINEST_POINTS`] points.
 ///
-/// Dart throwing at a trial radius measures the reachable area: a maximal Poisson-disk set holds [`DENSITY`] points per R²,
-/// so counts scale with 1/R².
+/// Dart throwing at a trial radius measures the reachable area, each part of it by how relevant it is: a maximal Poisson-disk set holds
+/// [`DENSITY`] points per R², so counts scale with 1/R².
 pub fn coarse_radius_for(
     surfaces: &dyn Surfaces,
-    viewpoints: &[Vec3],
+    relevance: &Relevance,
     levels: usize,
     seed: u64,
     units: Units,
 ) -> Result<(f32, u64), BakeError> {
     let Some((min, max)) = surfaces.bounds() else {
         return Err(BakeError::NothingReachable {
-            viewpoints: viewpoints.to_vec(),
+            viewpoints: relevance.viewpoints.clone(),
         });
     };
-    // Fine enough to see the scene's objects, coarse enough to take some ten thousand candidates.
-    let trial = (max - min).length() / 64.0;
-    let points = distribute(surfaces, viewpoints, 1, trial, seed, units, |_| Ok(()))?;
+    // Fine enough to see the scene's objects and what is relevant in a vast one, coarse enough to take some ten thousand candidates.
+    let trial = ((max - min).length() / 64.0).min(relevance.usual_radius());
+    let points = distribute(surfaces, relevance, 1, trial, seed, units, |_| Ok(()))?;
     let count = points.levels[0].points.len().max(1) as f32;
     let finest = trial * (count / FINEST_POINTS).sqrt();
     Ok((finest * (1u64 << (levels - 1)) as f32, points.rays))

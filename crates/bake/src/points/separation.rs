@@ -19,12 +19,15 @@ pub struct Separations {
 
 /// Finds them, and the parents that are left (see [`fine_from_coarse`]).
 pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Separations, SparseMatrix) {
-    let scale = levels.last().map_or(0.0, |finest| finest.disk_radius);
+    let finest = levels.last().map_or(0.0, |finest| finest.disk_radius);
+    let widths: Vec<f32> = (levels.iter())
+        .flat_map(|level| (0..level.len()).map(|i| level.disk_radius_of(i) / level.disk_radius))
+        .collect();
     let places: Vec<_> = levels
         .iter()
         .flat_map(|level| level.positions.iter().copied().zip(level.normals.iter().copied()))
         .collect();
-    let separated = |a: usize, b: usize| are_separated(surfaces, places[a], places[b], scale);
+    let separated = |a: usize, b: usize| are_separated(surfaces, places[a], places[b], finest * widths[b]);
     let pairs = Mutex::new(Vec::new());
     let rows = fine_from_coarse(levels, |point, parent| {
         let separated = separated(point as usize, parent as usize);
@@ -57,9 +60,10 @@ fn near(levels: &[Level], separated: impl Fn(usize, usize) -> bool + Sync) -> Ve
         .with_min_len(256)
         .map(|i| {
             let mut found = Vec::new();
-            // Each pair once.
+            // Each pair once; a wider point's function alone may reach the other.
             finest.weights_at(finest.positions[i], finest.normals[i], |j, _| {
-                if (j as usize) < i && separated(first + i, first + j as usize) {
+                let j_is_wider = finest.disk_radius_of(j as usize) > finest.disk_radius_of(i);
+                if (j_is_wider || (j as usize) < i) && separated(first + i, first + j as usize) {
                     found.push(j);
                 }
             });

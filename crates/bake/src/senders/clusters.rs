@@ -64,6 +64,7 @@ fn signed(
         signed.extend(places.iter().zip(seen).map(|(place, signature)| Signed {
             position: place.position,
             normal: place.normal,
+            widening: place.widening,
             signature,
         }));
     }

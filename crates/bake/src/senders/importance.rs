@@ -10,8 +10,8 @@
 
 use crate::error::BakeError;
 use crate::points::candidates::walk;
+use crate::points::relevance::Relevance;
 use crate::units::Units;
-use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::NearestPoint;
@@ -56,7 +56,7 @@ pub fn importance(
     surfaces: &dyn Surfaces,
     finest: &NearestPoint,
     near: f32,
-    viewpoints: &[Vec3],
+    relevance: &Relevance,
     seed: u64,
     units: Units,
 ) -> Result<(Vec<u8>, u64), BakeError> {
@@ -64,14 +64,14 @@ pub fn importance(
     let inputs = units.inputs(|key| {
         key.level(finest.level)
             .f32s(&[near])
-            .vectors(viewpoints.iter())
+            .vectors(relevance.viewpoints.iter())
             .u64s(&[seed]);
     });
     let mut met = vec![0u32; points];
     let mut rays = 0;
     for range in units.ranges(0..points * PARTICLES_PER_POINT, PARTICLES_PER_UNIT) {
         let part: Met = units.taken_or_made("importance", inputs, &range, || {
-            Ok(particles(surfaces, finest, near, viewpoints, seed, range.clone()))
+            Ok(particles(surfaces, finest, near, relevance, seed, range.clone()))
         })?;
         // A unit's counts are as many as points, or they are none of ours.
         met.iter_mut().zip(&part.counts).for_each(|(sum, n)| *sum += n);
@@ -90,7 +90,7 @@ fn particles(
     surfaces: &dyn Surfaces,
     finest: &NearestPoint,
     near: f32,
-    viewpoints: &[Vec3],
+    relevance: &Relevance,
     seed: u64,
     numbers: Range<usize>,
 ) -> Met {
@@ -99,10 +99,10 @@ fn particles(
         .into_par_iter()
         .with_min_len(256)
         .map(|particle| {
-            let start = viewpoints[particle % viewpoints.len()];
             let mut s = Stream::new(seed, STAGE, particle as u64);
-            let mut last = start;
-            walk(surfaces, start, &mut s, LANDINGS, |landing, hit| {
+            let start = relevance.start(particle as u64, &mut s);
+            let mut last = start.origin;
+            walk(surfaces, start, &mut s, LANDINGS, |landing, hit, _| {
                 let from_afar = hit.position.distance_squared(last) > near * near;
                 last = hit.position;
                 if landing > 0
@@ -111,6 +111,7 @@ fn particles(
                 {
                     met[point as usize].fetch_add(1, Ordering::Relaxed);
                 }
+                true
             })
         })
         .sum();

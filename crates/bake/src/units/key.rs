@@ -62,6 +62,7 @@ impl Key {
     pub fn level(&mut self, level: &Level) -> &mut Key {
         self.vectors(level.positions.iter())
             .vectors(level.normals.iter())
+            .bytes(&level.widenings)
             .f32s(&[level.disk_radius, level.support_radius])
     }
 

@@ -22,7 +22,7 @@ use crate::layout::Kind;
 pub fn version(kind: Kind, asset: &Asset) -> u16 {
     let Coding { grey, short_links } = asset.coding;
     match kind {
-        Kind::Points if grey => 2,
+        Kind::Points => points::version(&asset.points, grey),
         Kind::LinksTransfer if short_links => 2,
         _ => 1,
     }
@@ -99,8 +99,7 @@ pub fn decode(kind: Kind, version: u16, raw: &[u8], memory: &mut u64, asset: &mu
         Kind::Textures => asset.textures = textures::decode(&mut cursor)?,
         Kind::Stage => asset.stage.json = textures::text(&mut cursor, raw.len())?,
         Kind::Points => {
-            asset.coding.grey = version == 2;
-            asset.points = points::decode(&mut cursor, asset.coding.grey)?;
+            (asset.points, asset.coding.grey) = points::decode(&mut cursor, version)?;
         }
         Kind::LinksTransfer => {
             asset.coding.short_links = version == 2;

@@ -9,6 +9,11 @@ use crate::error::Result;
 /// Bits of each component of a point's octahedral normal.
 const NORMAL_BITS: u32 = 12;
 
+/// Layout since which one channel of albedo may stand for all three.
+const GREY: u16 = 2;
+/// Layout since which points may be wider than their level.
+const WIDENED: u16 = 3;
+
 /// How positions are stored. SPEC 6.6.
 const MODE_EXACT: u8 = 0;
 const MODE_GRID: u8 = 1;
@@ -19,8 +24,23 @@ const MIN_LEVEL_BYTES: usize = 13;
 /// Fewest raw bytes of a position and a normal: 3 each.
 const MIN_PLACE_BYTES: usize = 6;
 
-/// `grey`: one channel of albedo stands for all three (layout version 2).
+/// Layout in which levels are written: the lowest that holds them. `grey`: one channel of albedo stands for all three.
+pub fn version(levels: &[Level], grey: bool) -> u16 {
+    if levels.iter().any(|level| !level.widenings.is_empty()) {
+        WIDENED
+    } else if grey {
+        GREY
+    } else {
+        1
+    }
+}
+
+/// `grey`: one channel of albedo stands for all three.
 pub fn encode(levels: &[Level], grey: bool, out: &mut Vec<u8>) {
+    let widened = version(levels, grey) == WIDENED;
+    if widened {
+        out.push(channels(grey) as u8);
+    }
     record::put(levels.len() as u32, out);
     for level in levels {
         let points = level.positions.len() as u32;
@@ -28,11 +48,25 @@ pub fn encode(levels: &[Level], grey: bool, out: &mut Vec<u8>) {
         encode_positions(level.disk_radius, &level.positions, out);
         encode_normals(&level.normals, out);
         encode_albedo(&level.albedo, channels(grey), out);
+        if widened {
+            let none = level.widenings.is_empty();
+            out.push(u8::from(!none));
+            out.extend_from_slice(&level.widenings);
+        }
     }
 }
 
-/// Inverse of [`encode`].
-pub fn decode(cursor: &mut Cursor<'_>, grey: bool) -> Result<Vec<Level>> {
+/// Inverse of [`encode`]: the levels, and whether they are grey.
+pub fn decode(cursor: &mut Cursor<'_>, version: u16) -> Result<(Vec<Level>, bool)> {
+    let widened = version == WIDENED;
+    let grey = match widened {
+        false => version == GREY,
+        true => match cursor.u8()? {
+            1 => true,
+            3 => false,
+            other => return Err(cursor.invalid("1 or 3 channels of albedo", other)),
+        },
+    };
     let count = record::fixed::<u32>(cursor)? as usize;
     let mut levels = cursor.vec(count, MIN_LEVEL_BYTES)?;
     for _ in 0..count {
@@ -41,15 +75,23 @@ pub fn decode(cursor: &mut Cursor<'_>, grey: bool) -> Result<Vec<Level>> {
         let positions = decode_positions(cursor, points)?;
         let normals = decode_normals(cursor, points)?;
         let albedo = decode_albedo(cursor, channels(grey), points)?;
+        let is_widened = widened
+            && match cursor.u8()? {
+                0 => false,
+                1 => true,
+                other => return Err(cursor.invalid("0 or 1: whether points are widened", other)),
+            };
+        let widenings = cursor.take(if is_widened { points } else { 0 })?.to_vec();
         levels.push(Level {
             disk_radius,
             support_radius,
             positions,
             normals,
             albedo,
+            widenings,
         });
     }
-    Ok(levels)
+    Ok((levels, grey))
 }
 
 /// Differences from the point before, as zigzag codes; the first from 0.
@@ -226,6 +268,7 @@ pub fn quantised_level(level: &Level) -> Level {
             .iter()
             .map(|rgb| rgb.map(|c| albedo::decode(albedo::encode(c))))
             .collect(),
+        widenings: level.widenings.clone(),
         ..*level
     }
 }

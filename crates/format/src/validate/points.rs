@@ -7,8 +7,11 @@ use crate::asset::{Level, Senders, Separations};
 use crate::error::Result;
 use crate::layout::Kind;
 
+/// Most that a point may be wider than its level, as a power of two: radii stay finite by far.
+const MOST_WIDENED: u8 = 31;
+
 impl Level {
-    /// Checks radii, lengths, finiteness, unit normals, albedo of 0 to 1. `index` is the level's.
+    /// Checks radii, lengths, finiteness, unit normals, albedo of 0 to 1, widenings of 0 to 31. `index` is the level's.
     ///
     /// # Errors
     /// `Invalid` with the level or the point.
@@ -19,6 +22,12 @@ impl Level {
         let points = self.positions.len();
         check_length(kind, "normals, one per point", self.normals.len(), points)?;
         check_length(kind, "albedos, one per point", self.albedo.len(), points)?;
+        if !self.widenings.is_empty() {
+            let what = "widenings, one per point";
+            check_length(kind, what, self.widenings.len(), points)?;
+            let expected = format_args!("a widening of 0 to {MOST_WIDENED}");
+            check_each(kind, &self.widenings, expected, |&k| k <= MOST_WIDENED)?;
+        }
         check_finite(kind, "positions", &self.positions)?;
         check_unit(kind, "normals", &self.normals)?;
         let fraction = |rgb: &[f32; 3]| rgb.iter().all(|c| (0.0..=1.0).contains(c));

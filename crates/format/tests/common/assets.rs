@@ -53,6 +53,7 @@ fn scan(vertices: u32) -> Mesh {
 fn level(disk_radius: f32, count: u64, place: impl Fn(u64) -> [f32; 3]) -> Level {
     Level {
         disk_radius,
+        widenings: Vec::new(),
         support_radius: 1.7 * disk_radius,
         positions: (0..count).map(place).collect(),
         normals: (0..count).map(|i| unit(1000 + i)).collect(),

@@ -248,6 +248,12 @@ pub fn lines(asset: &Asset) -> Vec<String> {
             dump.vectors(&format!("{name}.positions"), &level.positions);
             dump.vectors(&format!("{name}.normals"), &level.normals);
             dump.vectors(&format!("{name}.albedo"), &level.albedo);
+            if !level.widenings.is_empty() {
+                dump.u32(
+                    &format!("{name}.widenings"),
+                    level.widenings.iter().map(|&k| k.into()),
+                );
+            }
         });
     }
     dump.provenance(&asset.provenance);

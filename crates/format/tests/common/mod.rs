@@ -84,6 +84,7 @@ pub fn small_asset() -> Asset {
         points: vec![
             Level {
                 disk_radius: 0.5,
+                widenings: Vec::new(),
                 support_radius: 0.75,
                 positions: vec![[0.1, 0.2, 0.3], [0.9, 0.2, 0.3]],
                 normals: vec![[0.0, 0.0, 1.0], [0.0, 0.8, 0.6]],
@@ -91,6 +92,7 @@ pub fn small_asset() -> Asset {
             },
             Level {
                 disk_radius: 0.25,
+                widenings: Vec::new(),
                 support_radius: 0.625,
                 positions: vec![[0.1, 0.2, 0.3], [0.4, 0.8, 0.3], [0.9, 0.7, 0.1]],
                 normals: vec![[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.6, -0.8]],

@@ -1,0 +1,384 @@
+//! How finely places are to be known: as finely as their share in what viewers get to see asks for.
+//!
+//! Importance particles, which carry what surfaces reflect, tell how much of the light at a place reaches the viewpoints
+//! (the adjoint of light: Veach 1997, section 4.7). Where they land closely, points are as close as their level says; where
+//! they land far apart, points keep as many of them between each other, and radii grow by powers of two. So a ground or a sky dome a
+//! hundred times as wide as the room that is looked at takes few points, and a stray triangle none of the room's.
+
+use glam::{IVec3, Vec2, Vec3};
+use rayon::prelude::*;
+use relight_scene::camera::Camera;
+use relight_scene::rays::Ray;
+use relight_scene::surface::{Surfaces, ray_from};
+use relight_transport::grid::{CellHasher, key_of};
+use relight_transport::kernel::width;
+use relight_transport::random::Stream;
+use relight_transport::sampling::{Frame, cosine_hemisphere, uniform_hemisphere};
+use std::collections::HashMap;
+use std::hash::BuildHasherDefault;
+
+/// Particles: their landings, some ten each, are a hundred times [`SHARE`]'s inverse and more.
+const PARTICLES: u32 = 1 << 14;
+/// Landings of a particle at most: what is left by then is a thousandth where surfaces reflect half.
+const LANDINGS: usize = 10;
+/// Stage number of the random stream.
+const STAGE: u32 = 13;
+
+/// Part of all importance that places are told apart by: a disk with so much of it is as wide as its middle's surroundings go. Parts of
+/// a room are, its mouldings are not; and as many landings are in one as leave its width a few per cent of noise.
+const SHARE: f32 = 1.0 / 512.0;
+
+/// Part of all importance that is where points are as close as levels say: what is looked at may be a tenth of all that is seen, before
+/// a sky dome.
+const CLOSE: f64 = 0.1;
+
+/// One in so many landings is asked how closely others are: enough to know a tenth of all to a few per cent.
+const SAMPLED: usize = 16;
+
+/// How many times as far apart as usual particles may land before radii become wider: within a room they do, and whoever walks
+/// about in it comes near all of it.
+const SLACK: f32 = 8.0;
+
+/// Widest: a million times the level's radii.
+const WIDEST: u8 = 20;
+
+/// Importance in cubic cells of one edge, a power of two.
+type Cells = HashMap<u64, f32, BuildHasherDefault<CellHasher>>;
+
+/// How finely places are to be known.
+#[derive(Clone, Debug)]
+pub struct Relevance {
+    /// Where it is looked from.
+    pub viewpoints: Vec<Vec3>,
+    /// Cameras that are known, over all frames.
+    cameras: Vec<Camera>,
+    /// Importance in cells of edge 2^first, 2^(first + 1), …, as parts of all.
+    cells: Vec<Cells>,
+    first: i32,
+    /// Whether hardly any particle lands where radii are wider.
+    is_even: bool,
+    /// Usual radius of a disk that holds [`SHARE`], metres.
+    usual: f32,
+    /// Rays that were cast.
+    pub rays: u64,
+}
+
+/// Where a particle landed, and what it still carried.
+type Landing = (Vec3, f32);
+
+impl Relevance {
+    /// Of what is seen from `viewpoints`, of which there must be one, and in the images of `cameras`. Where nothing is, all is as relevant.
+    pub fn of(surfaces: &dyn Surfaces, viewpoints: &[Vec3], cameras: Vec<Camera>, seed: u64) -> Relevance {
+        let even = Relevance {
+            cameras,
+            ..Relevance::even(viewpoints)
+        };
+        let landings: Vec<Landing> = (0..PARTICLES)
+            .into_par_iter()
+            .with_min_len(256)
+            .flat_map_iter(|i| even.particle(surfaces, i, seed))
+            .collect();
+        let rays = u64::from(PARTICLES) + landings.len() as u64;
+        Relevance { rays, ..even }.with(&landings)
+    }
+
+    /// All is as relevant.
+    pub fn even(viewpoints: &[Vec3]) -> Relevance {
+        Relevance {
+            viewpoints: viewpoints.to_vec(),
+            cameras: Vec::new(),
+            is_even: true,
+            cells: Vec::new(),
+            first: 0,
+            usual: f32::INFINITY,
+            rays: 0,
+        }
+    }
+
+    fn with(self, landings: &[Landing]) -> Relevance {
+        let total: f64 = landings.iter().map(|l| f64::from(l.1)).sum();
+        let (low, high) = (landings.iter()).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), l| {
+            (low.min(l.0), high.max(l.0))
+        });
+        let extent = (high - low).max_element();
+        if !(total > 0.0 && extent > 0.0 && extent.is_finite()) {
+            return self;
+        }
+        let mut relevance = self;
+        // From a millionth of the whole, below which no usual disk is found, to all of it in one cell.
+        let last = extent.log2().ceil() as i32 + 1;
+        relevance.first = last - i32::from(WIDEST);
+        relevance.cells = (relevance.first..=last)
+            .into_par_iter()
+            .map(|power| {
+                let mut cells = Cells::default();
+                for (position, carried) in landings {
+                    let cell = (position / edge(power)).floor().as_ivec3();
+                    *cells.entry(key_of(cell)).or_default() += (f64::from(*carried) / total) as f32;
+                }
+                cells
+            })
+            .collect();
+        // Of cells so narrow that eight hold no share nobody asks.
+        let holds = |cells: &Cells| cells.values().any(|held| 8.0 * held >= SHARE);
+        let narrow = relevance.cells.iter().position(holds).unwrap_or(0);
+        relevance.cells.drain(..narrow);
+        relevance.first += narrow as i32;
+        relevance.usual = relevance.usual_of(landings, total);
+        let sampled = landings.par_iter().step_by(SAMPLED);
+        let wide = sampled.filter(|landing| relevance.widening(landing.0) > 0);
+        relevance.is_even = wide.count() * SAMPLED <= landings.len() / 100;
+        relevance
+    }
+
+    /// The radius of disks where particles land closely, [`CLOSE`] of all importance: a ground that most of it falls on does not change
+    /// the room's.
+    fn usual_of(&self, landings: &[Landing], total: f64) -> f32 {
+        let mut radii: Vec<Landing> = (landings.par_iter().step_by(SAMPLED))
+            .map(|&(position, carried)| (Vec3::splat(self.radius(position)), carried))
+            .collect();
+        radii.sort_by(|a, b| a.0.x.total_cmp(&b.0.x));
+        let mut below = 0.0;
+        let close = radii.iter().find(|&&(_, carried)| {
+            below += f64::from(carried);
+            below >= CLOSE * total / SAMPLED as f64
+        });
+        close.map_or(f32::INFINITY, |l| l.0.x)
+    }
+
+    /// Of a disk around a place that holds [`SHARE`], about, metres.
+    fn radius(&self, x: Vec3) -> f32 {
+        for (power, cells) in (self.first..).zip(&self.cells) {
+            let edge = edge(power);
+            let corner = (x / edge - 0.5).floor().as_ivec3();
+            let held: f32 = (0..8)
+                .filter_map(|i| cells.get(&key_of(corner + IVec3::new(i & 1, (i >> 1) & 1, i >> 2))))
+                .sum();
+            if held >= SHARE {
+                // Twice as wide as a cell; of surfaces that cross it a disk of its edge's radius has about as much. Between powers
+                // importance goes with the disk's area.
+                return edge * (SHARE / held).sqrt().max(0.5);
+            }
+        }
+        self.cells
+            .last()
+            .map_or(0.0, |_| edge(self.first + self.cells.len() as i32))
+    }
+
+    /// Usual radius of disks that hold an equal share of importance, metres; infinite where nothing is seen.
+    pub fn usual_radius(&self) -> f32 {
+        self.usual
+    }
+
+    /// By how much radii are wider at a place, as a power of two.
+    pub fn widening(&self, x: Vec3) -> u8 {
+        let limit = SLACK * self.usual;
+        // Nearly all places: their own cell, no wider than that, holds its share.
+        if !limit.is_finite() || self.holds_its_share(x, limit) {
+            return 0;
+        }
+        let apart = self.radius(x) / self.usual;
+        if apart < SLACK {
+            return 0;
+        }
+        // A point at the limit still stands for less importance than a usual one, and farther away for more, up to four times as much: what
+        // lies there is many things to nobody.
+        let power = apart.log2();
+        let wider = (1.5 * power - 2.0).floor().min(power.floor() + 1.0);
+        wider.clamp(0.0, f32::from(WIDEST)) as u8
+    }
+
+    fn holds_its_share(&self, x: Vec3, widest: f32) -> bool {
+        let power = widest.log2().floor() as i32;
+        let cells = usize::try_from(power - self.first)
+            .ok()
+            .and_then(|i| self.cells.get(i));
+        cells.is_some_and(|cells| {
+            let cell = (x / edge(power)).floor().as_ivec3();
+            cells.get(&key_of(cell)).is_some_and(|held| *held >= SHARE)
+        })
+    }
+}
+
+fn edge(power: i32) -> f32 {
+    2.0f32.powi(power)
+}
+
+impl Relevance {
+    /// The ray with which an importance particle starts: in a uniform direction from a viewpoint or, where `in_view` and there are
+    /// cameras, through one's image.
+    fn ray(&self, number: u64, in_view: bool, s: &mut Stream) -> Ray {
+        let n = number as usize;
+        match self.cameras.get(n % self.cameras.len().max(1)) {
+            Some(camera) if in_view => camera_ray(camera, Vec2::new(s.uniform(), s.uniform())),
+            _ => start(self.viewpoints[n % self.viewpoints.len()], s),
+        }
+    }
+
+    /// The ray with which particle `number` starts. Where all is as relevant, directions are uniform; else half of all particles are seen by the
+    /// cameras: of a room's front before a sky dome few others would tell.
+    pub fn start(&self, number: u64, s: &mut Stream) -> Ray {
+        self.ray(number, !self.is_even && number / 2 % 2 == 1, s)
+    }
+
+    /// Whether a particle goes on from where it landed: where points are wide, there is little to be found.
+    pub fn goes_on(&self, x: Vec3, s: &mut Stream) -> bool {
+        let widening = self.widening(x);
+        widening == 0 || s.uniform() * width(widening) < 1.0
+    }
+
+    fn particle(&self, surfaces: &dyn Surfaces, number: u32, seed: u64) -> Vec<Landing> {
+        let mut s = Stream::new(seed, STAGE, u64::from(number));
+        let mut ray = self.ray(u64::from(number), number / 2 % 2 == 1, &mut s);
+        let (mut landings, mut carried) = (Vec::with_capacity(LANDINGS), 1.0);
+        while landings.len() < LANDINGS
+            && carried > 0.0
+            && let Some(hit) = surfaces.closest_hit(&ray)
+        {
+            landings.push((hit.position, carried));
+            carried *= surfaces.albedo(&hit).max_element().clamp(0.0, 1.0);
+            let u = Vec2::new(s.uniform(), s.uniform());
+            let direction = Frame::around(hit.geometric_normal).world_from_local(cosine_hemisphere(u));
+            ray = ray_from(&hit, direction);
+        }
+        landings
+    }
+}
+
+/// Width over height of what cameras see: wider than most screens, since an image's size is decided at play time.
+const ASPECT: f32 = 2.4;
+
+/// A ray through a camera's image, at `at` of its width and height.
+fn camera_ray(camera: &Camera, at: Vec2) -> Ray {
+    let size = Vec2::new(ASPECT, 1.0);
+    Ray {
+        origin: camera.position,
+        direction: camera.direction(at * size, size),
+        t_min: 0.0,
+        t_max: f32::INFINITY,
+    }
+}
+
+/// The ray of a particle that leaves a viewpoint in a uniform direction.
+fn start(viewpoint: Vec3, s: &mut Stream) -> Ray {
+    let u = Vec2::new(2.0 * s.uniform() - 1.0, s.uniform());
+    Ray {
+        origin: viewpoint,
+        direction: uniform_hemisphere(u),
+        t_min: 0.0,
+        t_max: f32::INFINITY,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::points::poisson::{coarse_radius_for, distribute};
+    use crate::units::Units;
+    use glam::Affine3A;
+    use relight_scene::material::Material;
+    use relight_scene::scene::{Instance, Mesh, Scene};
+    use relight_scene::traced::{Shading, TracedScene};
+    use std::sync::Arc;
+
+    /// A room of 4 × 3 × 4 m that is open to one side.
+    fn room() -> Vec<[Vec3; 4]> {
+        let corner = |i: u32| {
+            let sign = |bit: u32| if i >> bit & 1 == 1 { 2.0 } else { -2.0 };
+            Vec3::new(sign(0), if i >> 1 & 1 == 1 { 3.0 } else { 0.0 }, sign(2))
+        };
+        [
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 2, 3, 1],
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+        ]
+        .map(|face| face.map(corner))
+        .to_vec()
+    }
+
+    /// A ground a centimetre below the room, so wide to either side.
+    fn ground(wide: f32) -> [Vec3; 4] {
+        [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)]
+            .map(|(x, z)| Vec3::new(wide * x, -0.01, wide * z))
+    }
+
+    fn scene(quads: &[[Vec3; 4]]) -> TracedScene {
+        let mesh = Mesh {
+            positions: quads.iter().flatten().copied().collect(),
+            triangles: (0..quads.len() as u32)
+                .flat_map(|q| [[0, 1, 2], [0, 2, 3]].map(|t: [u32; 3]| t.map(|i| 4 * q + i)))
+                .collect(),
+            ..Mesh::default()
+        };
+        let scene = Scene {
+            meshes: vec![mesh],
+            instances: vec![Instance {
+                mesh: 0,
+                world_from_mesh: Affine3A::IDENTITY,
+            }],
+            materials: vec![Material::default()],
+            ..Scene::default()
+        };
+        TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap()
+    }
+
+    const EYE: Vec3 = Vec3::new(0.2, 1.5, 1.0);
+
+    /// The finest points' distance of a default bake, and its number of finest points in the room, at that radius on two levels.
+    fn in_room(surfaces: &TracedScene) -> (f32, usize) {
+        let relevance = Relevance::of(surfaces, &[EYE], Vec::new(), 0);
+        let (radius, _) = coarse_radius_for(surfaces, &relevance, 6, 0, Units::none()).unwrap();
+        let points = distribute(surfaces, &relevance, 2, radius, 0, Units::none(), |_| Ok(())).unwrap();
+        let inside = points.levels[1].points.iter().filter(|p| p.position.y > -0.005);
+        (radius, inside.count())
+    }
+
+    /// Truth: the room without anything around it. Two seeds of the points differ by some 2 % in their number.
+    #[test]
+    fn a_room_has_its_points_whatever_lies_around_it() {
+        let (alone, count) = in_room(&scene(&room()));
+        let stray = [1e3, 1e5].map(|far| {
+            let x = Vec3::new(far, far, 0.0);
+            [x, x + Vec3::X, x + Vec3::X, x + Vec3::Y]
+        });
+        for around in [stray[0], stray[1]] {
+            let (radius, same) = in_room(&scene(&[room(), vec![around]].concat()));
+            assert!((radius / alone - 1.0).abs() < 0.05, "{radius} {alone}");
+            assert!((same as f32 / count as f32 - 1.0).abs() < 0.1, "{same} {count}");
+        }
+        // A ground in front is looked at, too: it takes its share of the points, the same of ten times to ten thousand times the room's width.
+        let radii = [40.0, 400.0, 4e4].map(|wide| in_room(&scene(&[room(), vec![ground(wide)]].concat())).0);
+        for radius in radii {
+            assert!(radius / alone < 2.0, "{radius} {alone}");
+            assert!((radius / radii[0] - 1.0).abs() < 0.2, "{radii:?}");
+        }
+    }
+
+    #[test]
+    fn points_are_as_wide_as_their_surroundings_are_far() {
+        let scene = scene(&[room(), vec![ground(1e3)]].concat());
+        let relevance = Relevance::of(&scene, &[EYE], Vec::new(), 0);
+        assert!(!relevance.is_even);
+        for inside in [
+            Vec3::new(0.3, 0.0, 0.1),
+            Vec3::new(-2.0, 1.0, 0.5),
+            Vec3::new(1.0, 3.0, -1.0),
+        ] {
+            assert_eq!(relevance.widening(inside), 0, "{inside}");
+        }
+        let far = [20.0, 80.0, 320.0].map(|z| relevance.widening(Vec3::new(3.0, -0.01, z)));
+        assert!(0 < far[0] && far.is_sorted() && far[2] >= far[0] + 3, "{far:?}");
+    }
+
+    #[test]
+    fn a_closed_scene_is_even_and_nothing_seen_is_no_matter() {
+        let (ball, _) = crate::test_scenes::hollow(0.5);
+        let inside = Relevance::of(&ball, &[Vec3::ZERO], Vec::new(), 0);
+        assert!(inside.is_even && inside.usual_radius().is_finite());
+        assert_eq!(inside.widening(Vec3::X), 0);
+        let away = Relevance::of(&scene(&[]), &[Vec3::ZERO], Vec::new(), 0);
+        assert!(away.is_even && away.widening(Vec3::X) == 0);
+    }
+}
