@@ -50,7 +50,7 @@ KINDS = {
     14: "parted",
 }
 # Versions of each section's layout that this reader decodes.
-VERSIONS = {name: {1} for name in KINDS.values()} | {name: {1, 2} for name in ("points", "links_transfer")}
+VERSIONS = {name: {1} for name in KINDS.values()} | {"points": {1, 2, 3}, "links_transfer": {1, 2}}
 MOST_RECORD_BYTES = 16777216
 
 
@@ -258,20 +258,32 @@ def stage(cursor):
         raise Refused(f"UTF-8 text: {error}") from error
 
 
-def points(cursor, channels=3):
+def widenings(cursor, n):
+    """6.6.4."""
+    widened = cursor.u8()
+    require(widened <= 1, "0 or 1: whether points are widened")
+    found = np.frombuffer(cursor.take(n), np.uint8) if widened else None
+    require(found is None or (found <= 31).all(), "widenings of 0 to 31")
+    return {} if found is None or n == 0 else {"widenings": found.astype(np.uint32)}
+
+
+def points(cursor, version=1):
+    channels = {1: 3, 2: 1}.get(version) or cursor.u8()
+    require(channels in (1, 3), "1 or 3 channels of albedo")
     count = cursor.u32()
     cursor.justify(count, 13)
 
     def level():
         disk, support, n = cursor.f32(), cursor.f32(), cursor.u32()
         require(disk > 0 and support > 0, "radii above 0")
-        return {
+        found = {
             "disk_radius": np.array([disk]),
             "support_radius": np.array([support]),
             "positions": positions(cursor, n),
             "normals": normals_12(cursor, n),
             "albedo": albedo(cursor, n, channels),
         }
+        return found | widenings(cursor, n) if version == 3 else found
 
     return [level() for _ in range(count)]
 
@@ -400,8 +412,9 @@ DECODE = {
         "parted": parted,
     }.items()
 }
-# 6.6 and 6.7, version 2.
-DECODE["points", 2] = lambda cursor: points(cursor, channels=1)
+# 6.6, versions 2 and 3, and 6.7, version 2.
+DECODE["points", 2] = lambda cursor: points(cursor, version=2)
+DECODE["points", 3] = lambda cursor: points(cursor, version=3)
 DECODE["links_transfer", 2] = lambda cursor: links_transfer(cursor, bits=8)
 
 

@@ -131,7 +131,7 @@ fn newer_versions_of_known_sections_count_as_unknown() {
         None,
         "estimates are optional"
     );
-    sections[5].version = 3;
+    sections[5].version = 4;
     assert_eq!(fault(&read(&forge(&sections)).unwrap_err()).0, "unsupported");
 }
 

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::assets::{short_asset, wide_asset};
+use common::assets::{short_asset, wide_asset, widened_asset};
 use common::small_asset;
 use proptest::prelude::*;
 use relight_format::*;
@@ -24,6 +24,29 @@ fn expected(asset: &Asset) -> Asset {
     asset.light_tree = asset.light_tree.as_ref().map(quantised_light_tree);
     asset.cuts = asset.cuts.as_ref().map(quantised_cuts);
     asset
+}
+
+#[test]
+fn points_wider_than_their_level_come_back_and_only_they_need_a_newer_reader() {
+    let asset = widened_asset();
+    let back = round_trip(&asset);
+    assert!(back.points.iter().skip(1).all(|level| !level.widenings.is_empty()));
+    assert_eq!(back.points, expected(&asset).points);
+    let grey = Asset {
+        coding: Coding {
+            grey: true,
+            ..Coding::default()
+        },
+        points: short_asset().points,
+        ..Asset::default()
+    };
+    let mut wide = grey.clone();
+    wide.points[0].widenings = vec![3; wide.points[0].positions.len()];
+    assert_eq!(round_trip(&wide).coding, wide.coding);
+    for broken in [vec![3], vec![32; wide.points[0].positions.len()]] {
+        wide.points[0].widenings = broken;
+        assert!(write_asset(&wide).is_err());
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::assets::{empty_asset, short_asset, wide_asset};
+use common::assets::{empty_asset, short_asset, wide_asset, widened_asset};
 use common::{Forged, dump, fixtures, forge, sections_of, small_asset};
 use relight_format::*;
 use std::path::{Path, PathBuf};
@@ -243,6 +243,7 @@ fn write_the_fixtures() {
         ("surface_at_points", wide_asset()),
         ("nothing", empty_asset()),
         ("short", short_asset()),
+        ("widened", widened_asset()),
     ] {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!(
             "tests/fixtures/version_{}_{name}.relight",

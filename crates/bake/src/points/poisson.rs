@@ -1,6 +1,6 @@
 //! The hierarchy of points: Poisson-disk sets of halving radius over the reachable surfaces.
 //!
-//! Source: Lehtinen et al. 2008, section 2.3.
+//! Source: Lehtinen et al. 2008, section 2.3. Deviation: radii of a level are wider where places matter less (`relevance`).
 
 use crate::error::BakeError;
 use crate::points::candidates::{self, Candidate};

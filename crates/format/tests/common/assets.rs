@@ -244,3 +244,12 @@ pub fn short_asset() -> Asset {
     };
     asset
 }
+
+/// Has points that are wider than their levels, in a layout of its own.
+pub fn widened_asset() -> Asset {
+    let mut asset = wide_asset();
+    for level in &mut asset.points[1..] {
+        level.widenings = (0..level.positions.len()).map(|i| (i % 32) as u8).collect();
+    }
+    asset
+}
