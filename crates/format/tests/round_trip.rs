@@ -30,7 +30,12 @@ fn expected(asset: &Asset) -> Asset {
 fn points_wider_than_their_level_come_back_and_only_they_need_a_newer_reader() {
     let asset = widened_asset();
     let back = round_trip(&asset);
-    assert!(back.points.iter().skip(1).all(|level| !level.widenings.is_empty()));
+    assert!(
+        back.points
+            .iter()
+            .skip(1)
+            .all(|level| !level.widenings.is_empty())
+    );
     assert_eq!(back.points, expected(&asset).points);
     let grey = Asset {
         coding: Coding {

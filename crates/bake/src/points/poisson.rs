@@ -387,7 +387,7 @@ pub fn coarse_radius_for(
         });
     };
     // Fine enough to see the scene's objects and what is relevant in a vast one, coarse enough to take some ten thousand candidates.
-    let trial = ((max - min).length() / 64.0).min(relevance.usual_radius());
+    let trial = ((max - min).length() / 64.0).min(relevance.trial_radius());
     let points = distribute(surfaces, relevance, 1, trial, seed, units, |_| Ok(()))?;
     let count = points.levels[0].points.len().max(1) as f32;
     let finest = trial * (count / FINEST_POINTS).sqrt();
