@@ -127,9 +127,9 @@ fn points_are_those_of_the_file_in_arrays_and_in_a_ply() {
         header.contains(&format!("element vertex {}\n", level.len())),
         "{header}"
     );
-    // Nine floats and a byte.
-    assert_eq!(ply.len() - end, level.len() * 37);
-    let at = end + 37 * (level.len() - 1);
+    // Nine floats, level and widening.
+    assert_eq!(ply.len() - end, level.len() * 38);
+    let at = end + 38 * (level.len() - 1);
     let last = [0, 1, 2].map(|i| f32::from_le_bytes(ply[at + 4 * i..at + 4 * i + 4].try_into().unwrap()));
     assert_eq!(last, *levels[1].positions.last().unwrap());
     assert_eq!(ply[at + 36], 1);

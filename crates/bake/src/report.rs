@@ -112,10 +112,14 @@ impl Made<'_> {
 
     fn remarks(&self) -> Vec<String> {
         let mut notes = Vec::new();
-        if let (true, Some(v)) = (self.placed.automatic, self.placed.relevance.viewpoints.first()) {
+        if self.placed.automatic {
+            let places = self.placed.relevance.viewpoints.iter();
+            let places: Vec<String> = places
+                .map(|v| format!("({:.3}, {:.3}, {:.3})", v.x, v.y, v.z))
+                .collect();
             notes.push(format!(
-                "The scene has no camera: points were spread from ({:.3}, {:.3}, {:.3}); --viewpoint sets another place.",
-                v.x, v.y, v.z
+                "The scene has no camera: points were spread from {}; --viewpoint sets other places.",
+                places.join(", ")
             ));
         }
         if self.transport.links.is_empty() {

@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::signals::{self, Signals};
 use glam::{Vec2, Vec3};
 use relight_bake::params::BakeParams;
-use relight_bake::points::viewpoints::in_open_space;
+use relight_bake::points::viewpoints::{focus, in_open_space};
 use relight_format::{self as format, Asset, Limits};
 use relight_play::camera::camera_of;
 use relight_play::open::Sections;
@@ -80,7 +80,12 @@ impl Viewpoints {
         let frames = lights.map_or(scene.sequence.frames, |s| s.frames).max(1);
         // That which `play` takes by itself: errors of several cameras together would be those of the darkest room that any sees.
         let track = camera_of(scene, lights.unwrap_or(&scene.sequence), None).ok();
-        let open = in_open_space(&traced, params.seed).0.unwrap_or(Vec3::ZERO);
+        let open = (traced.bounds())
+            .and_then(|bounds| {
+                let places = in_open_space(&traced, focus(scene, bounds), params.seed).0;
+                places.first().copied()
+            })
+            .unwrap_or(Vec3::ZERO);
         let mut windows = Vec::new();
         let mut seen = 0;
         for i in 0..MOST_WINDOWS {

@@ -164,10 +164,9 @@ fn chosen_viewpoints(
     }
     let automatic = viewpoints.is_empty();
     let mut rays = 0;
-    if automatic {
-        let (place, cast) = viewpoints::in_open_space(surfaces, request.params.seed);
-        rays += cast;
-        viewpoints.extend(place);
+    if let (true, Some(bounds)) = (automatic, surfaces.bounds()) {
+        let focus = viewpoints::focus(&request.scene, bounds);
+        (viewpoints, rays) = viewpoints::in_open_space(surfaces, focus, request.params.seed);
     }
     if viewpoints.is_empty() {
         return Err(BakeError::NothingReachable { viewpoints });

@@ -6,7 +6,7 @@ use relight_scene::camera::CameraTrack;
 use relight_scene::rays::Ray;
 use relight_scene::scene::Scene;
 use relight_scene::sequence::{Sequence, SequenceCamera};
-use relight_scene::surface::Surfaces;
+use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_transport::random::Stream;
 use relight_transport::sampling::r2;
 
@@ -70,55 +70,243 @@ const BACK: f32 = 0.25;
 /// Stage number of the random stream.
 const STAGE: u32 = 9;
 
-/// A place in open space that sees much of the scene: the one with the largest mean distance to what it sees,
-/// sky counting as nothing and backs of surfaces little. `None` where no ray meets anything. Also returns the
-/// number of rays cast.
-pub fn in_open_space(surfaces: &dyn Surfaces, seed: u64) -> (Option<Vec3>, u64) {
-    let Some((min, max)) = surfaces.bounds() else {
-        return (None, 0);
+/// Bounds are narrowed to where most triangles are if they are so many times as wide: a ground or a stray triangle makes them so.
+const VAST: f32 = 4.0;
+/// Part of all triangles that may lie beyond those narrower bounds on either side.
+const BEYOND: f32 = 0.1;
+/// Triangles that are asked where they are.
+const ASKED: usize = 1 << 16;
+
+/// Places of what is seen from all places that are tried, to find out what the chosen ones don't see.
+const SAMPLES: usize = 1024;
+/// Most viewpoints: those of a cube's sides and two more.
+const MOST: usize = 8;
+/// Part of all that is seen from anywhere that another viewpoint must add.
+const WORTH: f32 = 0.04;
+
+/// What is looked at where nobody says what: the surfaces' bounds or, in a vast scene, those of most triangles.
+pub fn focus(scene: &Scene, bounds: (Vec3, Vec3)) -> (Vec3, Vec3) {
+    let count: usize = (scene.instances.iter())
+        .map(|i| scene.meshes[i.mesh as usize].triangles.len())
+        .sum();
+    let middles = scene.instances.iter().flat_map(|instance| {
+        let mesh = &scene.meshes[instance.mesh as usize];
+        mesh.triangles.iter().map(|t| {
+            let middle = t.iter().map(|&v| mesh.positions[v as usize]).sum::<Vec3>() / 3.0;
+            instance.world_from_mesh.transform_point3(middle)
+        })
+    });
+    let middles: Vec<Vec3> = middles.step_by(count.div_ceil(ASKED).max(1)).collect();
+    if middles.is_empty() {
+        return bounds;
+    }
+    let last = (middles.len() - 1) as f32;
+    let within = |share: f32| {
+        let along = |axis: usize| {
+            let mut places: Vec<f32> = middles.iter().map(|m| m[axis]).collect();
+            places.sort_unstable_by(f32::total_cmp);
+            places[(share * last).round() as usize]
+        };
+        Vec3::new(along(0), along(1), along(2))
     };
+    let (low, high) = (within(BEYOND), within(1.0 - BEYOND));
+    let wide = (high - low).length();
+    if wide > 0.0 && (bounds.1 - bounds.0).length() > VAST * wide {
+        (low, high)
+    } else {
+        bounds
+    }
+}
+
+/// Places in open space from which much of what lies in `focus` is seen: first the one with the largest mean distance to what it sees,
+/// sky counting as nothing and backs of surfaces little; then, while they add to it, those that see most of what those
+/// before don't see. None where no ray meets anything. Also returns the number of rays cast.
+pub fn in_open_space(surfaces: &dyn Surfaces, (min, max): (Vec3, Vec3), seed: u64) -> (Vec<Vec3>, u64) {
     let margin = (max - min) * MARGIN;
     let (min, size) = (min - margin, (max - min) + margin * 2.0);
-    let scores: Vec<(f32, Vec3)> = (0..PLACES)
+    let views: Vec<(Vec3, Vec<SurfaceHit>)> = (0..PLACES)
         .into_par_iter()
         .map(|i| {
             let mut stream = Stream::new(seed, STAGE, u64::from(i));
             let at = Vec3::new(stream.uniform(), stream.uniform(), stream.uniform());
             let place = min + size * at;
             (
-                score(surfaces, place, Vec2::new(stream.uniform(), stream.uniform())),
                 place,
+                seen_from(surfaces, place, Vec2::new(stream.uniform(), stream.uniform())),
             )
         })
         .collect();
-    let best = scores.iter().fold((0.0, None), |best, &(score, place)| {
-        if score > best.0 {
-            (score, Some(place))
-        } else {
-            best
-        }
+    let mut rays = u64::from(PLACES * RAYS);
+    let farthest = 2.0 * size.length();
+    let score =
+        |hits: &[SurfaceHit]| -> f32 { hits.iter().map(|hit| hit.t.min(farthest) * counts(hit)).sum() };
+    let first = (views.iter().enumerate()).fold((0.0, None), |best, (i, view)| {
+        let score = score(&view.1);
+        if score > best.0 { (score, Some(i)) } else { best }
     });
-    (best.1, u64::from(PLACES * RAYS))
+    let Some(first) = first.1 else {
+        return (Vec::new(), rays);
+    };
+    let all: Vec<&SurfaceHit> = views
+        .iter()
+        .flat_map(|view| &view.1)
+        .filter(|hit| hit.t < farthest)
+        .collect();
+    let samples: Vec<&SurfaceHit> = all
+        .iter()
+        .copied()
+        .step_by(all.len().div_ceil(SAMPLES).max(1))
+        .collect();
+    let eyes: Vec<Vec3> = views.iter().map(|view| view.0).collect();
+    let seen: Vec<Vec<bool>> = (eyes.par_iter())
+        .map(|&eye| samples.iter().map(|sample| sees(surfaces, eye, sample)).collect())
+        .collect();
+    rays += (eyes.len() * samples.len()) as u64;
+    (
+        chosen(first, &seen, &samples)
+            .into_iter()
+            .map(|i| eyes[i])
+            .collect(),
+        rays,
+    )
 }
 
-fn score(surfaces: &dyn Surfaces, origin: Vec3, start: Vec2) -> f32 {
+/// `first` and, while one adds enough, the view that adds most to those before.
+fn chosen(first: usize, seen: &[Vec<bool>], samples: &[&SurfaceHit]) -> Vec<usize> {
+    // Directions are even, so that a hit stands for an area that grows with t².
+    let worth: Vec<f32> = (samples.iter()).map(|hit| counts(hit) * hit.t * hit.t).collect();
+    let visible = (0..samples.len()).filter(|&s| seen.iter().any(|seen| seen[s]));
+    let enough = WORTH * visible.map(|s| worth[s]).sum::<f32>();
+    let (mut views, mut left) = (vec![first], worth);
+    loop {
+        for (left, _) in left
+            .iter_mut()
+            .zip(&seen[views[views.len() - 1]])
+            .filter(|s| *s.1)
+        {
+            *left = 0.0;
+        }
+        let adds = |seen: &Vec<bool>| -> f32 { left.iter().zip(seen).filter(|s| *s.1).map(|s| s.0).sum() };
+        let best =
+            (seen.iter().map(adds).enumerate()).fold(
+                (0, 0.0),
+                |best, (i, adds)| if adds > best.1 { (i, adds) } else { best },
+            );
+        if views.len() == MOST || best.1 <= enough {
+            return views;
+        }
+        views.push(best.0);
+    }
+}
+
+fn counts(hit: &SurfaceHit) -> f32 {
+    if hit.front { 1.0 } else { BACK }
+}
+
+/// Whether the side of a surface that was hit is seen from a place.
+fn sees(surfaces: &dyn Surfaces, eye: Vec3, hit: &SurfaceHit) -> bool {
+    let ray = ray_from(hit, (eye - hit.position).normalize_or(hit.geometric_normal));
+    let way = eye - ray.origin;
+    way.dot(hit.geometric_normal) > 0.0
+        && !surfaces.occluded(&Ray {
+            direction: way,
+            t_min: 0.0,
+            t_max: 1.0,
+            ..ray
+        })
+}
+
+fn seen_from(surfaces: &dyn Surfaces, origin: Vec3, start: Vec2) -> Vec<SurfaceHit> {
     (0..RAYS)
-        .map(|i| {
+        .filter_map(|i| {
             let u = r2(i, start);
             // Evenly over the sphere (Archimedes).
             let z = 1.0 - 2.0 * u.x;
             let (sin, cos) = (u.y * std::f32::consts::TAU).sin_cos();
             let s = (1.0 - z * z).max(0.0).sqrt();
-            let direction = Vec3::new(s * cos, s * sin, z);
-            let ray = Ray {
-                origin,
-                direction,
-                t_min: 0.0,
-                t_max: f32::INFINITY,
-            };
-            surfaces
-                .closest_hit(&ray)
-                .map_or(0.0, |hit| hit.t * if hit.front { 1.0 } else { BACK })
+            surfaces.closest_hit(&Ray::endless(origin, Vec3::new(s * cos, s * sin, z)))
         })
-        .sum()
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{Affine3A, DVec3};
+    use relight_scene::gltf::{ImportOptions, import};
+    use relight_scene::implicit::{ImplicitSurface, Sdf};
+    use relight_scene::scene::{Instance, Mesh};
+    use relight_scene::traced::{Shading, TracedScene};
+    use std::path::Path;
+    use std::sync::Arc;
+
+    /// A thin plate: no single place sees both of its sides.
+    #[test]
+    fn both_sides_of_a_plate_are_seen_and_no_viewpoint_is_inside() {
+        let sdf = Sdf::Ellipsoid {
+            center: DVec3::ZERO,
+            radii: DVec3::new(1.0, 1.0, 0.02),
+        };
+        let bounds = (Vec3::new(-1.0, -1.0, -0.5), Vec3::new(1.0, 1.0, 0.5));
+        let plate = ImplicitSurface::new(sdf, bounds, Vec3::ONE);
+        for seed in 0..4 {
+            let (places, rays) = in_open_space(&plate, bounds, seed);
+            assert!((2..=MOST).contains(&places.len()) && rays > 0, "{places:?}");
+            assert!(places.iter().any(|p| p.z > 0.02) && places.iter().any(|p| p.z < -0.02));
+        }
+    }
+
+    #[test]
+    fn a_closed_room_is_seen_from_inside_alone() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/furnace_box.glb");
+        let scene = Arc::new(import(&file, &ImportOptions::default()).unwrap());
+        let room = TracedScene::new(scene, Shading::Lambert).unwrap();
+        let (low, high) = room.bounds().unwrap();
+        for seed in 0..4 {
+            let (places, _) = in_open_space(&room, (low, high), seed);
+            assert_eq!(places.len(), 1, "{places:?}");
+            assert!(
+                places[0].cmpgt(low).all() && places[0].cmplt(high).all(),
+                "{places:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_vast_ground_does_not_draw_attention_from_a_house() {
+        let triangle = |at: Vec3, wide: f32| [at, at + Vec3::X * wide, at + Vec3::Z * wide];
+        let house = (0..40).map(|i| {
+            triangle(
+                Vec3::new(i as f32 * 0.1, (i % 7) as f32 * 0.5, (i % 5) as f32),
+                0.5,
+            )
+        });
+        let ground = [
+            triangle(Vec3::new(-1e4, 0.0, -1e4), 4e4),
+            triangle(Vec3::new(1e4, 0.0, 1e4), -4e4),
+        ];
+        let positions: Vec<Vec3> = house.chain(ground).flatten().collect();
+        let scene = Scene {
+            meshes: vec![Mesh {
+                triangles: (0..positions.len() as u32 / 3)
+                    .map(|t| [3 * t, 3 * t + 1, 3 * t + 2])
+                    .collect(),
+                positions,
+                ..Mesh::default()
+            }],
+            instances: vec![Instance {
+                mesh: 0,
+                world_from_mesh: Affine3A::IDENTITY,
+            }],
+            ..Scene::default()
+        };
+        let bounds = (Vec3::splat(-3e4), Vec3::splat(3e4));
+        let (low, high) = focus(&scene, bounds);
+        assert!(
+            low.min_element() > -1.0 && high.max_element() < 6.0,
+            "{low} {high}"
+        );
+        let near = (Vec3::splat(-1.0), Vec3::splat(6.0));
+        assert_eq!(focus(&scene, near), near, "all of it is where the triangles are");
+    }
 }
