@@ -35,6 +35,7 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     let params = params(args, seed)?;
     let output = args.output()?;
     output::prepare_output(output)?;
+    output::prepare_output(&output::log_path(output))?;
     if args.long.dry_run {
         let _lock = lock::lock(output, console)?;
         let read = read(args, console)?;

@@ -11,7 +11,7 @@ use crate::output::{self, SCHEMA};
 use crate::words;
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, ValueEnum};
-use files::{Column, Folder};
+use files::{Column, Folder, Positions};
 use relight_format::layout::Kind;
 use relight_format::{self as format, Asset, LightSamples, Limits, WeightRows};
 use relight_transport::light_tree::sphere_direction;
@@ -118,6 +118,16 @@ pub fn run(args: &ExportArgs, console: &Console) -> Result<Outcome, Failure> {
     Ok(Outcome::Done)
 }
 
+/// Positions in the coordinates of the scene's file: 64-bit numbers where the asset's are moved.
+fn in_the_scene<'a>(asset: &Asset, positions: &'a [[f32; 3]]) -> anyhow::Result<Positions<'a>> {
+    let offset = (asset.provenance.offset()).context("its setting offset is not three numbers")?;
+    if offset == [0.0; 3] {
+        return Ok(Positions::Here(positions));
+    }
+    let moved = |p: &[f32; 3]| [0, 1, 2].map(|i| f64::from(p[i]) + offset[i]);
+    Ok(Positions::Moved(positions.iter().map(moved).collect()))
+}
+
 fn points(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Facts> {
     if asset.points.is_empty() {
         bail!("holds no points; bake it with points, or export something else");
@@ -131,7 +141,8 @@ fn points(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Facts> {
         .zip(0u8..)
         .flat_map(|(l, i)| vec![i; l.positions.len()])
         .collect();
-    folder.vectors("positions", "m", &positions)?;
+    let positions = in_the_scene(asset, &positions)?;
+    folder.positions("positions", &positions)?;
     folder.vectors("normals", "1", &normals)?;
     folder.vectors("albedo", "1", &albedo)?;
     folder.bytes("level", "1", &level)?;
@@ -146,7 +157,7 @@ fn points(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Facts> {
     folder.ply(
         "points",
         &[
-            (["x", "y", "z"], Column::Vectors(&positions)),
+            (["x", "y", "z"], positions.column()),
             (["nx", "ny", "nz"], Column::Vectors(&normals)),
             (["albedo_r", "albedo_g", "albedo_b"], Column::Vectors(&albedo)),
             (["level", "", ""], Column::Bytes(&level)),
@@ -238,12 +249,13 @@ fn lights(asset: &Asset, folder: &mut Folder) -> anyhow::Result<Facts> {
             positions,
             normals,
         } => {
-            folder.vectors("light_positions", "m", positions)?;
+            let positions = in_the_scene(asset, positions)?;
+            folder.positions("light_positions", &positions)?;
             folder.vectors("light_normals", "1", normals)?;
             folder.ply(
                 "lights",
                 &[
-                    (["x", "y", "z"], Column::Vectors(positions)),
+                    (["x", "y", "z"], positions.column()),
                     (["nx", "ny", "nz"], Column::Vectors(normals)),
                 ],
             )?;

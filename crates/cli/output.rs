@@ -77,6 +77,15 @@ pub fn prepare_output(path: &Path) -> Result<()> {
             path.display()
         )
     })?;
+    // The name itself, which may be too long or have what the file system can't.
+    if let Err(error) = path.symlink_metadata()
+        && error.kind() != std::io::ErrorKind::NotFound
+    {
+        anyhow::bail!(
+            "{}: cannot be a file's name: {error}; give another",
+            path.display()
+        );
+    }
     tempfile::Builder::new()
         .prefix(".relight-")
         .tempfile_in(folder)

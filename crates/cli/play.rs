@@ -20,8 +20,10 @@ use relight_play::player::FrameError;
 use relight_play::{CutSites, Player, Shot, ShotSettings};
 use relight_scene::camera::CameraTrack;
 use relight_scene::image::preview::tone_mapped;
-use relight_scene::image::{BEAUTY, ExrHeader, ExrWarning, ImageError, Layers, write_exr, write_png};
-use relight_scene::sequence::{Sequence, read_sequence};
+use relight_scene::image::{
+    BEAUTY, ExrHeader, ExrWarning, ImageError, Layers, light_layer_names, write_exr, write_png,
+};
+use relight_scene::sequence::{Sequence, read_sequence_at};
 use report::{Figures, OncePerShot, ShotReport};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -55,14 +57,16 @@ pub fn play(
     }
     let start = Instant::now();
     console.begin("Reading the asset", None);
-    let given = args.lights.as_deref().map(read_sequence).transpose()?;
     let wanted = args.integrator();
     let mut player = Player::open_for(&args.asset, &wanted)?;
     signals::go_on()?;
-    let sequence = match given {
-        Some(sequence) => sequence,
+    let mut sequence = match &args.lights {
+        Some(file) => read_sequence_at(file, player.scene().offset)?,
         None => player.own_lights()?.clone(),
     };
+    if args.layers.contains(&LayerName::Lights) {
+        name_layers(&mut sequence, console);
+    }
     let track = player.camera(&sequence, args.camera.as_deref())?;
     let (width, height) = args.size.unwrap_or_else(|| default_size(&track));
     let range = frame_range(args, &sequence)?;
@@ -187,6 +191,21 @@ pub fn play(
     }
     console.note(summary(&report, args, range));
     Ok(report)
+}
+
+/// Gives lights names that layers of OpenEXR can have, and tells whose names had to change.
+fn name_layers(sequence: &mut Sequence, console: &Console) {
+    let names: Vec<&str> = sequence.lights.iter().map(|light| light.name.as_str()).collect();
+    let layers = light_layer_names(&names);
+    for (light, name) in sequence.lights.iter_mut().zip(layers) {
+        if light.name != name {
+            console.note(format!(
+                "note: the name of light {:?} is too long for a layer, which is called light.{name}",
+                light.name
+            ));
+            light.name = name;
+        }
+    }
 }
 
 fn stopped(error: FrameError) -> Failure {

@@ -30,7 +30,7 @@ use relight_format::{self as format, Estimates, Limits};
 use relight_play::Player;
 use relight_play::open::{Sections, asset_hash};
 use relight_scene::image::{write_atomically, write_png};
-use relight_scene::sequence::{Sequence, read_sequence};
+use relight_scene::sequence::{Sequence, read_sequence_at};
 use settings::{Facts, Setting};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -129,9 +129,9 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
     let start = Instant::now();
     let budget = args.budget.unwrap_or(preset.budget);
     output::prepare_output(&args.output.join("report.json"))?;
-    let sequence = read_sequence(&args.lights)?;
     let asset = format::read_file(&args.asset, &Limits::default())
         .with_context(|| args.asset.display().to_string())?;
+    let sequence = read_sequence_at(&args.lights, asset.provenance.offset().unwrap_or_default().into())?;
     let described = described(&args.asset, &asset)?;
     let facts = Facts::new(&asset, &sequence);
     let frames = args

@@ -123,7 +123,7 @@ pub fn material_edits(data: &[u8]) {
             camera: None,
             lights: Vec::new(),
         },
-        notes: Vec::new(),
+        ..Scene::default()
     };
     let text = String::from_utf8_lossy(data);
     if let Ok(edits) = parse_material_edits(&text, &scene, "fuzz.json") {

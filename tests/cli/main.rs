@@ -10,6 +10,7 @@ mod compare;
 mod cuts;
 mod cuts_indirect;
 mod export;
+mod far;
 mod front_door;
 mod general;
 mod inspect;

@@ -9,6 +9,7 @@ use crate::points::coverage::Coverage;
 use crate::points::placing::Placed;
 use crate::request::Request;
 use crate::settings;
+use glam::DVec3;
 use relight_format::{self as format, layout::setting};
 use relight_scene::traced::Shading;
 
@@ -75,6 +76,10 @@ impl Made<'_> {
         add(setting::EMISSION, kept(self.pruned.keeps_emission).into());
         if request.params.cameras_only {
             add(setting::CAMERAS_ONLY, convert::camera_hashes(&self.placed.tracks));
+        }
+        let offset = self.pruned.scene.offset;
+        if offset != DVec3::ZERO {
+            add(setting::OFFSET, format!("{} {} {}", offset.x, offset.y, offset.z));
         }
         all
     }

@@ -19,7 +19,7 @@ use relight_format as format;
 use relight_scene::gltf::{ImportOptions, LightUnits, import};
 use relight_scene::image::write_atomically;
 use relight_scene::scene::Scene;
-use relight_scene::sequence::{Sequence, read_sequence};
+use relight_scene::sequence::{Sequence, read_sequence_at};
 use relight_scene::surface_scene::read_meshed;
 use relight_scene::traced::Shading;
 use serde::Serialize;
@@ -43,8 +43,9 @@ pub struct Inputs {
 /// One cannot be read, or a signal asks to stop.
 pub fn read(args: &BakeArgs, console: &Console) -> Result<Inputs, Failure> {
     console.begin("Reading the scene", None);
-    let lights = args.lights.as_deref().map(read_sequence).transpose()?;
     let (scene, source_hash) = read_scene(args.scene()?, args.light_units)?;
+    let read = |file| read_sequence_at(file, scene.offset);
+    let lights = args.lights.as_deref().map(read).transpose()?;
     signals::go_on()?;
     Ok(Inputs {
         scene,

@@ -149,7 +149,7 @@ pub fn scene(parts: Vec<(Mesh, Material)>, eye: Vec3, target: Vec3) -> Scene {
             camera: None,
             lights: Vec::new(),
         },
-        notes: Vec::new(),
+        ..Scene::default()
     }
 }
 

@@ -29,14 +29,35 @@ pub struct Written {
 pub enum Column<'a> {
     /// Three floats.
     Vectors(&'a [[f32; 3]]),
+    /// Three doubles.
+    Doubles(&'a [[f64; 3]]),
     /// One byte.
     Bytes(&'a [u8]),
+}
+
+/// Places in a scene, metres.
+pub enum Positions<'a> {
+    /// As the asset has them.
+    Here(&'a [[f32; 3]]),
+    /// In coordinates that 32-bit numbers are too coarse for.
+    Moved(Vec<[f64; 3]>),
+}
+
+impl Positions<'_> {
+    /// As properties of a PLY.
+    pub fn column(&self) -> Column<'_> {
+        match self {
+            Positions::Here(values) => Column::Vectors(values),
+            Positions::Moved(values) => Column::Doubles(values),
+        }
+    }
 }
 
 impl Column<'_> {
     fn len(&self) -> usize {
         match self {
             Column::Vectors(values) => values.len(),
+            Column::Doubles(values) => values.len(),
             Column::Bytes(values) => values.len(),
         }
     }
@@ -108,6 +129,19 @@ impl Folder {
         })
     }
 
+    /// An n × 3 array of f32, or of f64.
+    pub fn positions(&mut self, name: &str, positions: &Positions) -> Result<()> {
+        match positions {
+            Positions::Here(values) => self.vectors(name, "m", values),
+            Positions::Moved(values) => {
+                let bytes = values.as_flattened().iter().map(|v| v.to_le_bytes());
+                self.npy(name, "m", "<f8", &[values.len(), 3], |out| {
+                    write_all_le(out, bytes)
+                })
+            }
+        }
+    }
+
     /// An array of f32.
     pub fn floats(&mut self, name: &str, unit: &str, values: &[f32]) -> Result<()> {
         let bytes = values.iter().map(|v| v.to_le_bytes());
@@ -136,6 +170,9 @@ impl Folder {
                 Column::Vectors(_) => names
                     .iter()
                     .for_each(|n| header += &format!("property float {n}\n")),
+                Column::Doubles(_) => names
+                    .iter()
+                    .for_each(|n| header += &format!("property double {n}\n")),
                 Column::Bytes(_) => header += &format!("property uchar {}\n", names[0]),
             }
         }
@@ -146,6 +183,9 @@ impl Folder {
                 for (_, column) in columns {
                     match column {
                         Column::Vectors(values) => {
+                            write_all_le(out, values[i].iter().map(|v| v.to_le_bytes()))?
+                        }
+                        Column::Doubles(values) => {
                             write_all_le(out, values[i].iter().map(|v| v.to_le_bytes()))?
                         }
                         Column::Bytes(values) => out.write_all(&values[i..=i])?,

@@ -2,6 +2,7 @@
 //!
 //! Conventions: metres, right-handed, +Y up, linear Rec. 709, f32. World space unless said otherwise.
 
+use crate::layout::setting;
 use bincode::{Decode, Encode};
 
 /// Everything in one file. A part that is empty or `None` has no section in the file.
@@ -74,6 +75,17 @@ impl Provenance {
     pub fn setting(&self, name: &str) -> Option<&str> {
         let found = self.settings.iter().find(|(known, _)| known == name);
         found.map(|(_, value)| value.as_str())
+    }
+
+    /// What was taken away from all positions, metres: add it to get the scene's own coordinates. `None` if the setting
+    /// holds something else than three numbers. SPEC 6.1.1.
+    pub fn offset(&self) -> Option<[f64; 3]> {
+        let Some(text) = self.setting(setting::OFFSET) else {
+            return Some([0.0; 3]);
+        };
+        let number = |text: &str| text.parse::<f64>().ok().filter(|x| x.is_finite());
+        let numbers: Option<Vec<f64>> = text.split(' ').map(number).collect();
+        numbers?.try_into().ok()
     }
 }
 

@@ -181,7 +181,12 @@ pub(crate) fn parse_header(bytes: &[u8], file_bytes: u64, limits: &Limits) -> Re
     let at = |field: usize| Location::File(field as u64);
     let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
     let expected = format_args!("the magic {MAGIC:02x?} of a relight asset");
-    let found = format_args!("{magic:02x?}");
+    let found = match bytes {
+        _ if bytes.starts_with(b"version https://git-lfs") => {
+            "a Git LFS pointer: run `git lfs pull` in its repository to fetch the file".to_owned()
+        }
+        _ => format!("{magic:02x?}"),
+    };
     require(magic == MAGIC, "header", at(header::MAGIC), expected, found)?;
     let (whole, end) = (bytes.len() as u64 >= HEADER_BYTES, at(bytes.len()));
     let expected = format_args!("a header of {HEADER_BYTES} bytes");

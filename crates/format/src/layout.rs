@@ -95,8 +95,11 @@ pub mod setting {
     /// Hashes of the only cameras that the asset is for.
     pub const CAMERAS_ONLY: &str = "cameras_only";
 
+    /// Three numbers: what was taken away from all positions.
+    pub const OFFSET: &str = "offset";
+
     /// All of these.
-    pub const ALL: [&str; 5] = [BOUNCES, SOLUTION, OWN_LIGHTS, EMISSION, CAMERAS_ONLY];
+    pub const ALL: [&str; 6] = [BOUNCES, SOLUTION, OWN_LIGHTS, EMISSION, CAMERAS_ONLY, OFFSET];
 
     /// Value: as many bounces as change anything.
     pub const CONVERGED: &str = "converged";

@@ -117,6 +117,10 @@ pub(crate) fn opened(mut asset: Asset, path: &Path, sections: Sections) -> Resul
         json => stage_from_json(json),
     }
     .map_err(|source| OpenError::Stage { file: file(), source })?;
+    let offset = asset.provenance.offset().ok_or_else(|| OpenError::Mismatch {
+        file: file(),
+        message: "its setting offset is not three numbers".into(),
+    })?;
     let transfer = match sections {
         Sections::All => transfer(&mut asset, path)?,
         Sections::Scene => None,
@@ -130,6 +134,7 @@ pub(crate) fn opened(mut asset: Asset, path: &Path, sections: Sections) -> Resul
             .collect(),
         cameras,
         sequence,
+        offset: offset.into(),
         notes: Vec::new(),
     });
     let shading = if asset.provenance.lambert {

@@ -3,7 +3,7 @@
 use crate::camera::CameraTrack;
 use crate::material::{Material, Texture};
 use crate::sequence::Sequence;
-use glam::{Affine3A, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
 
 /// Triangles with one material, in their own space. All vertex arrays have the length of `positions` or,
 /// where the mesh lacks the attribute, are empty.
@@ -49,6 +49,9 @@ pub struct Scene {
     pub cameras: Vec<CameraTrack>,
     /// The scene's own lights (punctual and emissive) and its animation's length.
     pub sequence: Sequence,
+    /// Taken away from all positions of the source, metres: the source's coordinates are these here plus this. Zero
+    /// but for scenes far from their origin, which 32-bit numbers would tear apart.
+    pub offset: DVec3,
     /// What the importer had to leave out or change, one sentence each.
     pub notes: Vec<String>,
 }

@@ -138,6 +138,63 @@ pub fn read_sequence(path: &Path) -> Result<Sequence, JsonError> {
     parse_sequence(&text, base, &path.display().to_string())
 }
 
+/// As [`read_sequence`], for a scene from whose positions `offset` was taken away ([`crate::scene::Scene::offset`]): so it
+/// is from those of cameras and lights, before they become 32-bit numbers.
+///
+/// # Errors
+/// See [`JsonError`].
+pub fn read_sequence_at(path: &Path, offset: DVec3) -> Result<Sequence, JsonError> {
+    let text = read_text(path, "lighting sequence")?;
+    let base = path.parent().unwrap_or(Path::new(""));
+    let name = path.display().to_string();
+    let sequence = parse_sequence(&text, base, &name)?;
+    // What is wrong was found in the file as it is.
+    match moved(&text, offset) {
+        Some(text) => parse_sequence(&text, base, &name),
+        None => Ok(sequence),
+    }
+}
+
+/// A sequence's text with `offset` taken away from all positions; `None` if that changes nothing.
+fn moved(text: &str, offset: DVec3) -> Option<String> {
+    fn place(value: &mut Value, offset: DVec3) {
+        match value {
+            Value::Array(xyz) => {
+                for (x, offset) in xyz.iter_mut().zip(offset.to_array()) {
+                    if let Some(number) = x.as_f64() {
+                        *x = (number - offset).into();
+                    }
+                }
+            }
+            Value::Object(animated) => {
+                let keys = animated.get_mut("keys").and_then(Value::as_array_mut);
+                for value in keys.into_iter().flatten().filter_map(|key| key.get_mut(1)) {
+                    place(value, offset);
+                }
+            }
+            _ => {}
+        }
+    }
+    if offset == DVec3::ZERO {
+        return None;
+    }
+    let mut sequence: Value = serde_json::from_str(text).ok()?;
+    let lights = sequence.get_mut("lights").and_then(Value::as_array_mut);
+    for value in lights.into_iter().flatten() {
+        for key in ["position", "center"] {
+            value
+                .get_mut(key)
+                .into_iter()
+                .for_each(|value| place(value, offset));
+        }
+    }
+    for key in ["position", "look_at"] {
+        let value = sequence.get_mut("camera").and_then(|camera| camera.get_mut(key));
+        value.into_iter().for_each(|value| place(value, offset));
+    }
+    Some(sequence.to_string())
+}
+
 /// Reads a lighting sequence from its text. Files that it names are relative to `base_dir`; `name` stands for
 /// the sequence in messages.
 ///

@@ -4,10 +4,12 @@
 
 mod gltf_support;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use gltf_support::{Doc, PNG, import_bytes};
 use relight_scene::gltf::{ImportOptions, import};
+use relight_scene::light::LightKind;
 use relight_scene::scene::Scene;
+use relight_scene::sequence::{read_sequence, read_sequence_at};
 use serde_json::{Value, json};
 
 /// Where the instances are, in their order.
@@ -114,7 +116,7 @@ fn lights_cameras_and_their_animations_follow_every_path() {
     let names: Vec<&str> = scene.sequence.lights.iter().map(|l| l.name.as_str()).collect();
     assert_eq!(names, ["lamp", "lamp.1"]);
     let heights = scene.sequence.lights.iter().map(|light| match &light.kind {
-        relight_scene::light::LightKind::Point { position, .. } => position.at(12.0),
+        LightKind::Point { position, .. } => position.at(12.0),
         other => panic!("{other:?}"),
     });
     let heights: Vec<Vec3> = heights.collect();
@@ -541,6 +543,150 @@ fn names_in_latin_1_and_texts_in_utf_16_are_read() {
         assert_eq!(scene.cameras[0].name, "Küche →");
         noted(&scene, "UTF-16");
     }
+}
+
+/// A room of small squares with a camera and a lamp in it, all under one root with a translation or a matrix.
+fn far_room(root: Value) -> Doc {
+    let mut doc = stage();
+    let (mut corners, mut indices) = (Vec::new(), Vec::new());
+    for i in 0..100u8 {
+        let (x, z) = (f32::from(i % 10) - 5.0, f32::from(i / 10) - 5.0);
+        for (dx, dz) in [(0.0, 0.0), (0.75, 0.0), (0.75, 0.75), (0.0, 0.75)] {
+            corners.extend([x + dx, 0.1 * f32::from(i % 7), z + dz]);
+        }
+        let first = u16::from(i) * 4;
+        indices.extend(
+            [0, 2, 1, 0, 3, 2]
+                .map(|k| first + k)
+                .iter()
+                .flat_map(|k| k.to_le_bytes()),
+        );
+    }
+    let positions = doc.floats(&corners, "VEC3");
+    let indices = doc.accessor(&indices, 5123, 600, "SCALAR");
+    doc.set(
+        "/meshes/0/primitives/0",
+        json!({ "attributes": { "POSITION": positions }, "indices": indices }),
+    );
+    doc.set(
+        "/nodes",
+        json!([
+            { "mesh": 0, "rotation": [0, 0.6, 0, 0.8] },
+            { "camera": 0, "translation": [0.25, 1.5, 4.5] },
+            { "translation": [0.125, 2.5, 0], "extensions": lamp()["extensions"].clone() },
+            root,
+        ]),
+    );
+    doc.set("/nodes/3/children", json!([0, 1, 2]))
+        .set("/scenes/0/nodes", json!([3]));
+    doc
+}
+
+/// All corners in the file's coordinates less `from`, and where camera and lamp are.
+fn places_less(scene: &Scene, from: DVec3) -> (Vec<DVec3>, DVec3, DVec3) {
+    let back = |p: Vec3| p.as_dvec3() + (scene.offset - from);
+    let corners = scene.instances.iter().flat_map(|i| {
+        let mesh = &scene.meshes[i.mesh as usize];
+        mesh.positions
+            .iter()
+            .map(|p| back(i.world_from_mesh.transform_point3(*p)))
+    });
+    let LightKind::Point { position, .. } = &scene.sequence.lights[0].kind else {
+        panic!("{:?}", scene.sequence.lights)
+    };
+    (
+        corners.collect(),
+        back(scene.cameras[0].position.at(0.0)),
+        back(position.at(0.0)),
+    )
+}
+
+#[test]
+fn scenes_far_from_the_origin_are_the_same_scenes() {
+    let near = far_room(json!({})).scene();
+    assert_eq!(near.offset, DVec3::ZERO);
+    let near = places_less(&near, DVec3::ZERO);
+    let matrix = |[x, y, z]: [f64; 3]| json!({ "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x, y, z, 1] });
+    for at in [
+        [4e5, 0.0, 0.0],
+        [4_000_000.25, 0.5, -4e6],
+        [6.4e6, 6.4e6, 6.4e6],
+        [0.0, 0.0, -1e7],
+        [1e12, 0.0, -1e12],
+    ] {
+        for root in [json!({ "translation": at }), matrix(at)] {
+            let scene = far_room(root).scene();
+            noted(&scene, "far from its origin and is moved by");
+            let far = places_less(&scene, at.into());
+            // f64 resolves a tenth of a millimetre at 10¹² m.
+            let most = 1e-6 + 2e-16 * DVec3::from(at).length();
+            assert!(
+                far.0.iter().zip(&near.0).all(|(a, b)| a.distance(*b) < most),
+                "{at:?}"
+            );
+            assert!(
+                far.1.distance(near.1) < most && far.2.distance(near.2) < most,
+                "{at:?}"
+            );
+            let middle = scene.offset - DVec3::from(at);
+            assert!(middle.length() < 200.0, "{at:?}: {middle}");
+            assert_eq!(scene.offset, scene.offset.round(), "round numbers");
+        }
+    }
+}
+
+#[test]
+fn stray_objects_and_wide_grounds_leave_the_middle_sharp() {
+    let stray = json!({ "mesh": 1, "translation": [1e8, 0, 0] });
+    let ground = json!({ "mesh": 1, "scale": [1e8, 1e8, 1e8], "rotation": [1, 0, 0, 1] });
+    for (other, x) in [(&stray, 0.0), (&stray, 4e6), (&ground, 0.0), (&ground, 3e7)] {
+        let mut doc = far_room(json!({ "translation": [x, 0, 0] }));
+        doc.push(
+            "/meshes",
+            json!({ "primitives": [{ "attributes": { "POSITION": 0 } }] }),
+        );
+        doc.push("/nodes", other.clone());
+        doc.set("/scenes/0/nodes", json!([4, 3]));
+        let scene = doc.scene();
+        assert_eq!(scene.instances.len(), 2, "nothing is lost");
+        let room = places_less(&scene, DVec3::new(x, 0.0, 0.0));
+        let near = places_less(&far_room(json!({})).scene(), DVec3::ZERO);
+        let corners = room.0.iter().rev().zip(near.0.iter().rev()).take(400);
+        assert!(
+            corners.clone().count() == 400 && corners.into_iter().all(|(a, b)| a.distance(*b) < 1e-5),
+            "{x}"
+        );
+    }
+}
+
+#[test]
+fn sequences_are_given_in_the_files_coordinates() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("far.json");
+    let text = r#"{ "relight_sequence": 1, "frames": 2,
+        "camera": { "position": [4000000.125, 1.5, -9.25], "look_at": { "keys": [[0, [4000001, 1, 0]], [1, [4e6, 1, 0.5]]] },
+                    "up": [0, 1, 0], "vfov_deg": 60 },
+        "lights": [
+        { "name": "a", "type": "point", "position": { "keys": [[0, [4000000.5, 2, 3]], [1, [3999999.75, 2, 3]]],
+          "interpolation": "step" }, "intensity": [1, 1, 1] },
+        { "name": "b", "type": "rect", "center": [4000002.0625, 0, 0], "edge_u": [1, 0, 0], "edge_v": [0, 1, 0], "radiance": [1, 1, 1] },
+        { "name": "c", "type": "sphere", "center": [4000003, 0, 0], "radius": 0.5, "radiance": [1, 1, 1] },
+        { "name": "d", "type": "directional", "direction": [0, -1, 0], "irradiance": [1, 1, 1] } ] }"#;
+    std::fs::write(&file, text).unwrap();
+    let sequence = read_sequence_at(&file, DVec3::new(4e6, 0.0, -10.0)).unwrap();
+    // The same, written by somebody who subtracts in his head.
+    let near = r#"{ "relight_sequence": 1, "frames": 2,
+        "camera": { "position": [0.125, 1.5, 0.75], "look_at": { "keys": [[0, [1, 1, 10]], [1, [0, 1, 10.5]]] },
+                    "up": [0, 1, 0], "vfov_deg": 60 },
+        "lights": [
+        { "name": "a", "type": "point", "position": { "keys": [[0, [0.5, 2, 13]], [1, [-0.25, 2, 13]]],
+          "interpolation": "step" }, "intensity": [1, 1, 1] },
+        { "name": "b", "type": "rect", "center": [2.0625, 0, 10], "edge_u": [1, 0, 0], "edge_v": [0, 1, 0], "radiance": [1, 1, 1] },
+        { "name": "c", "type": "sphere", "center": [3, 0, 10], "radius": 0.5, "radiance": [1, 1, 1] },
+        { "name": "d", "type": "directional", "direction": [0, -1, 0], "irradiance": [1, 1, 1] } ] }"#;
+    std::fs::write(&file, near).unwrap();
+    assert_eq!(sequence, read_sequence(&file).unwrap());
+    assert_eq!(sequence, read_sequence_at(&file, DVec3::ZERO).unwrap());
 }
 
 /// A `.glb` whose chunks say and have what they are told: JSON padded to a multiple of 4 or not, padding counted or not.

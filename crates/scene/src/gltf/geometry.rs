@@ -117,7 +117,7 @@ pub(super) fn build(
         let Some(mesh) = node.mesh else { continue };
         let pose = node.skin.and_then(|skin| poses[skin].as_ref());
         let placements = match (pose, &node.instancing) {
-            (Some(pose), _) => vec![pose.world_from_posed],
+            (Some(pose), _) => vec![DAffine3::from_translation(-graph.offset) * pose.world_from_posed],
             (None, Some(instancing)) => {
                 let placed = instancing.node_from_mesh(data, notes).into_iter();
                 placed

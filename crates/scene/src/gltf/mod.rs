@@ -11,6 +11,9 @@
 //! decodes accessors of a document rebuilt from what was checked, and sees nothing else. Other files are read
 //! only from the scene's own folder.
 //!
+//! **Coordinates.** Node transforms are multiplied in f64. A scene that lies far from its origin for its size is moved to its
+//! own middle (`middle`), which [`Scene::offset`] and a note say.
+//!
 //! **Left out, with a note in [`Scene::notes`]:** points and lines, orthographic cameras, transmission (the
 //! material counts as opaque), material variants, animation of meshes, skins and morph targets,
 //! triangles with vertices that are not finite, the range of lights. Occlusion textures are left out without
@@ -35,6 +38,7 @@ mod json;
 mod list;
 mod materials;
 mod mend;
+mod middle;
 mod nodes;
 mod notes;
 mod primitives;
@@ -51,11 +55,14 @@ use crate::light::{LightKind, LightTrack};
 use crate::material::Material;
 use crate::scene::Scene;
 use crate::sequence::Sequence;
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use json::{At, Faults};
 use notes::Notes;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
+
+/// How often a scene is moved nearer to its middle.
+const MOST_MOVES: usize = 3;
 
 /// What the file itself does not say.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -102,7 +109,7 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
     let layout = accessors::Layout::parse(&root, container.bin.is_some(), &mut notes);
     let source = materials::Materials::parse(&root, &layout, &mut notes);
     let meshes = primitives::parse(&root, &layout, source.materials.len(), &mut notes);
-    let graph = nodes::Graph::parse(&root, &layout, meshes.len(), &mut notes);
+    let mut graph = nodes::Graph::parse(&root, &layout, meshes.len(), &mut notes);
     let skins = deform::parse_skins(&root, &layout, &graph, &mut notes);
     let glossy = specgloss::parse(&root, &source);
     // Asking for what is shown reports what is wrong with it.
@@ -130,15 +137,26 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
         .collect();
     let default_material = materials.len() as u32;
     specgloss::set_factors(&glossy, &mut materials, &mut notes);
-    let mut geometry = geometry::build(
-        &data,
-        &meshes,
-        &graph,
-        &skins,
-        default_material,
-        &faults,
-        &mut notes,
-    );
+    let build = |graph: &nodes::Graph, notes: &mut Notes| {
+        geometry::build(&data, &meshes, graph, &skins, default_material, &faults, notes)
+    };
+    let mut geometry = build(&graph, &mut notes);
+    // Once is enough up to some ten million sizes; beyond, the first answer is as coarse as what it is to mend.
+    for _ in 0..MOST_MOVES {
+        let away = middle::far_middle(&geometry.meshes, &geometry.instances);
+        if away == DVec3::ZERO {
+            break;
+        }
+        graph.offset += away;
+        geometry = build(&graph, &mut Notes::default());
+    }
+    if graph.offset != DVec3::ZERO {
+        let [x, y, z] = graph.offset.to_array();
+        notes.say(format!(
+            "the scene lies far from its origin and is moved by ({x}, {y}, {z}), so that 32-bit numbers can tell its parts; \
+             cameras and lights of sequences are given in the file's coordinates"
+        ));
+    }
     if geometry
         .meshes
         .iter()
@@ -205,6 +223,7 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
             camera: None,
             lights,
         },
+        offset: graph.offset,
         notes: notes.into_sentences(),
     })
 }

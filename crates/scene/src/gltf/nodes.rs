@@ -139,6 +139,8 @@ pub(super) struct Graph {
     pub lights: List<Punctual>,
     /// All nodes of the scene that is shown, parents before children, in the order of the file.
     pub order: Vec<usize>,
+    /// Taken away from all places in the world.
+    pub offset: DVec3,
 }
 
 impl Graph {
@@ -173,15 +175,18 @@ impl Graph {
             cameras,
             lights,
             order: graph.order,
+            offset: DVec3::ZERO,
         }
     }
 
-    /// Transforms from every node to the world, at rest, by node index; identity outside the scene.
+    /// Transforms from every node to the world less the offset, at rest, by node index; identity outside the scene.
     pub fn world_from_nodes(&self) -> Vec<DAffine3> {
         let mut world = vec![DAffine3::IDENTITY; self.nodes.len()];
         for &i in &self.order {
             let node = &self.nodes[i];
-            let parent = node.parent.map_or(DAffine3::IDENTITY, |p| world[p]);
+            let parent = node
+                .parent
+                .map_or(DAffine3::from_translation(-self.offset), |p| world[p]);
             world[i] = parent * node.local.parent_from_node();
         }
         world

@@ -28,7 +28,7 @@ pub(super) struct Tracks {
     pub lights: Vec<LightTrack>,
 }
 
-/// Makes the tracks of all lights and perspective cameras of the scene.
+/// Makes the tracks of all lights and perspective cameras of the scene, with the graph's offset taken away from their places.
 pub(super) fn build(
     graph: &Graph,
     curves: &BTreeMap<Target, Curve>,
@@ -154,6 +154,13 @@ impl Sampler<'_> {
         }
     }
 
+    /// From the node at the end of the chain to the world less the offset.
+    fn world(&self, chain: &[usize], time: f64) -> DAffine3 {
+        let mut world = world_from_node(self.graph, self.curves, chain, time);
+        world.translation -= self.graph.offset;
+        world
+    }
+
     fn vector(&self, moving: bool, f: impl Fn(f64) -> DVec3) -> Animated<Vec3> {
         // Rounding in a chain of transforms is no movement.
         let same = |a: Vec3, b: Vec3| (a - b).abs().max_element() <= 1e-6 * a.abs().max_element();
@@ -182,7 +189,7 @@ impl Sampler<'_> {
     fn camera(&self, node: usize, index: usize, camera: &Perspective) -> Option<CameraTrack> {
         let chain = self.graph.chain(node);
         let moving = moves(self.graph, self.curves, &chain);
-        let world = |t| world_from_node(self.graph, self.curves, &chain, t);
+        let world = |t| self.world(&chain, t);
         let axes = |t| axes_or_default(&world(t));
         usable(&world(0.0))?;
         let target = Target::Yfov(index);
@@ -206,7 +213,7 @@ impl Sampler<'_> {
     fn light(&self, node: usize, index: usize, light: &Punctual, units: LightUnits) -> Option<LightKind> {
         let chain = self.graph.chain(node);
         let moving = moves(self.graph, self.curves, &chain);
-        let world = |t| world_from_node(self.graph, self.curves, &chain, t);
+        let world = |t| self.world(&chain, t);
         if light.kind != PunctualKind::Point {
             usable(&world(0.0))?;
         }

@@ -1,5 +1,6 @@
 //! What can go wrong with an image, and the limits under which readers work.
 
+use crate::lfs::{LFS_ADVICE, is_lfs_pointer};
 use std::path::Path;
 
 /// Why an image could not be read or written. `file` is the path, or says where the bytes came from.
@@ -141,6 +142,10 @@ pub(crate) fn read_file(path: &Path, limits: &Limits) -> Result<Vec<u8>, ImageEr
         .map_err(|e| ImageError::io(path, "reading", e))?;
     if bytes.len() as u64 > limits.max_file_bytes {
         return Err(too_large(bytes.len() as u64));
+    }
+    if is_lfs_pointer(&bytes) {
+        let detail = format!("this {LFS_ADVICE}");
+        return Err(ImageError::invalid(&path.display().to_string(), detail));
     }
     Ok(bytes)
 }

@@ -1,6 +1,7 @@
 //! One image, and all layers of a frame.
 
 use super::error::ImageError;
+use std::collections::HashSet;
 
 /// The layer that OpenEXR files hold as plain `R`, `G`, `B`.
 pub const BEAUTY: &str = "beauty";
@@ -131,6 +132,32 @@ fn pass(name: &str) -> String {
     word.to_owned()
 }
 
+/// Longest name of a light, bytes: OpenEXR's names have at most 255, of which `light.` and `.R` take 8.
+const LONGEST_LIGHT: usize = 247;
+
+/// The names that lights have in their layers' names, `light.NAME`: their own where they fit. Longer ones are cut and, where
+/// another has that name, numbered; zero characters, which end names in OpenEXR, become `_`. All differ if `names` do.
+pub fn light_layer_names(names: &[&str]) -> Vec<String> {
+    let fits = |name: &str| name.len() <= LONGEST_LIGHT && !name.contains('\0');
+    let mut taken: HashSet<String> = names.iter().filter(|n| fits(n)).map(|&n| n.to_owned()).collect();
+    let name = |&name: &&str| {
+        if fits(name) {
+            return name.to_owned();
+        }
+        let clean = name.replace('\0', "_");
+        let cut = |ending: &str| {
+            let end = clean.floor_char_boundary(LONGEST_LIGHT - ending.len());
+            format!("{}{ending}", &clean[..end])
+        };
+        let endings = (1u64..).map(|number| format!("~{number}"));
+        let mut candidates = std::iter::once(String::new()).chain(endings).map(|e| cut(&e));
+        // There are more numbers than names.
+        let free = candidates.find(|name| taken.insert(name.clone()));
+        free.unwrap_or_default()
+    };
+    names.iter().map(name).collect()
+}
+
 /// Checks that two images can be compared.
 pub(crate) fn check_pair(test: &FloatImage, reference: &FloatImage) -> Result<(), ImageError> {
     for (what, image) in [("test image", test), ("reference image", reference)] {
@@ -158,4 +185,29 @@ pub(crate) fn check_pair(test: &FloatImage, reference: &FloatImage) -> Result<()
         return Err(ImageError::invalid("test image", detail));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_names_of_lights_are_cut_and_stay_different() {
+        let long = "x".repeat(300);
+        let wide = "\u{1f4a1}".repeat(80);
+        let other = format!("{long}y");
+        let cut = "x".repeat(247);
+        let names = ["lamp", "key/left", &long, &other, &wide, "a\0b", "a_b", &cut];
+        let layers = light_layer_names(&names);
+        assert_eq!(layers[..2], ["lamp", "key/left"]);
+        assert_eq!(
+            (layers[2].as_str(), layers[7].as_str()),
+            (&*format!("{}~1", "x".repeat(245)), &*cut)
+        );
+        assert_eq!(layers[3], format!("{}~2", "x".repeat(245)));
+        assert_eq!(layers[4], "\u{1f4a1}".repeat(61));
+        assert_eq!(layers[5..7], ["a_b~1", "a_b"]);
+        assert_eq!(layers.iter().collect::<HashSet<_>>().len(), names.len());
+        assert!(layers.iter().all(|name| name.len() <= LONGEST_LIGHT));
+    }
 }

@@ -34,7 +34,7 @@ pub use error::{ImageError, Limits};
 pub use exr_header::ExrHeader;
 pub use exr_read::{decode_exr, read_exr};
 pub use exr_write::{ExrWarning, encode_exr, write_exr};
-pub use layers::{BEAUTY, FloatImage, Layer, Layers};
+pub use layers::{BEAUTY, FloatImage, Layer, Layers, light_layer_names};
 pub use ldr::{Image8, decode_ldr, encode_png, write_png};
 pub use preview::{contact_sheet, display_encoded, tone_mapped};
 
