@@ -140,10 +140,17 @@ fn lights_of_any_name_get_layers() {
 fn a_name_that_no_file_can_have_is_told_before_the_work() {
     let folder = folder();
     let (_, asset) = bake(folder.path(), 0.0);
+    let lights = folder.path().join("lights.json");
+    let lamp = json!({ "name": "lamp", "type": "point", "position": [0, 0, 1], "intensity": [1, 1, 1] });
+    std::fs::write(
+        &lights,
+        json!({ "relight_sequence": 1, "lights": [lamp] }).to_string(),
+    )
+    .unwrap();
     let name = format!("{}.exr", "x".repeat(300));
     let output = relight()
-        .arg("play")
-        .arg(&asset)
+        .args(["play", "--lights"])
+        .args([&lights, &asset])
         .arg("-o")
         .arg(folder.path().join(&name))
         .output()

@@ -15,6 +15,10 @@ use glam::{DMat3, DVec3};
 /// its size: from there on contacts, shadows' ends and the normals of flat parts begin to show it.
 const REACH: f64 = 1024.0;
 
+/// Farther than this many times its size, by more than a 256th: it is a triangle no longer. What is blurred a little is not to be broken
+/// for something else.
+const BROKEN: f64 = 64.0 * REACH;
+
 /// Distances from the origin that count as far, in sizes of the scene: nearer, rounding moves nothing by more than a
 /// 500,000th of that size, so scenes around or beside their origin stay where they are.
 const FAR: f64 = 32.0;
@@ -53,14 +57,14 @@ pub(super) fn far_middle(meshes: &[Mesh], instances: &[Instance]) -> DVec3 {
         });
         DVec3::from_array(far)
     });
-    let mends = |there: &[f64; 2]| {
+    let mends = |there: &Blurred| {
         let pairs = || blurred_here.iter().zip(there);
         pairs().any(|(here, there)| *there < (1.0 - CURED) * here)
             && pairs().all(|(here, there)| *there <= here + PRICE)
     };
     let middles = candidates.map(|middle| (blurred(&samples, middle), middle));
     let better = middles.into_iter().filter(|(there, _)| mends(there));
-    let sum = |shares: [f64; 2]| shares[0] + shares[1];
+    let sum = |shares: Blurred| shares.iter().sum::<f64>();
     let best = better.reduce(|best, next| if sum(next.0) < sum(best.0) { next } else { best });
     best.map_or(DVec3::ZERO, |best| best.1)
 }
@@ -100,13 +104,21 @@ fn samples(meshes: &[Mesh], instances: &[Instance]) -> Vec<Sample> {
     samples
 }
 
-/// Shares of the area and of the number of triangles that are too far from an origin for their size.
-fn blurred(samples: &[Sample], origin: DVec3) -> [f64; 2] {
-    let is_blurred = |s: &&Sample| reach(s.place - origin) > REACH * s.size;
+/// Shares of the area and of the number of triangles that are too far from an origin for their size, and that are [`BROKEN`].
+type Blurred = [f64; 4];
+
+/// See [`Blurred`].
+fn blurred(samples: &[Sample], origin: DVec3) -> Blurred {
     let total = samples.iter().map(|s| s.area).sum::<f64>().max(f64::MIN_POSITIVE);
-    let blurred = samples.iter().filter(is_blurred);
-    let (area, count) = blurred.fold((0.0, 0.0), |(area, count), s| (area + s.area, count + 1.0));
-    [area / total, count / (samples.len() as f64).max(1.0)]
+    let beyond = |sizes: f64| {
+        let blurred = samples
+            .iter()
+            .filter(|s| reach(s.place - origin) > sizes * s.size);
+        let (area, count) = blurred.fold((0.0, 0.0), |(area, count), s| (area + s.area, count + 1.0));
+        [area / total, count / (samples.len() as f64).max(1.0)]
+    };
+    let ([area, count], [broken_area, broken_count]) = (beyond(REACH), beyond(BROKEN));
+    [area, count, broken_area, broken_count]
 }
 
 /// The coordinate that decides how f32 rounds.
