@@ -207,7 +207,7 @@ mod tests {
         ] {
             for (count, size) in [(1, 4.0), (20, 1.0), (2000, 0.01)] {
                 let room = squares(at, count, size, 3.0);
-                assert_eq!(middle(&[room.clone()]), DVec3::ZERO, "{at} {count}");
+                assert_eq!(middle(std::slice::from_ref(&room)), DVec3::ZERO, "{at} {count}");
                 // On a ground, under far mountains, and with something lost in space, coarse or fine.
                 let ground = squares(DVec3::ZERO, 1, 1e4, 0.0);
                 assert_eq!(middle(&[room.clone(), ground]), DVec3::ZERO, "{at} {count}");
