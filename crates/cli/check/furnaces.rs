@@ -6,6 +6,7 @@ use super::stage::{SIZE, Stage, at_points, mean, quick};
 use glam::{DVec3, Vec3};
 use relight_bake::params::BakeParams;
 use relight_play::FrameSettings;
+use relight_scene::material::Material;
 use relight_scene::scene::{Mesh, Scene};
 use relight_scene::traced::{Shading, TracedScene};
 use std::sync::Arc;
@@ -20,12 +21,23 @@ fn enclosure(shape: &str) -> Mesh {
     }
 }
 
+/// Walls of two sheets each: black ones that face outwards lie on the glowing ones.
+fn sheets(albedo: f32) -> Vec<(Mesh, Material)> {
+    let black = cuboid(-Vec3::ONE, Vec3::ONE, false);
+    vec![
+        (enclosure("box"), glowing(albedo)),
+        (black, matt(Vec3::splat(0.02))),
+    ]
+}
+
+const SHEETS: &str = "sheets";
+
 fn furnace(shape: &str, albedo: f32) -> Scene {
-    scene(
-        vec![(enclosure(shape), glowing(albedo))],
-        Vec3::new(-0.3, 0.1, 0.5),
-        Vec3::new(0.6, -0.1, -0.5),
-    )
+    let walls = match shape {
+        SHEETS => sheets(albedo),
+        _ => vec![(enclosure(shape), glowing(albedo))],
+    };
+    scene(walls, Vec3::new(-0.3, 0.1, 0.5), Vec3::new(0.6, -0.1, -0.5))
 }
 
 /// Walls of radiance 1 and albedo ρ: direct ρ, indirect ρ²/(1 − ρ).
@@ -138,8 +150,8 @@ fn uneven(stage: &Stage, middle: f32, amplitude: f32, bound: f64, solution: bool
 }
 
 /// The path tracer in the same furnace.
-fn traced(stage: &Stage, albedo: f32, bound: f64, why: &'static str) -> Measured {
-    let scene = Arc::new(furnace("box", albedo));
+fn traced(stage: &Stage, shape: &str, albedo: f32, bound: f64, why: &'static str) -> Measured {
+    let scene = Arc::new(furnace(shape, albedo));
     let scene = TracedScene::new(scene, Shading::Lambert).map_err(|e| e.to_string())?;
     let layers = stage.traced(&scene, &[emissive()])?;
     let of = |name: &str| -> f64 {
@@ -198,6 +210,17 @@ pub fn cases() -> Vec<Case> {
         "the same with the bounces solved by the bake",
         move |stage| uneven(stage, 0.9, 0.09, 0.01, true),
     ));
+    cases.push(Case::new(
+        format!("furnace/{SHEETS}/0.5"),
+        true,
+        "the same box with black sheets that face outwards on its walls",
+        move |stage| {
+            let mut measured = even(stage, SHEETS, 0.5, &quick())?;
+            let why = "36,864 paths, five standard errors at a variance of the sum squared";
+            measured.extend(traced(stage, SHEETS, 0.5, 0.01, why)?);
+            Ok(measured)
+        },
+    ));
     for (albedo, bound) in [(0.5f32, 0.01), (0.9, 0.02)] {
         cases.push(Case::new(
             format!("furnace/path/{albedo}"),
@@ -206,6 +229,7 @@ pub fn cases() -> Vec<Case> {
             move |stage| {
                 traced(
                     stage,
+                    "box",
                     albedo,
                     bound,
                     "36,864 paths, five standard errors at a variance of the sum squared",
