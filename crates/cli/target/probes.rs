@@ -80,7 +80,8 @@ impl Viewpoints {
         let frames = lights.map_or(scene.sequence.frames, |s| s.frames).max(1);
         // That which `play` takes by itself: errors of several cameras together would be those of the darkest room that any sees.
         let track = camera_of(scene, lights.unwrap_or(&scene.sequence), None).ok();
-        let open = (traced.bounds())
+        // Only where no camera says where to look from.
+        let open = (traced.bounds().filter(|_| track.is_none()))
             .and_then(|bounds| {
                 let places = in_open_space(&traced, focus(scene, bounds), params.seed).0;
                 places.first().copied()

@@ -2,6 +2,7 @@
 
 pub mod candidates;
 pub mod coverage;
+pub mod particles;
 pub mod placing;
 pub mod poisson;
 pub mod relevance;

@@ -5,15 +5,17 @@
 //! they land far apart, points keep as many of them between each other, and radii grow by powers of two. So a ground or a sky dome a
 //! hundred times as wide as the room that is looked at takes few points, and a stray triangle none of the room's.
 
+use crate::points::particles::walk;
+use crate::points::viewpoints::ASPECT;
 use glam::{IVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::camera::Camera;
 use relight_scene::rays::Ray;
-use relight_scene::surface::{Surfaces, ray_from};
+use relight_scene::surface::Surfaces;
 use relight_transport::grid::{CellHasher, key_of};
 use relight_transport::kernel::width;
 use relight_transport::random::Stream;
-use relight_transport::sampling::{Frame, cosine_hemisphere, uniform_hemisphere};
+use relight_transport::sampling::uniform_hemisphere;
 use std::collections::HashMap;
 use std::hash::BuildHasherDefault;
 
@@ -134,16 +136,16 @@ impl Relevance {
     /// The radius of disks where particles land closely, [`CLOSE`] of all importance: a ground that most of it falls on does not change
     /// the room's.
     fn usual_of(&self, landings: &[Landing], total: f64) -> f32 {
-        let mut radii: Vec<Landing> = (landings.par_iter().step_by(SAMPLED))
-            .map(|&(position, carried)| (Vec3::splat(self.radius(position)), carried))
+        let mut radii: Vec<(f32, f32)> = (landings.par_iter().step_by(SAMPLED))
+            .map(|&(position, carried)| (self.radius(position), carried))
             .collect();
-        radii.sort_by(|a, b| a.0.x.total_cmp(&b.0.x));
+        radii.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut below = 0.0;
         let close = radii.iter().find(|&&(_, carried)| {
             below += f64::from(carried);
             below >= CLOSE * total / SAMPLED as f64
         });
-        close.map_or(f32::INFINITY, |l| l.0.x)
+        close.map_or(f32::INFINITY, |disk| disk.0)
     }
 
     /// Of a disk around a place that holds [`SHARE`], about, metres.
@@ -199,13 +201,7 @@ impl Relevance {
             cells.get(&key_of(cell)).is_some_and(|held| *held >= SHARE)
         })
     }
-}
 
-fn edge(power: i32) -> f32 {
-    2.0f32.powi(power)
-}
-
-impl Relevance {
     /// The ray with which an importance particle starts: in a uniform direction from a viewpoint or, where `in_view` and there are
     /// cameras, through one's image.
     fn ray(&self, number: u64, in_view: bool, s: &mut Stream) -> Ray {
@@ -230,45 +226,31 @@ impl Relevance {
 
     fn particle(&self, surfaces: &dyn Surfaces, number: u32, seed: u64) -> Vec<Landing> {
         let mut s = Stream::new(seed, STAGE, u64::from(number));
-        let mut ray = self.ray(u64::from(number), number / 2 % 2 == 1, &mut s);
+        let ray = self.ray(u64::from(number), number / 2 % 2 == 1, &mut s);
         let (mut landings, mut carried) = (Vec::with_capacity(LANDINGS), 1.0);
-        while landings.len() < LANDINGS
-            && carried > 0.0
-            && let Some(hit) = surfaces.closest_hit(&ray)
-        {
+        walk(surfaces, ray, &mut s, LANDINGS, |_, hit, _| {
             landings.push((hit.position, carried));
-            carried *= surfaces.albedo(&hit).max_element().clamp(0.0, 1.0);
-            let u = Vec2::new(s.uniform(), s.uniform());
-            let direction = Frame::around(hit.geometric_normal).world_from_local(cosine_hemisphere(u));
-            ray = ray_from(&hit, direction);
-        }
+            carried *= surfaces.albedo(hit).max_element().clamp(0.0, 1.0);
+            carried > 0.0
+        });
         landings
     }
 }
 
-/// Width over height of what cameras see: wider than most screens, since an image's size is decided at play time.
-const ASPECT: f32 = 2.4;
+fn edge(power: i32) -> f32 {
+    2.0f32.powi(power)
+}
 
 /// A ray through a camera's image, at `at` of its width and height.
 fn camera_ray(camera: &Camera, at: Vec2) -> Ray {
     let size = Vec2::new(ASPECT, 1.0);
-    Ray {
-        origin: camera.position,
-        direction: camera.direction(at * size, size),
-        t_min: 0.0,
-        t_max: f32::INFINITY,
-    }
+    Ray::endless(camera.position, camera.direction(at * size, size))
 }
 
 /// The ray of a particle that leaves a viewpoint in a uniform direction.
 fn start(viewpoint: Vec3, s: &mut Stream) -> Ray {
     let u = Vec2::new(2.0 * s.uniform() - 1.0, s.uniform());
-    Ray {
-        origin: viewpoint,
-        direction: uniform_hemisphere(u),
-        t_min: 0.0,
-        t_max: f32::INFINITY,
-    }
+    Ray::endless(viewpoint, uniform_hemisphere(u))
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! average anyway, and so is what only mirrors show.
 
 use crate::points::candidates::Candidate;
+use crate::points::viewpoints::ASPECT;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::camera::{Camera, CameraTrack};
@@ -17,8 +18,6 @@ use std::collections::BTreeSet;
 /// Primary rays across and down a camera's image: points are wider than a pixel, and one that slips through only leaves
 /// its place to coarser points.
 const RAYS: [u32; 2] = [480, 270];
-/// Width over height of what is looked at: wider than most screens, since `--size` decides it at play time.
-const ASPECT: f32 = 2.4;
 /// Frames of a moving camera that are looked at.
 const FRAMES: u32 = 32;
 

@@ -10,6 +10,9 @@ use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_transport::random::Stream;
 use relight_transport::sampling::r2;
 
+/// Width over height of what cameras look at: wider than most screens, since `--size` decides it at play time.
+pub const ASPECT: f32 = 2.4;
+
 /// Places along a moving camera's way that count as viewpoints: enough that every room on its way has one.
 const PER_MOVING_CAMERA: u32 = 16;
 

@@ -9,7 +9,7 @@
 //! corners and crevices from close by don't count.
 
 use crate::error::BakeError;
-use crate::points::candidates::walk;
+use crate::points::particles::walk;
 use crate::points::relevance::Relevance;
 use crate::units::Units;
 use rayon::prelude::*;
