@@ -54,6 +54,7 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
         lights: read.lights.as_ref(),
         source_hash: read.source_hash,
         kept,
+        checked: true,
     };
     let import_seconds = start.elapsed().as_secs_f64();
     let result = match args.target_error {
@@ -63,10 +64,10 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
             let own: f64 = baked.stats.seconds.iter().map(|stage| stage.1).sum();
             baked.stats.seconds.push(("search", seconds - own));
             let before = import_seconds + seconds;
-            store(baked, output, before, import_seconds, console)?
+            store(baked, &job, output, before, import_seconds, console)?
         }
         None => run_job(&job, read.scene, output, import_seconds, console)?,
     };
     drop(lock);
-    tell(&result, args.json, console)
+    tell(&result, args.strict, args.json, console)
 }

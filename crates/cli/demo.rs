@@ -64,6 +64,7 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
         lights: Some(&lights),
         source_hash,
         kept: None,
+        checked: true,
     };
     let result = bake::run_job(&job, scene, &asset, reading.elapsed().as_secs_f64(), console)?;
     output::print_text(&format!("{}\n\n", result.text))?;

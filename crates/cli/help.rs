@@ -22,6 +22,7 @@ const HEADINGS: [(&str, &[&str]); 8] = [
             "viewpoint",
             "keep",
             "cameras_only",
+            "strict",
         ],
     ),
     (

@@ -1,6 +1,6 @@
 //! What is known of an asset from its file, and of its bake from the log beside it.
 
-use crate::estimates;
+use crate::estimates::{self, Expected};
 use crate::failure::Failure;
 use crate::output::{SCHEMA, log_path};
 use relight_format::{self as format, Asset, Content, CutContent, Estimates, Summary};
@@ -73,7 +73,10 @@ pub struct Inspection {
     pub left_out: Vec<LeftOut>,
     /// What the bake estimated, by name.
     pub estimates: BTreeMap<String, f64>,
-    /// The error that the bake expects, in words.
+    /// What the bake expects of its errors, if it has measured itself.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub expected: Option<Expected>,
+    /// The same in words.
     pub expected_error: Option<String>,
     /// What the bake noted.
     pub notes: Vec<String>,
@@ -282,6 +285,7 @@ impl Inspection {
             },
             left_out: left_out.collect(),
             estimates: known,
+            expected: Expected::of(estimates),
             expected_error: estimates::line(estimates),
             notes: provenance.notes.clone(),
             run: None,

@@ -20,6 +20,7 @@ mod inspection;
 mod options;
 mod output;
 mod play;
+mod probes;
 mod report;
 mod schema;
 mod signals;

@@ -104,6 +104,7 @@ pub fn play(
         command: "play",
         asset: args.asset.display().to_string(),
         asset_hash: format!("{:016x}", player.hash),
+        expected: estimates::Expected::of(player.estimates.as_ref()),
         integrator: choice.integrator.name(),
         width,
         height,

@@ -5,21 +5,18 @@
 //! no pixel that anyone plays decides. The settings of [`LADDER`] are baked from the coarsest on until one will do;
 //! that bake is the asset.
 
-mod probes;
-
 use crate::bake::job::{Job, bake_job};
 use crate::console::Console;
-use crate::estimates::{ERROR, NOISE, TARGET, percent};
+use crate::estimates::{CLOSE_ENOUGH, DOUBT, Expected, Verdict, percent};
 use crate::failure::Failure;
+use crate::probes::lit::lit;
+use crate::probes::traced::{Effort, Probes};
+use crate::probes::viewpoints::{SEARCH, Viewpoints};
 use crate::signals;
 use crate::words;
-use probes::{Estimate, Probes};
 use relight_bake::Baked;
 use relight_bake::params::{BakeParams, Preset};
-use relight_format::Estimates;
 use relight_scene::scene::Scene;
-use relight_scene::sequence::{Sequence, parse_sequence};
-use std::path::Path;
 use std::sync::Arc;
 
 /// A setting to try.
@@ -58,9 +55,8 @@ const LADDER: [Step; 7] = [
     step((Preset::Fine, "fine"), 6, 5, 0.0075),
 ];
 
-/// A setting will do if it is expected to err by up to so much more than asked for: estimates are no better, and the next
-/// step may err by much less.
-const CLOSE_ENOUGH: f64 = 1.15;
+/// Most samples of a probe's pixel where all windows see something.
+const MOST: f32 = 512.0;
 /// What errs by less than this share of what was asked for, after a step that erred by too much, has a step tried between
 /// the two.
 const TOO_FINE: f64 = 0.75;
@@ -77,26 +73,6 @@ pub struct Order<'a> {
     pub target: f64,
 }
 
-/// The lights for which errors are estimated: those given, else the scene's own, else a lamp.
-fn lit(order: &Order, scene: &Scene, probes: &probes::Viewpoints) -> Result<Sequence, Failure> {
-    if let Some(sequence) = order.job.lights {
-        return Ok(sequence.clone());
-    }
-    if !scene.sequence.lights.is_empty() {
-        return Ok(scene.sequence.clone());
-    }
-    let [x, y, z] = probes.lamp().to_array();
-    let lamp = format!(
-        r#"{{"relight_sequence": 1, "lights": [{{"name": "lamp", "type": "point", "position": [{x}, {y}, {z}],
-        "intensity": [1, 1, 1]}}]}}"#
-    );
-    Ok(parse_sequence(
-        &lamp,
-        Path::new("."),
-        "the lamp of --target-error",
-    )?)
-}
-
 /// Bakes step after step until one will do.
 ///
 /// # Errors
@@ -108,11 +84,19 @@ pub fn search(order: &Order, scene: &Arc<Scene>, console: &Console) -> Result<Ba
         lights,
         ..
     } = *order.job;
-    let viewpoints = probes::Viewpoints::new(scene, shading, lights, given)?;
-    let sequence = lit(order, scene, &viewpoints)?;
+    let Some(viewpoints) = Viewpoints::new(scene, shading, lights, given, SEARCH)? else {
+        return Err(anyhow::anyhow!("no camera sees anything by which --target-error could judge").into());
+    };
+    let sequence = lit(scene, lights, &viewpoints)?;
     console.begin("Path tracing probes", None);
-    let probes = Probes::trace(viewpoints, &sequence, given, order.target, console)?;
-    let mut best: Option<(Baked, Estimate)> = None;
+    let effort = Effort {
+        noise: order.target,
+        // Pixels that see nothing add no noise but count in the mean: the more there are, the noisier the others may be, and
+        // the more they are of what is sought.
+        most: (MOST * viewpoints.seen.recip().sqrt()) as u32,
+    };
+    let probes = Probes::trace(viewpoints, &sequence, given, effort, console)?;
+    let mut best: Option<(Baked, Expected)> = None;
     let mut idle = 0;
     let mut last = LADDER[0];
     for step in LADDER {
@@ -123,7 +107,7 @@ pub fn search(order: &Order, scene: &Arc<Scene>, console: &Console) -> Result<Ba
         let before = best.as_ref().map(|b| b.1.error);
         let better = before.is_none_or(|b| estimate.error < b * WORTH);
         idle = if better { 0 } else { idle + 1 };
-        let done = estimate.error <= CLOSE_ENOUGH * order.target;
+        let done = estimate.error <= CLOSE_ENOUGH * order.target && estimate.verdict() != Verdict::Wrong;
         if done && before.is_some() && estimate.error < TOO_FINE * order.target {
             let radius = baked.asset.points.first().map(|level| level.disk_radius);
             let between = Step {
@@ -132,7 +116,8 @@ pub fn search(order: &Order, scene: &Arc<Scene>, console: &Console) -> Result<Ba
             };
             let coarser = tried(order, scene, &probes, between, console)?;
             // It must not err more than asked for, nor less than the finer one.
-            let fits = (estimate.error..=CLOSE_ENOUGH * order.target).contains(&coarser.1.error);
+            let fits = (estimate.error..=CLOSE_ENOUGH * order.target).contains(&coarser.1.error)
+                && coarser.1.verdict() != Verdict::Wrong;
             best = Some(if fits { coarser } else { (baked, estimate) });
             break;
         }
@@ -150,7 +135,11 @@ pub fn search(order: &Order, scene: &Arc<Scene>, console: &Console) -> Result<Ba
         return Err(anyhow::anyhow!("no setting could be baked for --target-error").into());
     };
     said(order.target, estimate, &probes, console);
-    store(&mut baked, order.target, estimate);
+    let expected = Expected {
+        target: Some(order.target),
+        ..estimate
+    };
+    expected.store(&mut baked.asset.estimates);
     Ok(baked)
 }
 
@@ -161,7 +150,7 @@ fn tried(
     probes: &Probes,
     step: Step,
     console: &Console,
-) -> Result<(Baked, Estimate), Failure> {
+) -> Result<(Baked, Expected), Failure> {
     let params = with_step(order.job.params, step);
     let baked = bake_job(order.job, &params, scene.clone(), None, console)?;
     signals::go_on()?;
@@ -195,8 +184,10 @@ fn words_of(step: Step) -> String {
     )
 }
 
-fn said(target: f64, estimate: Estimate, probes: &Probes, console: &Console) {
-    let Estimate { error, noise } = estimate;
+fn said(target: f64, estimate: Expected, probes: &Probes, console: &Console) {
+    let Expected {
+        error, error_noise, ..
+    } = estimate;
     if error > CLOSE_ENOUGH * target {
         console.note(format!(
             "warning: an error of {} is out of reach: the setting that was taken is expected to err by {}, and finer ones \
@@ -211,18 +202,9 @@ fn said(target: f64, estimate: Estimate, probes: &Probes, console: &Console) {
         ));
     }
     console.note(format!(
-        "Estimated in {} of other viewpoints, whose reference's own noise is {}.",
+        "Estimated in {} of other viewpoints, whose reference's own noise is {}: give or take {}.",
         words::plural(probes.pixels(), "pixel"),
-        percent(noise)
+        percent(probes.noise()),
+        percent(DOUBT * error_noise)
     ));
-}
-
-fn store(baked: &mut Baked, target: f64, estimate: Estimate) {
-    let values = [(TARGET, target), (ERROR, estimate.error), (NOISE, estimate.noise)];
-    let known = baked.asset.estimates.get_or_insert_with(Estimates::default);
-    known.values.extend(
-        (values.into_iter())
-            .filter(|value| value.1.is_finite())
-            .map(|(name, value)| (name.to_owned(), value)),
-    );
 }

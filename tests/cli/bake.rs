@@ -1,7 +1,8 @@
 //! `relight bake`.
 
 use crate::stage::{
-    SQUARE, TINY, bake_json, complaint, cornell, data, folder, gltf, is_dark, json, names, relight, sequence,
+    SQUARE, TINY, bake_json, complaint, cornell, data, folder, gltf, inspect_json, is_dark, json, names,
+    relight, sequence,
 };
 use serde_json::Value;
 
@@ -242,6 +243,79 @@ fn disks_wider_than_the_scene_still_have_points() {
     let said = bake_json(&data("cornell.glb"), &asset, &options);
     let points = said["points"].as_array().unwrap();
     assert!(points.iter().all(|n| n.as_u64().unwrap() > 0), "{points:?}");
+}
+
+/// Truth: the path tracer with a seed of its own, at the camera's own pixels, of which the check takes none.
+#[test]
+fn a_bake_measures_itself_as_the_path_tracer_measures_it() {
+    let folder = folder();
+    let asset = folder.path().join("a.relight");
+    let lights = data("cornell.lights.json");
+    let said = bake_json(
+        &data("cornell.glb"),
+        &asset,
+        &["--preset", "draft", "--lights", lights.to_str().unwrap()],
+    );
+    let expected = &said["expected"];
+    let error = expected["error"].as_f64().unwrap();
+    let frame = |name: &str, more: &[&str]| {
+        let image = folder.path().join(name);
+        let mut play = relight();
+        play.arg("play").arg(&asset).arg("-o").arg(&image);
+        play.arg("--lights").arg(&lights);
+        play.args(["--size", "64x64", "--float", "--json"]).args(more);
+        let told = json(&play.assert().success().get_output().stdout);
+        assert_eq!(&told["expected"], expected, "play repeats it");
+        relight_scene::image::read_exr(&image, &relight_scene::image::Limits::default())
+            .unwrap()
+            .rgb("indirect")
+            .unwrap()
+    };
+    let played = frame("p.exr", &[]);
+    let [a, b] = ["11", "12"].map(|seed| {
+        let path = ["--integrator", "path", "--spp", "256", "--seed", seed];
+        frame(&format!("{seed}.exr"), &path)
+    });
+    let relmse = |x, y| relight_scene::image::metrics::relmse(x, y).unwrap();
+    // Half of what two references differ by is the noise of one.
+    let truth = (0.5 * (relmse(&played, &a) + relmse(&played, &b)) - 0.5 * relmse(&a, &b)).sqrt();
+    assert!(error < 1.5 * truth && truth < 1.5 * error, "{error}, {truth}");
+    assert_eq!(&inspect_json(&asset)["expected"], expected, "inspect repeats it");
+}
+
+/// Points farther apart than the rooms are wide know nothing of the wall between them.
+#[test]
+fn a_broken_bake_is_loud_and_strict_makes_it_an_exit_code() {
+    let folder = folder();
+    let lights = data("two_rooms_far.lights.json");
+    let broken = |more: &[&str]| {
+        let mut bake = relight();
+        bake.arg("bake").arg(data("two_rooms.glb"));
+        bake.arg("-o").arg(folder.path().join("broken.relight"));
+        bake.arg("--lights").arg(&lights);
+        bake.args(["--levels", "1", "--sender-levels", "1", "--coarse-radius", "8"]);
+        bake.args(more).assert()
+    };
+    for (more, code) in [(&[][..], 0), (&["--strict"], 3)] {
+        let output = broken(more).code(code).get_output().clone();
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert!(
+            text.contains("WARNING") && text.contains("--coarse-radius"),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn without_any_light_a_bake_measures_itself_under_test_lights() {
+    let folder = folder();
+    let said = bake_json(
+        &data("two_rooms.glb"),
+        &folder.path().join("a.relight"),
+        &["--levels", "2", "--sender-levels", "1", "--coarse-radius", "0.8"],
+    );
+    assert!(said["expected"]["error"].as_f64().unwrap() > 0.0);
+    assert!(said["expected"]["bias_noise"].as_f64().unwrap() > 0.0);
 }
 
 /// The estimate is of other pixels; that these err likewise, docs/notebook/report.md measures.

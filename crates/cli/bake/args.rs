@@ -13,12 +13,16 @@ use std::path::{Path, PathBuf};
 /// Spreads a hierarchy of points over the surfaces that light can carry to the viewer, finds how strongly they
 /// light each other, and writes geometry, materials, points and links into one file. Times and memory go into
 /// ASSET.relight.log.json beside it.
+///
+/// Ends with a check of its own against path-traced probes, near the camera that `play` takes by itself, under --lights, else the scene's own
+/// lights, else test lights: what indirect light is expected to err by is stored in the asset, and `play` and `inspect` repeat it.
 #[derive(Args)]
 #[command(after_help = "\
-The JSON of --json: points (per level, coarsest first), links, potential_links, rays, seconds (per stage, total,
+The JSON of --json: points (per level, coarsest first), links, potential_links, rays, seconds (per stage, total, check: measuring itself,
 ray_tracing: thread-seconds in rays / threads), bytes (per section raw and stored, total), peak_memory_bytes, row_bytes
 (memory of reconstructed rows), left_out (what, why, saved_bytes, saved_rays, and with the bake's log saved_seconds:
-those rays at the bake's own pace), and with --resume units (all, reused).
+those rays at the bake's own pace), expected (of indirect light, by the bake's own check: error, bias, error_noise and bias_noise,
+their standard errors; without_points, without_light, wide, shares of what it saw; target), and with --resume units (all, reused).
 Of --dry-run: points, rays, links, seconds, bytes, memory_bytes, row_bytes. Of --plan: units.")]
 pub struct BakeArgs {
     /// Scene to bake: .glb or .gltf, or .scene.json, which describes boxes, implicit surfaces and isosurfaces of volumes
@@ -34,7 +38,7 @@ pub struct BakeArgs {
     pub preset: PresetName,
     /// Choose levels, sender levels, epsilon and rays for this error of indirect light, such as 0.08 or 8%: the root of relMSE of
     /// the indirect layer, as `report` lists it, estimated at other viewpoints near the camera that `play` takes by itself, under --lights (or the
-    /// scene's own lights, or a lamp). Bakes ever finer settings until one will do. A result's estimate is stored.
+    /// scene's own lights, or a lamp). Bakes ever finer settings until one will do; exit code 3 where none does.
     #[arg(long, value_name = "E", value_parser = relative_error,
           conflicts_with_all = ["preset", "levels", "sender_levels", "epsilon", "resume", "plan", "unit", "merge", "dry_run"])]
     pub target_error: Option<f64>,
@@ -90,6 +94,10 @@ pub struct BakeArgs {
     /// Only the cameras of the scene and of --lights will look: surfaces that none of them sees get no fine receivers.
     #[arg(long)]
     pub cameras_only: bool,
+    /// End with exit code 3 where the bake's own check finds it wrong: a bias of indirect light beyond 5 %, or an error beyond 25 %, by more
+    /// than the check's noise. The asset is written all the same.
+    #[arg(long)]
+    pub strict: bool,
     /// Treat every material as Lambert with its base colour, for comparison with other renderers: metallic,
     /// roughness and normal maps are ignored, emission and alpha are kept.
     #[arg(long)]
@@ -349,6 +357,7 @@ impl BakeArgs {
             ("--solution", self.solution),
             ("--lambert", self.lambert),
             ("--cameras-only", self.cameras_only),
+            ("--strict", self.strict),
         ] {
             words.extend(given.then(|| option.to_owned()));
         }
@@ -379,7 +388,7 @@ mod tests {
         let all = "/s.glb -o /a.relight --preset fine --lights /l.json --levels 5 --sender-levels 3 --coarse-radius 0.3 \
                    --epsilon 0.07 --bounces 3 --solution --cuts indirect --cut-lights 1024 \
                    --sigma 1.7 --beta 0.1 --viewpoint -1,2.5,3e-7 --viewpoint 0,0,0.1 --lambert --light-units raw \
-                   --keep lights,senders --cameras-only";
+                   --keep lights,senders --cameras-only --strict";
         let given = parsed(&all.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
         let again = parsed(&given.words().unwrap());
         assert_eq!(params(&again, 7).unwrap(), params(&given, 7).unwrap());

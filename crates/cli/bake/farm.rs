@@ -145,10 +145,11 @@ pub fn merge(folder: &Path, json: bool, console: &Console) -> Result<Outcome, Fa
         lights: read.lights.as_ref(),
         source_hash: read.source_hash,
         kept: Some(Kept::shared(plan.folder.join("units"))),
+        checked: true,
     };
     let result = run_job(&job, read.scene, target, start.elapsed().as_secs_f64(), console)?;
     drop(lock);
-    tell(&result, json, console)
+    tell(&result, plan.args.strict, json, console)
 }
 
 /// Computes a part of a plan; returns how many units the plan should have.

@@ -4,10 +4,12 @@ use super::args::{BakeArgs, LightUnitsName};
 use super::kept::{Kept, this_program};
 use super::memory;
 use crate::console::{BakeProgress, Console};
+use crate::estimates::{Expected, Verdict};
 use crate::failure::{Failure, Outcome};
 use crate::inspect;
 use crate::inspection::{BakeLog, BakeRun, Inspection, Seconds};
 use crate::output::{self, SCHEMA, log_path};
+use crate::probes::check::check;
 use crate::signals;
 use crate::words;
 use anyhow::Context;
@@ -90,6 +92,8 @@ pub struct Job<'a> {
     pub source_hash: u64,
     /// Where units of work are kept, if they are.
     pub kept: Option<Kept>,
+    /// Whether the bake ends with a check of its own.
+    pub checked: bool,
 }
 
 /// What a bake tells.
@@ -98,6 +102,8 @@ pub struct JobResult {
     pub text: String,
     /// One line on what was written.
     pub saved: String,
+    /// What is wrong with the asset, or cannot be told, in words.
+    pub complaint: Option<String>,
     /// What the command prints.
     pub report: BakeReport,
 }
@@ -137,8 +143,22 @@ pub fn run_job(
     let note = |text| console.note(text);
     let folder = job.kept.as_ref().map(|kept| kept.open(&note)).transpose()?;
     let ledger = folder.as_ref().map(|folder| Ledger::new(folder, this_program()));
-    let (baked, seconds) = timed(|| bake_job(job, job.params, scene, ledger.as_ref(), console))?;
-    let mut result = store(baked, target, import_seconds + seconds, import_seconds, console)?;
+    let (mut baked, mut seconds) =
+        timed(|| bake_job(job, job.params, scene.clone(), ledger.as_ref(), console))?;
+    if job.checked {
+        signals::go_on()?;
+        let checked = timed(|| check(&mut baked, &scene, job.shading, job.lights, job.params, console))?;
+        baked.stats.seconds.push(("check", checked.1));
+        seconds += checked.1;
+    }
+    let mut result = store(
+        baked,
+        job,
+        target,
+        import_seconds + seconds,
+        import_seconds,
+        console,
+    )?;
     if let (Some(kept), Some(folder), Some(ledger)) = (&job.kept, &folder, &ledger) {
         let (taken, made) = ledger.counts();
         result.report.units = Some(UnitCounts {
@@ -189,6 +209,7 @@ pub fn bake_job(
 /// A file cannot be written, or a signal asks to stop.
 pub fn store(
     baked: Baked,
+    job: &Job,
     target: &Path,
     seconds: f64,
     import_seconds: f64,
@@ -212,8 +233,10 @@ pub fn store(
     let inspection = Inspection::of_asset(target, &baked.asset)?.with_run(run);
     write_atomically(&log_path(target), output::json_text(&log)?.as_bytes())?;
     console.close();
+    let expected = Expected::of(baked.asset.estimates.as_ref());
     Ok(JobResult {
         text: inspect::describe(&inspection),
+        complaint: expected.and_then(|expected| expected.complaint(job.params.coarse_radius)),
         saved: format!(
             "Wrote {} ({}).",
             target.display(),
@@ -251,15 +274,25 @@ fn run_of(stats: &BakeStats, total: f64) -> BakeRun {
     }
 }
 
-/// Tells what was baked, and prints its JSON where asked to.
+/// Tells what was baked, and prints its JSON where asked to; falls short of `strict` where the bake finds itself wrong, and of
+/// `--target-error` where that was missed.
 ///
 /// # Errors
 /// stdout cannot be written.
-pub fn tell(result: &JobResult, json: bool, console: &Console) -> Result<Outcome, Failure> {
+pub fn tell(result: &JobResult, strict: bool, json: bool, console: &Console) -> Result<Outcome, Failure> {
     console.close();
     console.note(format!("{}\n\n{}", result.text, result.saved));
+    if let Some(complaint) = &result.complaint {
+        console.note(format!("\n{complaint}"));
+    }
     if json {
         output::print_json(&result.report)?;
     }
-    Ok(Outcome::Done)
+    let expected = result.report.inspection.expected;
+    let wrong = expected.is_some_and(|expected| expected.verdict() == Verdict::Wrong);
+    let missed = expected.is_some_and(|expected| expected.missed());
+    Ok(match (wrong && strict) || missed {
+        true => Outcome::FellShort,
+        false => Outcome::Done,
+    })
 }

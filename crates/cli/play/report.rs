@@ -1,5 +1,6 @@
 //! What a play did, for people, other commands and --json.
 
+use crate::estimates::Expected;
 use relight_play::frame::stats::{Figure, FrameStats};
 use relight_play::shot::ShotTimes;
 use serde::ser::SerializeMap;
@@ -16,6 +17,9 @@ pub struct PlayReport {
     pub asset: String,
     /// Identifies its content, hexadecimal.
     pub asset_hash: String,
+    /// What the bake expects of its errors, if it has measured itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub expected: Option<Expected>,
     /// How light was made.
     pub integrator: &'static str,
     /// Pixels across.

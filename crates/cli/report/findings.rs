@@ -65,11 +65,7 @@ fn asset_itself(
     let plain = |m: &&Measured| m.setting.bake.is_empty() && m.setting.play.is_empty() && m.needs_bake();
     let error = measured.iter().find(plain)?.indirect()?;
     let expected = Expected::of(estimates).map_or_else(String::new, |expected| {
-        format!(
-            "; its bake expected {} (--target-error {})",
-            percent(expected.error),
-            percent(expected.target)
-        )
+        format!("; its bake expected {}", percent(expected.error))
     });
     let floor = references.iter().map(|r| r.floor_of("indirect")).sum::<f64>();
     let own = (floor / references.len().max(1) as f64).sqrt();

@@ -348,6 +348,8 @@ fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf,
         lights: None,
         source_hash: runs.base_bake.source_hash,
         kept: None,
+        // By the references, which know better.
+        checked: false,
     };
     let result = bake::run_job(&job, runs.scene.clone(), &asset, 0.0, &console.silent())?;
     let known = result.report.inspection;
