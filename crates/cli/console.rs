@@ -1,5 +1,5 @@
 //! What people see while a command runs: bars with rate and time left on a terminal, plain lines elsewhere,
-//! nothing with --quiet.
+//! nothing with --quiet but what nobody may miss.
 
 use crate::signals;
 use crate::words;
@@ -71,6 +71,11 @@ impl Console {
         if !self.quiet {
             self.say(text.as_ref());
         }
+    }
+
+    /// What nobody may miss: said with --quiet, too.
+    pub fn warn(&self, text: impl AsRef<str>) {
+        self.say(text.as_ref());
     }
 
     /// A sentence for people who asked for more.

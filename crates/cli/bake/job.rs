@@ -282,14 +282,18 @@ fn run_of(stats: &BakeStats, total: f64) -> BakeRun {
 pub fn tell(result: &JobResult, strict: bool, json: bool, console: &Console) -> Result<Outcome, Failure> {
     console.close();
     console.note(format!("{}\n\n{}", result.text, result.saved));
+    let expected = result.report.inspection.expected;
+    let wrong = expected.is_some_and(|expected| expected.verdict() == Verdict::Wrong);
     if let Some(complaint) = &result.complaint {
-        console.note(format!("\n{complaint}"));
+        if wrong {
+            console.warn(complaint);
+        } else {
+            console.note(complaint);
+        }
     }
     if json {
         output::print_json(&result.report)?;
     }
-    let expected = result.report.inspection.expected;
-    let wrong = expected.is_some_and(|expected| expected.verdict() == Verdict::Wrong);
     let missed = expected.is_some_and(|expected| expected.missed());
     Ok(match (wrong && strict) || missed {
         true => Outcome::FellShort,
