@@ -68,6 +68,24 @@ fn of_an_asset_with_cuts_of_the_first_bounce_the_example_makes_the_frame_of_play
 }
 
 #[test]
+fn of_an_asset_with_cuts_alone_the_example_makes_the_frame_of_play() {
+    let folder = folder();
+    let asset = folder.path().join("table.relight");
+    let options = [&TINY[..], &FEW, &["--cuts", "indirect"]].concat();
+    bake_json(&data("table.glb"), &asset, &options);
+    let bytes = std::fs::read(&asset).unwrap();
+    let whole = relight_format::read_asset(&bytes, &relight_format::Limits::default()).unwrap();
+    let alone = relight_format::Asset {
+        transfer: None,
+        bounce: None,
+        solution: None,
+        ..whole
+    };
+    std::fs::write(&asset, relight_format::write_asset(&alone).unwrap()).unwrap();
+    compare(&asset, folder.path(), "its first bounce by visibility cuts");
+}
+
+#[test]
 fn of_an_asset_with_transfer_and_cuts_of_environments_the_example_makes_the_frame_of_play() {
     let folder = folder();
     let asset = folder.path().join("table.relight");
