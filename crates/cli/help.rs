@@ -65,6 +65,7 @@ const HEADINGS: [(&str, &[&str]); 8] = [
         &[
             "fast",
             "case",
+            "random",
             "list",
             "quick",
             "full",
@@ -120,7 +121,7 @@ const EXAMPLES: [(&str, [&str; 3]); 9] = [
         "check",
         [
             "relight check --fast",
-            "relight check --list",
+            "relight check --random 40",
             "relight check hall.relight --json",
         ],
     ),

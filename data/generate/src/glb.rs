@@ -9,6 +9,9 @@ use crate::mesh::Mesh;
 use glam::{DQuat, DVec3};
 use serde_json::{Map, Value, json};
 
+/// The extension for lights without extent.
+const PUNCTUAL: &str = "KHR_lights_punctual";
+
 /// A use of a texture by a material: which one, which set of coordinates, and how they are transformed.
 #[derive(Clone, Copy)]
 pub struct TextureRef {
@@ -161,6 +164,7 @@ pub struct Glb {
     materials: Vec<Value>,
     meshes: Vec<Value>,
     cameras: Vec<Value>,
+    lights: Vec<Value>,
     nodes: Vec<Value>,
     roots: Vec<usize>,
     extensions: Vec<&'static str>,
@@ -186,6 +190,7 @@ impl Glb {
             materials: vec![],
             meshes: vec![],
             cameras: vec![],
+            lights: vec![],
             nodes: vec![],
             roots: vec![],
             extensions: vec![],
@@ -323,6 +328,29 @@ impl Glb {
         self.roots.push(id);
     }
 
+    /// Adds a light of KHR_lights_punctual (its JSON: type, intensity in cd or lx, colour, cone) that shines along
+    /// `direction`, a unit vector.
+    pub fn add_light(&mut self, name: &str, light: Value, position: DVec3, direction: DVec3) {
+        self.use_extension(PUNCTUAL);
+        self.lights.push(light);
+        let place = Placement {
+            translation: position,
+            rotation: DQuat::from_rotation_arc(DVec3::NEG_Z, direction),
+            scale: DVec3::ONE,
+        };
+        let id = self.push_node(name, None, place);
+        self.nodes[id]["extensions"] = json!({ PUNCTUAL: { "light": self.lights.len() - 1 } });
+        self.roots.push(id);
+    }
+
+    /// Puts all that was added so far under one node.
+    pub fn put_under(&mut self, name: &str, place: Placement) {
+        let children = std::mem::take(&mut self.roots);
+        let id = self.push_node(name, None, place);
+        self.nodes[id]["children"] = json!(children);
+        self.roots.push(id);
+    }
+
     /// The bytes of the `.glb` file.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut root = Map::new();
@@ -334,6 +362,12 @@ impl Glb {
         root.insert("scenes".into(), json!([{ "nodes": self.roots }]));
         if !self.extensions.is_empty() {
             root.insert("extensionsUsed".into(), json!(self.extensions));
+        }
+        if !self.lights.is_empty() {
+            root.insert(
+                "extensions".into(),
+                json!({ PUNCTUAL: { "lights": self.lights } }),
+            );
         }
         // 9729 linear, 9987 trilinear, 10497 repeat.
         let sampler = json!({ "magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497 });

@@ -1,5 +1,6 @@
 //! Makes the scenes and lighting sequences of `data/`: every byte of them comes from here, and comes again when the
-//! program is run again. Functions that build a scene with parameters (the furnaces) are public for tests.
+//! program is run again. Functions that build a scene with parameters (the furnaces) are public for tests; [`random()`]
+//! makes any number of other scenes, for `relight check --random`.
 //!
 //! A scene is made in three steps: [`mesh`] and [`texture`] give triangles and images, a module per scene puts them
 //! together, [`glb`] writes them as binary glTF 2.0.
@@ -15,6 +16,7 @@ pub mod glb;
 pub mod isosurface;
 pub mod mesh;
 mod pattern;
+pub mod random;
 pub mod sequence;
 pub mod sky;
 pub mod table;
@@ -24,6 +26,7 @@ pub mod two_rooms;
 pub use atrium::atrium;
 pub use cornell::cornell;
 pub use furnace::{furnace_box, furnace_sphere, furnace_varying, varying_albedo};
+pub use random::{RandomScene, random};
 pub use table::table;
 pub use two_rooms::two_rooms;
 
