@@ -18,6 +18,7 @@ mod left_out;
 mod materials;
 mod pages;
 mod play;
+mod random;
 mod report;
 mod signals;
 mod slurm;
