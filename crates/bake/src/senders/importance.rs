@@ -14,7 +14,7 @@ use crate::points::relevance::Relevance;
 use crate::units::Units;
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;
-use relight_transport::basis::NearestPoint;
+use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::random::Stream;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -77,12 +77,28 @@ pub fn importance(
         met.iter_mut().zip(&part.counts).for_each(|(sum, n)| *sum += n);
         rays += part.rays;
     }
-    let mean = (met.iter().map(|&m| u64::from(m)).sum::<u64>() as f32 / met.len().max(1) as f32).max(1e-3);
-    let bytes = met.iter().map(|&m| {
-        let relative = (m as f32 / mean + UNSEEN).min(LARGEST);
-        ((relative / LARGEST).sqrt() * 255.0).round() as u8
-    });
-    Ok((bytes.collect(), rays))
+    Ok((bytes(&met, &areas(finest.level)), rays))
+}
+
+/// Areas that points stand for, over their mean.
+fn areas(level: &Level) -> Vec<f32> {
+    let of = |point| f64::from(level.disk_radius_of(point)).powi(2);
+    let all: f64 = (0..level.len()).map(of).sum();
+    let mean = all / level.len().max(1) as f64;
+    (0..level.len()).map(|point| (of(point) / mean) as f32).collect()
+}
+
+/// Landings as bytes, relative to their mean.
+fn bytes(met: &[u32], areas: &[f32]) -> Vec<u8> {
+    let all: u64 = met.iter().map(|&m| u64::from(m)).sum();
+    let mean = (all as f32 / met.len().max(1) as f32).max(1e-3);
+    let largest = LARGEST * areas.iter().fold(1.0, |largest: f32, &area| largest.max(area));
+    (met.iter().zip(areas))
+        .map(|(&m, area)| {
+            let relative = (m as f32 / mean + UNSEEN * area).min(largest);
+            ((relative / largest).sqrt() * 255.0).round() as u8
+        })
+        .collect()
 }
 
 /// Sends particles of these numbers.
