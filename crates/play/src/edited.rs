@@ -116,6 +116,7 @@ impl Edited {
             transfer,
             points,
             cuts,
+            ..
         } = prepared;
         let materials = self.edits.at(time, &scene.scene().materials);
         scene

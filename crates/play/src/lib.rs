@@ -67,6 +67,7 @@ pub mod reconstruct;
 pub mod reflections;
 pub mod shot;
 mod snap;
+mod spread;
 #[cfg(test)]
 #[allow(dead_code, reason = "shared with `relight_render`, whose tests use all of it")]
 #[path = "../../render/src/test_scenes.rs"]

@@ -2,6 +2,7 @@
 
 use crate::cuts::VisibilityCuts;
 use crate::snap::snapped;
+use crate::spread::PointPlaces;
 use crate::transfer::Transfer;
 use relight_render::lighting;
 use relight_scene::surface::SurfaceHit;
@@ -15,6 +16,8 @@ pub struct PreparedScene {
     pub transfer: Option<Transfer>,
     /// Where each finest point lies on the scene's surfaces.
     pub points: Vec<Option<SurfaceHit>>,
+    /// Where direct light is found for them.
+    pub places: PointPlaces,
     /// Visibility cuts; `None` for an asset baked without.
     pub cuts: Option<VisibilityCuts>,
 }
@@ -35,15 +38,19 @@ impl PreparedScene {
                 t.finest.disk_radius,
             )
         });
+        let places = transfer.as_ref().map_or_else(PointPlaces::default, |t| {
+            PointPlaces::new(&scene, &t.finest, &points)
+        });
         PreparedScene {
             scene,
             transfer,
             points,
+            places,
             cuts,
         }
     }
 
-    /// Surface that each of the finest points stands for, m².
+    /// Surface that each place of the finest points stands for, m².
     pub fn footprint(&self) -> f32 {
         let radius = self.transfer.as_ref().map_or(0.0, |t| t.finest.disk_radius);
         lighting::FOOTPRINT * radius * radius

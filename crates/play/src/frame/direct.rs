@@ -3,6 +3,7 @@
 
 use super::stats::{DirectLightcuts, FrameTimes, milliseconds};
 use super::task::{Received, Task};
+use crate::spread::PointPlaces;
 use glam::Vec3;
 use relight_render::edges;
 use relight_render::lightcuts::{self, AT_PIXELS, AT_POINTS, ManyLights};
@@ -19,8 +20,8 @@ const FIRST: u32 = 2;
 /// Where light arrives from which indirect light starts.
 #[derive(Clone, Copy)]
 pub(super) struct Starts<'a> {
-    /// The finest points, if transfer makes light.
-    pub points: Option<&'a [Option<SurfaceHit>]>,
+    /// Places of the finest points, if transfer makes light.
+    pub points: Option<&'a PointPlaces>,
     /// Surface samples, if visibility cuts make the first bounce.
     pub samples: Option<&'a [Option<SurfaceHit>]>,
 }
@@ -35,11 +36,10 @@ pub(super) struct Sums {
 impl Sums {
     /// Of no light yet.
     pub fn new(fragments: usize, starts: Starts) -> Sums {
-        let nothing = |hits: &[Option<SurfaceHit>]| Sum::Nothing(hits.len());
         Sums {
             direct: Sum::Nothing(fragments),
-            points: starts.points.map(nothing),
-            samples: starts.samples.map(nothing),
+            points: starts.points.map(|places| Sum::Nothing(places.points())),
+            samples: starts.samples.map(|hits| Sum::Nothing(hits.len())),
         }
     }
 
@@ -83,7 +83,8 @@ impl Task<'_> {
             irradiance
         };
         Received {
-            points: (starts.points).map(|hits| irradiance(hits, self.prepared.footprint())),
+            points: (starts.points)
+                .map(|places| places.means(irradiance(&places.hits, self.prepared.footprint()))),
             samples: starts.samples.map(|hits| irradiance(hits, 0.0)),
         }
     }
@@ -127,15 +128,16 @@ impl Task<'_> {
             ..DirectLightcuts::default()
         };
         if points {
-            for (hits, footprint, sum) in [
-                (starts.points, self.prepared.footprint(), &mut sums.points),
-                (starts.samples, 0.0, &mut sums.samples),
-            ] {
-                if let (Some(hits), Some(sum)) = (hits, sum) {
-                    let (irradiance, stats) = many.irradiance_at(scene, hits, footprint);
-                    sum.add(irradiance);
-                    used.points += stats;
-                }
+            if let (Some(places), Some(sum)) = (starts.points, &mut sums.points) {
+                let footprint = self.prepared.footprint();
+                let (irradiance, stats) = many.irradiance_at(scene, &places.hits, footprint);
+                sum.add(places.means(irradiance));
+                used.points += stats;
+            }
+            if let (Some(hits), Some(sum)) = (starts.samples, &mut sums.samples) {
+                let (irradiance, stats) = many.irradiance_at(scene, hits, 0.0);
+                sum.add(irradiance);
+                used.points += stats;
             }
         }
         times.direct_points += milliseconds(start);

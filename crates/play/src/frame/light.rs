@@ -56,7 +56,7 @@ pub fn light(
     };
     let samples = prepared.cuts.as_ref().and_then(|cuts| cuts.samples());
     let starts = Starts {
-        points: (shot.transfers && prepared.transfer.is_some()).then_some(&prepared.points[..]),
+        points: (shot.transfers && prepared.transfer.is_some()).then_some(&prepared.places),
         samples: (samples.filter(|_| by_cuts == CutUse::FirstBounce)).map(|samples| &samples.hits[..]),
     };
     let distant = (by_cuts == CutUse::Environments).then(|| lights.distant_at(time));
