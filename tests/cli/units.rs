@@ -386,7 +386,7 @@ const SHARED: [&str; 10] = [
     "--sender-levels",
     "2",
     "--coarse-radius",
-    "0.06",
+    "0.04",
     "--cuts",
     "environment",
     "--cut-lights",

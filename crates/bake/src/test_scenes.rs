@@ -1,6 +1,7 @@
 //! Scenes of closed form that several tests, and those of the example `radiosity`, share.
 
 use glam::{DVec3, Vec3};
+use relight_bake::points::openness::Openness;
 use relight_bake::points::poisson::{PointLevels, distribute};
 use relight_bake::points::relevance::Relevance;
 use relight_bake::units::Units;
@@ -16,6 +17,7 @@ pub fn hollow(albedo: f32) -> (ImplicitSurface, PointLevels) {
     let points = distribute(
         &ball,
         &Relevance::even(&[Vec3::new(0.1, 0.2, -0.1)]),
+        Openness::none(),
         3,
         0.4,
         0,

@@ -156,7 +156,7 @@ fn white(stage: &Stage) -> Measured {
                     ..m
                 }),
         );
-        let gain = mean(&light.indirect).x / mean(&light.direct).x;
+        let gain = light.mean_indirect().x / light.mean_direct().x;
         if top > 0.0 {
             measures.push(Measure::new(
                 format!("{name}: indirect over direct light"),

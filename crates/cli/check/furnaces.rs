@@ -129,7 +129,7 @@ fn uneven(stage: &Stage, middle: f32, amplitude: f32, bound: f64, solution: bool
     )?;
     let found = at_points(stage, &player, &[point(LAMP, 1.0)])?;
     let truth = reflected(middle, amplitude) / (1.0 - f64::from(middle));
-    let error = (mean(&found.indirect) / truth - 1.0).abs().max_element();
+    let error = (found.mean_indirect() / truth - 1.0).abs().max_element();
     let spread: f64 = (found.indirect.iter())
         .map(|e| (e.as_dvec3() / truth - 1.0).length_squared() / 3.0)
         .sum();

@@ -3,7 +3,7 @@
 use super::case::{Case, Measure, Measured};
 use super::sanity::sane;
 use super::shapes::{LAMP, cuboid, faces, globe, join, matt, panel, point, room, scene, sky, sun, track};
-use super::stage::{AtPoints, SIZE, Stage, at_points, coarse, difference, mean};
+use super::stage::{AtPoints, SIZE, Stage, at_points, coarse, difference, mean_by};
 use glam::{DVec3, Vec2, Vec3};
 use relight_bake::params::BakeParams;
 use relight_play::{FrameSettings, Player};
@@ -17,17 +17,18 @@ pub fn balance(player: &Player, light: &AtPoints) -> f64 {
         return f64::NAN;
     };
     let (mut absorbed, mut sent) = (DVec3::ZERO, DVec3::ZERO);
-    for ((direct, indirect), albedo) in light.direct.iter().zip(&light.indirect).zip(&transfer.albedo) {
+    let places = light.direct.iter().zip(&light.indirect).zip(&light.areas);
+    for (((direct, indirect), area), albedo) in places.zip(&transfer.albedo) {
         let [direct, indirect, albedo] = [direct, indirect, albedo].map(|v| v.as_dvec3());
-        absorbed += (1.0 - albedo) * (direct + indirect);
-        sent += direct;
+        absorbed += (1.0 - albedo) * (direct + indirect) * *area;
+        sent += direct * *area;
     }
     (absorbed / sent - 1.0).abs().max_element()
 }
 
 /// Light on the walls of the room, over what lamps of 4π W/sr in all send into it.
 fn received(light: &AtPoints, flux: f64, area: f64) -> f64 {
-    mean(&light.direct).x * area / flux
+    light.mean_direct().x * area / flux
 }
 
 const BALANCE: &str =
@@ -149,13 +150,10 @@ fn contrast(stage: &Stage) -> Measured {
     let alone = at_points(stage, &player, std::slice::from_ref(&faint))?;
     let beside = at_points(stage, &player, &[bright.clone(), faint.clone()])?;
     let dark = at_points(stage, &player, std::slice::from_ref(&bright))?;
-    let lit: Vec<Vec3> = dark
-        .indirect
-        .iter()
-        .zip(&near)
-        .filter(|e| !*e.1)
-        .map(|e| *e.0)
-        .collect();
+    let of_side = |side: bool| {
+        let places = dark.indirect.iter().zip(&dark.areas).zip(&near);
+        mean_by(places.filter(|place| *place.1 == side).map(|place| place.0))
+    };
     let shot = stage.shot(&player, SIZE)?;
     let mut measures = sane(&stage.lit(&player, &shot, &[bright, faint])?);
     measures.extend([
@@ -167,7 +165,7 @@ fn contrast(stage: &Stage) -> Measured {
         ),
         Measure::new(
             "indirect light of the bright lamp behind the wall",
-            mean(&there(&dark.indirect)).abs().max_element() / mean(&lit).x,
+            of_side(true).abs().max_element() / of_side(false).x,
             1e-4,
             "share of the lit room's; nothing is interpolated through a wall",
         ),

@@ -19,7 +19,6 @@ use relight_scene::image::Layers;
 use relight_scene::light::LightTrack;
 use relight_scene::light_set::{LightSet, SceneEmitters};
 use relight_scene::scene::Scene;
-use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::{Shading, TracedScene};
 use std::sync::{Arc, Mutex};
 
@@ -195,9 +194,31 @@ pub struct AtPoints {
     pub direct: Vec<Vec3>,
     /// Irradiance after one reflection and more.
     pub indirect: Vec<Vec3>,
+    /// Surface that each stands for, in proportion.
+    pub areas: Vec<f64>,
 }
 
-/// Irradiance at the finest points, which stand for equal areas.
+impl AtPoints {
+    /// Mean of `direct` over the surface.
+    pub fn mean_direct(&self) -> DVec3 {
+        mean_by(self.direct.iter().zip(&self.areas))
+    }
+
+    /// Mean of `indirect` over the surface.
+    pub fn mean_indirect(&self) -> DVec3 {
+        mean_by(self.indirect.iter().zip(&self.areas))
+    }
+}
+
+/// Mean of values by weights.
+pub fn mean_by<'a>(values: impl Iterator<Item = (&'a Vec3, &'a f64)>) -> DVec3 {
+    let (sum, weights) = values.fold((DVec3::ZERO, 0.0), |(sum, weights), (value, weight)| {
+        (sum + value.as_dvec3() * *weight, weights + weight)
+    });
+    sum / weights
+}
+
+/// Irradiance at the finest points.
 pub fn at_points(stage: &Stage, player: &Player, tracks: &[LightTrack]) -> Result<AtPoints, String> {
     stage.at("play: direct light at the points");
     let transfer = player
@@ -208,27 +229,33 @@ pub fn at_points(stage: &Stage, player: &Player, tracks: &[LightTrack]) -> Resul
     let emitters = SceneEmitters::new(&player.prepared.scene);
     let lights = LightSet::new(&emitters, tracks, 0.0).map_err(|e| e.to_string())?;
     let mut direct = vec![Vec3::ZERO; transfer.finest.len()];
-    let points: &[Option<SurfaceHit>] = &player.prepared.points;
+    let places = &player.prepared.places;
     for light in 0..lights.len() {
-        let mut own = vec![Vec3::ZERO; direct.len()];
+        let mut own = vec![Vec3::ZERO; places.hits.len()];
         relight_render::lighting::irradiance_at(
             &player.prepared.scene,
             &lights,
             light,
-            points,
+            &places.hits,
             player.prepared.footprint(),
             4,
             0,
             &mut own,
         );
-        direct.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        (direct.iter_mut().zip(places.means(own))).for_each(|(sum, own)| *sum += own);
     }
     stage.at("play: transfer");
     let (values, _) = transfer.indirect_from_direct(&direct);
     let indirect = (values.iter().zip(&transfer.finest.normals))
         .map(|(v, n)| v.irradiance(*n))
         .collect();
-    Ok(AtPoints { direct, indirect })
+    let finest = &transfer.finest;
+    let area = |point| f64::from(finest.disk_radius_of(point)).powi(2);
+    Ok(AtPoints {
+        direct,
+        indirect,
+        areas: (0..finest.len()).map(area).collect(),
+    })
 }
 
 /// Mean over places, RGB, f64.

@@ -35,7 +35,7 @@ pub const SEARCH: Detail = Detail {
 };
 /// Those of a bake's own check, which are to take little time: small windows, since neighbours know much of each other.
 pub const CHECK: Detail = Detail {
-    windows: 216,
+    windows: 432,
     size: RenderSize { width: 2, height: 2 },
 };
 /// Most windows in all, where few see something, over those that are wanted.

@@ -144,6 +144,11 @@ impl Disks {
         self.next.push(older);
     }
 
+    /// Adds a point that another set has accepted, whatever lies near it.
+    pub fn adopt(&mut self, dart: &Dart, candidate: u64) {
+        self.insert(dart, candidate);
+    }
+
     /// Adds points that this set has accepted before, in the order in which it did, and the rejections in a row since
     /// the last of them.
     pub fn restore(&mut self, points: impl IntoIterator<Item = (Dart, u64)>, failures: u32) {

@@ -79,10 +79,34 @@ pub fn fine_from_coarse(levels: &[Level], is_separated: impl Fn(u32, u32) -> boo
             let offset = ranges.range(coarse).start as u32;
             pushing[coarse].functions_among(x, n, |parent| !is_separated(i as u32, offset + parent), row);
             if row.len() > first {
+                if let Some(same) = same_point(&levels[level], local, &levels[coarse], &row[first..]) {
+                    row.truncate(first);
+                    row.push((same, 1.0));
+                }
                 row[first..].iter_mut().for_each(|entry| entry.0 += offset);
                 break;
             }
         }
+    })
+}
+
+/// Part of a disk's radius within which two points of different levels are one: places are stored to a 256th of it, and others of a level are
+/// a whole radius apart.
+const SAME: f32 = 1.0 / 64.0;
+
+/// The point of the coarser level that a wide one is itself, among its parents there: no finer ones lie around it, and it keeps its value.
+fn same_point(level: &Level, point: usize, coarse: &Level, parents: &[(u32, f32)]) -> Option<u32> {
+    if level.widenings.get(point).is_none_or(|&k| k == 0) {
+        return None;
+    }
+    let radius = level.disk_radius_of(point);
+    let near = (SAME * radius) * (SAME * radius);
+    let position = level.positions[point];
+    (parents.iter().map(|parent| parent.0)).find(|&parent| {
+        let parent = parent as usize;
+        coarse.positions[parent].distance_squared(position) < near
+            && coarse.disk_radius_of(parent) > 0.75 * radius
+            && coarse.disk_radius_of(parent) < 1.5 * radius
     })
 }
 

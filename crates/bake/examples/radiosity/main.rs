@@ -21,6 +21,7 @@ use incident::{Rgb, incident_radiance, lobe};
 use point_light::from_point_light;
 use rayon::prelude::*;
 use relight_bake::points::candidates::Candidate;
+use relight_bake::points::openness::Openness;
 use relight_bake::points::poisson::{distribute, levels_of};
 use relight_bake::points::relevance::Relevance;
 use relight_bake::units::Units;
@@ -65,6 +66,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let points = distribute(
         surfaces,
         &Relevance::even(&[camera.position]),
+        Openness::none(),
         4,
         COARSE_RADIUS,
         0,

@@ -9,6 +9,7 @@ use relight_bake::error::BakeError;
 use relight_bake::links::operators::{Viewers, transport};
 use relight_bake::params::BakeParams;
 use relight_bake::points::candidates::Candidate;
+use relight_bake::points::openness::Openness;
 use relight_bake::points::poisson::{PointLevels, distribute, levels_of};
 use relight_bake::points::relevance::Relevance;
 use relight_bake::units::Units;
@@ -115,6 +116,7 @@ fn cornell() -> (TracedScene, PointLevels, Vec<Vec3>) {
     let points = distribute(
         &traced,
         &Relevance::even(&[eye]),
+        Openness::none(),
         4,
         0.12,
         0,

@@ -300,6 +300,7 @@ mod tests {
             origin: Vec3::new(0.5, height, 0.5),
             albedo: Vec3::ONE,
             widening: 0,
+            inherited: false,
         };
         let sum = |site: &Candidate| (0..n * n).map(|i| samples.factor(site, i)).sum::<f32>();
         // A cube's face from its middle is a sixth of the sphere.

@@ -12,8 +12,8 @@ const DROPPED_SHARE: f32 = 0.05;
 /// Averages rows of irradiance responses at points over the clusters of the bounce level, point by point, so that no two
 /// of the rows, which are long, are needed at once.
 pub struct BounceSums {
-    /// Where each point belongs, and how much it counts there.
-    places: Vec<(u32, f32)>,
+    /// Where each point belongs, and how much it counts there, if it does.
+    places: Vec<Option<(u32, f32)>>,
     /// Per cluster the weighted sum of its points' rows, over all clusters; empty before its first point.
     sums: Vec<Vec<f64>>,
     /// Per cluster the sum of its points' weights.
@@ -22,8 +22,8 @@ pub struct BounceSums {
 }
 
 impl BounceSums {
-    /// For points that each belong to one of so many clusters and count there by a weight.
-    pub fn new(places: Vec<(u32, f32)>, clusters: usize) -> BounceSums {
+    /// For points that each belong to one of so many clusters and count there by a weight; `None`: those that don't count.
+    pub fn new(places: Vec<Option<(u32, f32)>>, clusters: usize) -> BounceSums {
         BounceSums {
             places,
             sums: vec![Vec::new(); clusters],
@@ -39,8 +39,9 @@ impl BounceSums {
 
     /// Adds the next point's row: (cluster, irradiance per unit radiosity).
     pub fn add(&mut self, row: &[(u32, f32)]) {
-        let (cluster, weight) = self.places[self.added];
+        let place = self.places[self.added];
         self.added += 1;
+        let Some((cluster, weight)) = place else { return };
         let weight = f64::from(weight);
         let clusters = self.sums.len();
         let sum = &mut self.sums[cluster as usize];

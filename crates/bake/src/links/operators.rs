@@ -23,7 +23,7 @@ use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::links::Links;
 use relight_transport::pyramid::LevelRanges;
 use relight_transport::senders::{SenderTree, weight};
-use relight_transport::sparse::SparseMatrix;
+use relight_transport::sparse::{SparseMatrix, row};
 
 /// All that the asset stores of a scene's transport.
 #[derive(Debug)]
@@ -227,6 +227,7 @@ pub fn with_refinement<T>(
         .iter()
         .flat_map(|l| l.points.iter().copied())
         .collect();
+    let handed_down = handed_down(&places, &parents);
     let (bounce_level, bounce_receivers) = bounce_levels(levels.len(), tree.levels());
     let mut worthwhile = Vec::new();
     if !cameras.is_empty() {
@@ -258,6 +259,7 @@ pub fn with_refinement<T>(
         epsilon: params.epsilon,
         bounce_level,
         bounce_receivers: params.needs_bounces().then_some(bounce_receivers),
+        handed_down: &handed_down,
         worthwhile: &worthwhile,
         short_links: params.short_links(),
         seed: params.seed,
@@ -278,6 +280,18 @@ pub fn bounce_levels(receivers: usize, senders: usize) -> (usize, usize) {
     (level, (level + 3).min(receivers.saturating_sub(1)))
 }
 
+/// Of each point whether a finer level has it, too; empty where none is.
+fn handed_down(places: &[Candidate], parents: &SparseMatrix) -> Vec<bool> {
+    let mut handed_down = Vec::new();
+    for (i, _) in places.iter().enumerate().filter(|place| place.1.inherited) {
+        handed_down.resize(places.len(), false);
+        for (parent, _) in row(parents, i) {
+            handed_down[parent as usize] = true;
+        }
+    }
+    handed_down
+}
+
 /// What makes K of the responses at the points of the bounce receiver level; of no points where it is not needed.
 fn bounce_sums(r: &Refinement, levels: &[Level]) -> BounceSums {
     let tree = r.field.tree;
@@ -287,15 +301,16 @@ fn bounce_sums(r: &Refinement, levels: &[Level]) -> BounceSums {
         let nearest = r.field.points.at(position, normal).unwrap_or(0) as usize;
         (cluster_of_point[nearest], weight(tree.importance[nearest]))
     };
-    let places = r.bounce_receivers.map_or(Vec::new(), |level| {
-        let Level {
-            positions, normals, ..
-        } = &levels[level];
-        positions
-            .iter()
-            .zip(normals)
-            .map(|(&p, &n)| place(p, n))
-            .collect()
+    let points = levels
+        .iter()
+        .take(r.bounce_receivers.map_or(0, |level| level + 1))
+        .enumerate();
+    let places = points.flat_map(|(level, points)| {
+        let first = r.ranges.range(level).start;
+        (0..points.len()).map(move |point| {
+            r.serves_bounces(level, first + point)
+                .then(|| place(points.positions[point], points.normals[point]))
+        })
     });
-    BounceSums::new(places, clusters)
+    BounceSums::new(places.collect(), clusters)
 }

@@ -167,7 +167,7 @@ pub fn refine(
             gathered += usize::from(receiver.gathered);
             refined.lost += u64::from(receiver.lost);
             refined.dropped += u64::from(receiver.dropped);
-            if !receiver.gathered {
+            if !receiver.gathered && !r.places[i].inherited {
                 refined.spared.count(r.is_worthwhile(i), rays_of(r, level) as u64);
             }
         }
@@ -190,13 +190,15 @@ pub fn rows(
 ) -> Result<(Vec<Receiver>, u64), BakeError> {
     let inputs = units.inputs(|key| inputs(r, key));
     let mut known = vec![Receiver::default(); r.ranges.total()];
-    let bounce_range = r.bounce_receivers.map_or(0..0, |level| r.ranges.range(level));
+    let bounce_range = r
+        .bounce_receivers
+        .map_or(0..0, |level| 0..r.ranges.range(level).end);
     let mut add_up = |known: &mut [Receiver], range: &Range<usize>| {
         let rows = &mut known[range.clone()];
         match &mut bounces {
             Some(sums) if bounce_range.contains(&range.start) => {
                 // In order, so that sums are the same however rows came.
-                if sums.added() == range.start - bounce_range.start {
+                if sums.added() == range.start {
                     rows.iter_mut()
                         .for_each(|row| sums.add(&std::mem::take(&mut row.bounce)));
                 }
@@ -389,7 +391,8 @@ impl<'a> Sweep<'a> {
     /// a parent that lacks little may need none.
     fn is_active(&self, i: usize, known: &[Receiver]) -> bool {
         let mut parents = row(self.refinement.fine_from_coarse, i);
-        self.refinement.is_worthwhile(i)
+        !self.refinement.places[i].inherited
+            && self.refinement.is_worthwhile(i)
             && (parents.len() == 0
                 || (self.pursues() && self.level > FIRST_PURSUED)
                 || parents.any(|(k, _)| !known[k as usize].links.is_empty()))
@@ -405,7 +408,7 @@ impl<'a> Sweep<'a> {
     ) -> Receiver {
         let r = self.refinement;
         let active = self.is_active(i, known);
-        let bounces = Some(self.level) == r.bounce_receivers;
+        let bounces = r.serves_bounces(self.level, i);
         let Workspace {
             gathered,
             predicted,

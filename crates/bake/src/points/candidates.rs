@@ -36,6 +36,8 @@ pub struct Candidate {
     pub albedo: Vec3,
     /// By how much its point's radii are wider than its level's, as a power of two.
     pub widening: u8,
+    /// Whether it is a point of the next coarser level, which has no finer ones around it.
+    pub inherited: bool,
 }
 
 impl Candidate {
@@ -48,6 +50,7 @@ impl Candidate {
             origin: ray_from(hit, hit.geometric_normal).origin,
             albedo: surfaces.albedo(hit),
             widening,
+            inherited: false,
         }
     }
 }

@@ -97,7 +97,7 @@ pub fn everywhere(
                 })
                 .collect();
             let mut disks = Disks::new(level.disk_radius);
-            disks.throw(&darts, 0, |_| true);
+            disks.restore(darts.into_iter().map(|dart| (dart, 0)), 0);
             (disks, Vec::new())
         })
         .unzip();

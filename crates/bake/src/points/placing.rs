@@ -5,6 +5,7 @@ use crate::memory;
 use crate::params::Omittable;
 use crate::points::candidates::Candidate;
 use crate::points::coverage::everywhere;
+use crate::points::openness::Openness;
 use crate::points::poisson::{self, PointLevels};
 use crate::points::relevance::Relevance;
 use crate::points::seen;
@@ -230,9 +231,15 @@ fn spread(
         .then_some(finest * CANDIDATES_PER_POINT);
     progress.stage("points", wanted);
     let mut told = 0;
+    // Visibility cuts have a site at each finest point, and edges of shadows lie anywhere.
+    let openness = match request.wanted_cuts() {
+        None => Openness::new(params.levels, radius, params.seed),
+        Some(_) => Openness::none(),
+    };
     let points = poisson::distribute(
         surfaces,
         &relevance,
+        openness,
         params.levels,
         radius,
         params.seed,

@@ -1,21 +1,22 @@
 //! The hierarchy of points: Poisson-disk sets of halving radius over the reachable surfaces.
 //!
-//! Source: Lehtinen et al. 2008, section 2.3. Deviation: radii of a level are wider where places matter less (`relevance`).
+//! Source: Lehtinen et al. 2008, section 2.3. Deviations: radii of a level are wider where places matter less (`relevance`), and finer levels
+//! have no points of their own where surfaces see nothing near (`openness`).
 
 use crate::error::BakeError;
 use crate::points::candidates::{self, Candidate};
+use crate::points::openness::{Asked, Openness, mean_distance};
 use crate::points::relevance::Relevance;
 use crate::units::Units;
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_scene::rays::Ray;
-use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
+use relight_scene::surface::{SurfaceHit, Surfaces};
 use relight_transport::basis::Level;
 use relight_transport::grid::morton_order;
 use relight_transport::kernel::width;
 use relight_transport::poisson::{Dart, Disks};
 use relight_transport::random::Stream;
-use relight_transport::sampling::{DirectionSet, Frame};
+use relight_transport::sampling::DirectionSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Points of all levels, coarsest first.
@@ -110,7 +111,7 @@ const CREVICE_RAYS: usize = 32;
 /// Batches per unit of work: about a second.
 const BATCHES_PER_UNIT: usize = 8;
 
-/// Distributes the points. `coarse_radius` is R of level 0. `step` is told of each batch and may stop the bake; units are
+/// Distributes the points. `coarse_radius` is R of level 0; `openness` is for the same and as many levels. `step` is told of each batch and may stop the bake; units are
 /// of batches that build on each other.
 ///
 /// # Errors
@@ -118,18 +119,19 @@ const BATCHES_PER_UNIT: usize = 8;
 pub fn distribute(
     surfaces: &dyn Surfaces,
     relevance: &Relevance,
+    openness: Openness,
     levels: usize,
     coarse_radius: f32,
     seed: u64,
     units: Units,
     mut step: impl FnMut(&Spread) -> Result<(), BakeError>,
 ) -> Result<PointLevels, BakeError> {
-    let mut spread = Spread::new(levels, coarse_radius, relevance);
     let inputs = units.inputs(|key| {
         key.vectors(relevance.viewpoints.iter())
             .f32s(&[coarse_radius])
-            .u64s(&[levels as u64, seed]);
+            .u64s(&[levels as u64, seed, u64::from(openness.widens())]);
     });
+    let mut spread = Spread::new(levels, coarse_radius, relevance, openness);
     let directions = crevice_directions(seed);
     let mut batches = 0;
     while !spread.is_done() {
@@ -157,9 +159,12 @@ pub fn distribute(
 /// Points in the making.
 pub struct Spread<'a> {
     relevance: &'a Relevance,
+    openness: Openness,
     disks: Vec<Disks>,
     /// Where the points of each level are, in the order in which they were accepted.
     kept: Vec<Vec<SurfaceHit>>,
+    /// Of each level which of its points are the coarser one's, by their places in that order.
+    inherited: Vec<Vec<u32>>,
     particles: u64,
     candidates: u64,
     rays: u64,
@@ -171,6 +176,12 @@ pub struct Spread<'a> {
 pub struct Growth {
     /// Per level the points that were accepted, and which candidates they were.
     pub points: Vec<(Vec<SurfaceHit>, Vec<u64>)>,
+    /// By how much they are wider than their levels' radii, level by level.
+    pub widenings: Vec<u8>,
+    /// Whether they are the coarser level's.
+    pub inherited: Vec<u8>,
+    /// What was found of places.
+    pub openness: Vec<Asked>,
     /// Per level the rejections in a row at the end.
     pub failures: Vec<u32>,
     /// Particles, candidates, rays and barren batches so far.
@@ -178,13 +189,15 @@ pub struct Growth {
 }
 
 impl<'a> Spread<'a> {
-    fn new(levels: usize, coarse_radius: f32, relevance: &'a Relevance) -> Spread<'a> {
+    fn new(levels: usize, coarse_radius: f32, relevance: &'a Relevance, openness: Openness) -> Spread<'a> {
         Spread {
             relevance,
+            openness,
             disks: (0..levels)
                 .map(|l| Disks::new(coarse_radius / (1u64 << l) as f32))
                 .collect(),
             kept: vec![Vec::new(); levels],
+            inherited: vec![Vec::new(); levels],
             particles: 0,
             candidates: 0,
             rays: 0,
@@ -228,78 +241,134 @@ impl<'a> Spread<'a> {
                 Ok(())
             };
         }
-        let darts = self.darts(&batch);
+        let relevant: Vec<u8> = (batch.par_iter())
+            .with_min_len(1024)
+            .map(|hit| self.relevance.widening(hit.position))
+            .collect();
+        let open = self.openness.widenings(surfaces, &batch);
         let crevice_rays = AtomicU64::new(0);
         let (first, levels) = (self.candidates, self.disks.len());
-        for (level, (disks, kept)) in self.disks.iter_mut().zip(&mut self.kept).enumerate() {
-            let finest = level + 1 == levels;
-            let radius = disks.radius();
+        for level in 0..levels {
+            let above_finest = levels - 1 - level;
+            let (finest, radius) = (above_finest == 0, self.disks[level].radius());
+            let darts: Vec<Dart> = (batch.iter().zip(relevant.iter().zip(&open)))
+                .map(|(hit, (&relevant, &open))| Dart {
+                    widening: widening(relevant, open, above_finest),
+                    ..Dart::plain(hit.position, hit.normal)
+                })
+                .collect();
+            let inherits = |i: usize| level > 0 && is_inherited(relevant[i], open[i], above_finest);
+            let disks = &mut self.disks[level];
             let old = disks.candidates.len();
             disks.throw(&darts, first, |i| {
-                finest || {
-                    crevice_rays.fetch_add(CREVICE_RAYS as u64, Ordering::Relaxed);
-                    is_open(surfaces, &batch[i], radius * width(darts[i].widening), directions)
-                }
+                !inherits(i)
+                    && (finest || {
+                        crevice_rays.fetch_add(CREVICE_RAYS as u64, Ordering::Relaxed);
+                        is_open(surfaces, &batch[i], radius * width(darts[i].widening), directions)
+                    })
             });
-            kept.extend(
-                disks.candidates[old..]
-                    .iter()
-                    .map(|&c| batch[(c - first) as usize]),
-            );
+            let new: Vec<usize> = (disks.candidates[old..].iter())
+                .map(|&c| (c - first) as usize)
+                .collect();
+            self.kept[level].extend(new.iter().map(|&i| batch[i]));
+            for i in new {
+                self.hand_down(level, &batch[i], (relevant[i], open[i]), first + i as u64);
+            }
         }
         self.candidates += batch.len() as u64;
         self.rays += crevice_rays.into_inner();
         Ok(())
     }
 
-    fn darts(&self, hits: &[SurfaceHit]) -> Vec<Dart> {
-        hits.par_iter()
-            .with_min_len(1024)
-            .map(|hit| dart(self.relevance, hit))
-            .collect()
+    /// Gives a new point of a level to the finer ones that have none around it.
+    fn hand_down(&mut self, level: usize, hit: &SurfaceHit, (relevant, open): (u8, u8), candidate: u64) {
+        for finer in level + 1..self.disks.len() {
+            let above_finest = self.disks.len() - 1 - finer;
+            if !is_inherited(relevant, open, above_finest) {
+                return;
+            }
+            let dart = Dart {
+                widening: widening(relevant, open, above_finest),
+                ..Dart::plain(hit.position, hit.normal)
+            };
+            self.disks[finer].adopt(&dart, candidate);
+            self.inherited[finer].push(self.kept[finer].len() as u32);
+            self.kept[finer].push(*hit);
+        }
     }
 
-    fn growth_since(&self, before: &[usize]) -> Growth {
+    fn growth_since(&mut self, before: &[usize]) -> Growth {
         let points = (self.kept.iter().zip(&self.disks).zip(before))
             .map(|((kept, disks), &old)| (kept[old..].to_vec(), disks.candidates[old..].to_vec()))
             .collect();
+        let widenings =
+            (self.disks.iter().zip(before)).flat_map(|(disks, &old)| disks.widenings[old..].to_vec());
+        let inherited = (0..self.kept.len()).flat_map(|l| {
+            let flags = self.inherited_flags(l);
+            flags[before[l]..].to_vec()
+        });
         Growth {
             points,
+            widenings: widenings.collect(),
+            inherited: inherited.collect(),
+            openness: self.openness.take_asked(),
             failures: self.disks.iter().map(Disks::failures).collect(),
             totals: [self.particles, self.candidates, self.rays, self.barren],
         }
     }
 
+    /// Of each point of a level whether it is the coarser one's.
+    fn inherited_flags(&self, level: usize) -> Vec<u8> {
+        let mut flags = vec![0; self.kept[level].len()];
+        (self.inherited[level].iter()).for_each(|&i| flags[i as usize] = 1);
+        flags
+    }
+
     fn grow(&mut self, growth: Growth) {
-        let relevance = self.relevance;
-        let levels = self.disks.iter_mut().zip(&mut self.kept);
-        for ((disks, kept), ((hits, candidates), failures)) in
-            levels.zip(growth.points.into_iter().zip(growth.failures))
+        let mut widths = growth.widenings.into_iter().zip(growth.inherited);
+        for (l, ((hits, candidates), failures)) in growth.points.into_iter().zip(growth.failures).enumerate()
         {
-            let points = hits.iter().zip(candidates);
-            disks.restore(points.map(|(hit, c)| (dart(relevance, hit), c)), failures);
-            kept.extend(hits);
+            let mut darts = Vec::with_capacity(hits.len());
+            for ((hit, &candidate), (widening, inherited)) in hits.iter().zip(&candidates).zip(&mut widths) {
+                if inherited != 0 {
+                    self.inherited[l].push((self.kept[l].len() + darts.len()) as u32);
+                }
+                let dart = Dart {
+                    widening,
+                    ..Dart::plain(hit.position, hit.normal)
+                };
+                darts.push((dart, candidate));
+            }
+            self.disks[l].restore(darts, failures);
+            self.kept[l].extend(hits);
         }
+        self.openness.restore(growth.openness);
         [self.particles, self.candidates, self.rays, self.barren] = growth.totals;
     }
 
     fn into_levels(mut self, surfaces: &dyn Surfaces) -> PointLevels {
         let levels = self.kept.len();
         let (coarse, finest) = self.kept.split_at_mut(levels - 1);
-        for (disks, kept) in self.disks.iter().zip(coarse).filter(|level| level.1.is_empty()) {
-            *kept = without_openness(&finest[0], self.relevance, disks.radius());
+        let widenings = self.disks[levels - 1].widenings.clone();
+        for (disks, kept) in self.disks[..levels - 1]
+            .iter_mut()
+            .zip(coarse)
+            .filter(|level| level.1.is_empty())
+        {
+            (*kept, disks.widenings) = without_openness(&finest[0], &widenings, disks.radius());
         }
         let level = |l: usize| {
             let (hits, disk_radius) = (&self.kept[l], self.disks[l].radius());
             let positions: Vec<Vec3> = hits.iter().map(|c| c.position).collect();
+            let inherited = self.inherited_flags(l);
             PointLevel {
                 disk_radius,
                 support_radius: disk_radius * support_over_disk(l, levels),
                 points: morton_order(&positions)
                     .into_par_iter()
-                    .map(|i| {
-                        let hit = &hits[i as usize];
-                        Candidate::at(surfaces, hit, self.relevance.widening(hit.position))
+                    .map(|i| Candidate {
+                        inherited: inherited[i as usize] != 0,
+                        ..Candidate::at(surfaces, &hits[i as usize], self.disks[l].widenings[i as usize])
                     })
                     .collect(),
             }
@@ -312,6 +381,16 @@ impl<'a> Spread<'a> {
     }
 }
 
+/// By how much the radii of a level are wider where the finest's would be by `open`, and those of all levels are by `relevant`.
+fn widening(relevant: u8, open: u8, above_finest: usize) -> u8 {
+    relevant.max(open.saturating_sub(above_finest as u8))
+}
+
+/// Whether a level has no points of its own at such a place: its disks would be as wide as those of the coarser one.
+fn is_inherited(relevant: u8, open: u8, above_finest: usize) -> bool {
+    widening(relevant, open, above_finest) > widening(relevant, open, above_finest + 1)
+}
+
 /// A disk at a landing.
 pub fn dart(relevance: &Relevance, hit: &SurfaceHit) -> Dart {
     Dart {
@@ -322,11 +401,19 @@ pub fn dart(relevance: &Relevance, hit: &SurfaceHit) -> Dart {
 
 /// Points of a level on which all places count as crevices, as disks wider than the scene do: a maximal set of the finest
 /// points, because every level must have some.
-fn without_openness(finest: &[SurfaceHit], relevance: &Relevance, radius: f32) -> Vec<SurfaceHit> {
-    let darts: Vec<Dart> = finest.iter().map(|hit| dart(relevance, hit)).collect();
+fn without_openness(finest: &[SurfaceHit], widenings: &[u8], radius: f32) -> (Vec<SurfaceHit>, Vec<u8>) {
+    let darts: Vec<Dart> = (finest.iter().zip(widenings))
+        .map(|(hit, &widening)| Dart {
+            widening,
+            ..Dart::plain(hit.position, hit.normal)
+        })
+        .collect();
     let mut disks = Disks::new(radius);
     disks.throw(&darts, 0, |_| true);
-    (disks.candidates.iter()).map(|&c| finest[c as usize]).collect()
+    (
+        (disks.candidates.iter()).map(|&c| finest[c as usize]).collect(),
+        disks.widenings,
+    )
 }
 
 /// The crevice test's directions.
@@ -337,25 +424,7 @@ pub fn crevice_directions(seed: u64) -> DirectionSet {
 /// Section 2.3, last paragraph: whether the harmonic mean distance to the geometry above a place, along rays
 /// of length 3R, misses counting as 3R, is at least R/6.
 pub fn is_open(surfaces: &dyn Surfaces, place: &SurfaceHit, radius: f32, directions: &DirectionSet) -> bool {
-    let frame = Frame::around(place.geometric_normal);
-    let origin = ray_from(place, place.geometric_normal).origin;
-    let longest = 3.0 * radius;
-    let sum: f32 = directions
-        .directions
-        .iter()
-        .map(|&d| {
-            let direction = frame.world_from_local(d);
-            let ray = Ray {
-                origin,
-                direction,
-                t_min: 0.0,
-                t_max: longest,
-            };
-            let distance = surfaces.closest_hit(&ray).map_or(longest, |hit| hit.t);
-            1.0 / distance.max(longest * f32::EPSILON)
-        })
-        .sum();
-    directions.directions.len() as f32 / sum >= radius / 6.0
+    mean_distance(surfaces, place, 3.0 * radius, directions) >= radius / 6.0
 }
 
 /// Points that the finest level of preset `standard` is given: with five coarser levels, that makes about
@@ -388,7 +457,16 @@ pub fn coarse_radius_for(
     };
     // Fine enough to see the scene's objects and what is relevant in a vast one, coarse enough to take some ten thousand candidates.
     let trial = ((max - min).length() / 64.0).min(relevance.trial_radius());
-    let points = distribute(surfaces, relevance, 1, trial, seed, units, |_| Ok(()))?;
+    let points = distribute(
+        surfaces,
+        relevance,
+        Openness::none(),
+        1,
+        trial,
+        seed,
+        units,
+        |_| Ok(()),
+    )?;
     let count = points.levels[0].points.len().max(1) as f32;
     let finest = trial * (count / FINEST_POINTS).sqrt();
     Ok((finest * (1u64 << (levels - 1)) as f32, points.rays))

@@ -256,6 +256,7 @@ fn start(viewpoint: Vec3, s: &mut Stream) -> Ray {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::points::openness::Openness;
     use crate::points::poisson::{coarse_radius_for, distribute};
     use crate::units::Units;
     use glam::Affine3A;
@@ -313,7 +314,17 @@ mod tests {
     fn in_room(surfaces: &TracedScene) -> (f32, usize) {
         let relevance = Relevance::of(surfaces, &[EYE], Vec::new(), 0);
         let (radius, _) = coarse_radius_for(surfaces, &relevance, 6, 0, Units::none()).unwrap();
-        let points = distribute(surfaces, &relevance, 2, radius, 0, Units::none(), |_| Ok(())).unwrap();
+        let points = distribute(
+            surfaces,
+            &relevance,
+            Openness::none(),
+            2,
+            radius,
+            0,
+            Units::none(),
+            |_| Ok(()),
+        )
+        .unwrap();
         let inside = points.levels[1].points.iter().filter(|p| p.position.y > -0.005);
         (radius, inside.count())
     }

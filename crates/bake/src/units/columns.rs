@@ -86,6 +86,11 @@ impl Unit for Growth {
             Column::U8(hits().map(|hit| u8::from(hit.front)).collect()),
             Column::U32(self.failures.clone()),
             Column::U64(self.totals.to_vec()),
+            Column::U8(self.widenings.clone()),
+            Column::U8(self.inherited.clone()),
+            Column::U8(self.openness.iter().map(|asked| asked.0).collect()),
+            Column::U64(self.openness.iter().map(|asked| asked.1).collect()),
+            Column::U8(self.openness.iter().map(|asked| asked.2).collect()),
         ]
     }
 
@@ -94,13 +99,18 @@ impl Unit for Growth {
         let (counts, candidates) = (take.u32s()?, take.u64s()?);
         let (floats, primitives, fronts) = (take.f32s()?, take.u32s()?, take.u8s()?);
         let (failures, totals) = (take.u32s()?, take.u64s()?);
+        let (widenings, inherited) = (take.u8s()?, take.u8s()?);
+        let (sides, cells, open) = (take.u8s()?, take.u64s()?, take.u8s()?);
         let same = [
             floats.len() / HIT_FLOATS,
             primitives.len(),
             fronts.len(),
             candidates.len(),
+            widenings.len(),
+            inherited.len(),
         ];
-        if same != [same[0]; 4] || failures.len() != counts.len() {
+        let asked = [cells.len(), open.len()];
+        if same != [same[0]; 6] || asked != [sides.len(); 2] || failures.len() != counts.len() {
             return None;
         }
         let hits: Vec<SurfaceHit> = (floats.chunks_exact(HIT_FLOATS).zip(&primitives).zip(&fronts))
@@ -120,6 +130,11 @@ impl Unit for Growth {
             .zip(split(&counts, &candidates)?);
         Some(Growth {
             points: points.collect(),
+            widenings,
+            inherited,
+            openness: (sides.into_iter().zip(cells).zip(open))
+                .map(|((side, cell), open)| (side, cell, open))
+                .collect(),
             failures,
             totals: totals.try_into().ok()?,
         })

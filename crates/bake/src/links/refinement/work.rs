@@ -37,6 +37,8 @@ pub struct Refinement<'a> {
     pub bounce_level: usize,
     /// Receiver level whose gathers make the bounce operator; `None`: it is not needed.
     pub bounce_receivers: Option<usize>,
+    /// Receivers that finer levels inherit; empty: none.
+    pub handed_down: &'a [bool],
     /// Receivers that are worth a gather; empty: all.
     pub worthwhile: &'a [bool],
     /// Whether links are stored in their short form.
@@ -48,6 +50,15 @@ pub struct Refinement<'a> {
 impl Refinement<'_> {
     pub(super) fn is_worthwhile(&self, i: usize) -> bool {
         self.worthwhile.get(i).copied().unwrap_or(true)
+    }
+
+    /// Whether the response at a receiver of a level goes into the bounce operator: at those of one level, and at coarser ones that have no
+    /// finer ones around them.
+    pub fn serves_bounces(&self, level: usize, i: usize) -> bool {
+        self.bounce_receivers.is_some_and(|serving| {
+            !self.places[i].inherited
+                && (level == serving || level < serving && self.handed_down.get(i) == Some(&true))
+        })
     }
 }
 

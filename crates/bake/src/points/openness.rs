@@ -1,0 +1,283 @@
+//! How far apart points may be where surfaces see nothing near: indirect light changes over distances that are a part of those to what
+//! reflects it.
+//!
+//! Source: Ward, Rubinstein and Clear 1988, "A ray tracing solution for diffuse interreflection", equation 4: irradiance changes by
+//! about as much of itself as a step is of the harmonic mean distance to all that is seen. The same distance tells crevices in
+//! Lehtinen et al. 2008, section 2.3. Deviation from the latter, whose points are equally close everywhere: where that distance is
+//! long, the radii of all levels grow by powers of two, so that a plain wall takes few points and its corners keep theirs.
+
+use rayon::prelude::*;
+use relight_scene::rays::Ray;
+use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
+use relight_transport::grid::{CellHasher, key_of};
+use relight_transport::random::Stream;
+use relight_transport::sampling::{DirectionSet, Frame};
+use std::collections::HashMap;
+use std::hash::BuildHasherDefault;
+
+/// Rays over the hemisphere; a quarter more or less of the distance is half a power of two.
+const RAYS: usize = 32;
+/// Stage number of the random stream.
+const STAGE: u32 = 14;
+
+/// Disk radius over the harmonic mean distance to what is seen, at most. A level's points are interpolated within two radii, where light
+/// changes by some tenths of itself; what that leaves is less than what links leave out (docs/notebook/openness.md).
+const STEP: f32 = 0.2;
+/// Levels of the presets that aim at small errors; each further one halves [`STEP`], as it halves everything else.
+const LEVELS: usize = 6;
+/// Most that openness widens, as a power of two: what lies farther than that decides by its relevance.
+const MOST: u8 = 4;
+
+type Cells = HashMap<u64, u8, BuildHasherDefault<CellHasher>>;
+
+/// A cell that was asked: which way its surfaces face, its key, and by how much radii are wider there.
+pub type Asked = (u8, u64, u8);
+
+/// How much wider points may be at places, known by cells as narrow as the finest points' distance.
+pub struct Openness {
+    /// Disk radius of the finest level; infinite: nothing is widened.
+    radius: f32,
+    /// Disk radius over distance.
+    step: f32,
+    directions: DirectionSet,
+    /// Widenings by what normals face, six ways.
+    cells: [Cells; 6],
+    /// What has been asked in order, as [`Openness::restore`] takes it.
+    asked: Vec<Asked>,
+    /// Rays that were cast.
+    pub rays: u64,
+}
+
+impl Openness {
+    /// For points on `levels` levels, of which the coarsest have disks of `coarse_radius`. A single level has nothing to inherit.
+    pub fn new(levels: usize, coarse_radius: f32, seed: u64) -> Openness {
+        let radius = match levels {
+            1 => f32::INFINITY,
+            _ => coarse_radius / (1u64 << (levels - 1)) as f32,
+        };
+        let further = levels.saturating_sub(LEVELS) as i32;
+        Openness {
+            radius,
+            step: STEP * 2.0f32.powi(-further),
+            directions: DirectionSet::uniform(RAYS, &mut Stream::new(seed, STAGE, 0)),
+            cells: Default::default(),
+            asked: Vec::new(),
+            rays: 0,
+        }
+    }
+
+    /// Nothing is widened.
+    pub fn none() -> Openness {
+        Openness::new(1, f32::INFINITY, 0)
+    }
+
+    /// Whether anything is widened.
+    pub fn widens(&self) -> bool {
+        self.radius.is_finite()
+    }
+
+    /// What was asked since the last call.
+    pub fn take_asked(&mut self) -> Vec<Asked> {
+        std::mem::take(&mut self.asked)
+    }
+
+    /// Takes back what was asked before.
+    pub fn restore(&mut self, asked: Vec<Asked>) {
+        for (side, cell, widening) in asked {
+            if let Some(cells) = self.cells.get_mut(usize::from(side)) {
+                cells.insert(cell, widening);
+            }
+        }
+    }
+
+    fn key(&self, hit: &SurfaceHit) -> (u8, u64) {
+        let n = hit.normal;
+        let axis = n.abs().max_position() as u8;
+        let side = 2 * axis + u8::from(n[usize::from(axis)] < 0.0);
+        let cell = (hit.position / self.radius).floor().as_ivec3();
+        (side, key_of(cell))
+    }
+
+    /// By how much radii may be wider at each place, as a power of two. The first place that is asked about in a cell answers for it.
+    pub fn widenings(&mut self, surfaces: &dyn Surfaces, hits: &[SurfaceHit]) -> Vec<u8> {
+        if !self.widens() {
+            return vec![0; hits.len()];
+        }
+        let keys: Vec<(u8, u64)> = hits.iter().map(|hit| self.key(hit)).collect();
+        let mut new = Vec::new();
+        for (i, &(side, cell)) in keys.iter().enumerate() {
+            self.cells[usize::from(side)].entry(cell).or_insert_with(|| {
+                new.push(i);
+                0
+            });
+        }
+        let found: Vec<u8> = new
+            .par_iter()
+            .with_min_len(64)
+            .map(|&i| self.widening(surfaces, &hits[i]))
+            .collect();
+        self.rays += (RAYS * new.len()) as u64;
+        for (&i, widening) in new.iter().zip(found) {
+            let (side, cell) = keys[i];
+            self.cells[usize::from(side)].insert(cell, widening);
+            self.asked.push((side, cell, widening));
+        }
+        (keys.iter())
+            .map(|(side, cell)| self.cells[usize::from(*side)][cell])
+            .collect()
+    }
+
+    fn widening(&self, surfaces: &dyn Surfaces, hit: &SurfaceHit) -> u8 {
+        let farthest = self.radius * f32::from(1u16 << (MOST + 1)) / self.step;
+        let distance = mean_distance(surfaces, hit, farthest, &self.directions);
+        let wider = (self.step * distance / self.radius).log2().floor();
+        wider.clamp(0.0, f32::from(MOST)) as u8
+    }
+}
+
+/// Harmonic mean distance to the geometry above a place, along rays of length `farthest`, misses counting as that.
+pub fn mean_distance(
+    surfaces: &dyn Surfaces,
+    place: &SurfaceHit,
+    farthest: f32,
+    directions: &DirectionSet,
+) -> f32 {
+    let frame = Frame::around(place.geometric_normal);
+    let origin = ray_from(place, place.geometric_normal).origin;
+    let sum: f32 = (directions.directions.iter())
+        .map(|&d| {
+            let ray = Ray {
+                origin,
+                direction: frame.world_from_local(d),
+                t_min: 0.0,
+                t_max: farthest,
+            };
+            let distance = surfaces.closest_hit(&ray).map_or(farthest, |hit| hit.t);
+            1.0 / distance.max(farthest * f32::EPSILON)
+        })
+        .sum();
+    directions.directions.len() as f32 / sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::points::poisson::{PointLevels, distribute, levels_of};
+    use crate::points::relevance::Relevance;
+    use crate::units::Units;
+    use glam::{Affine3A, Vec3};
+    use relight_scene::material::Material;
+    use relight_scene::scene::{Instance, Mesh, Scene};
+    use relight_scene::traced::{Shading, TracedScene};
+    use relight_transport::pyramid::fine_from_coarse;
+    use relight_transport::sparse::row;
+    use std::sync::Arc;
+
+    /// Half the edge of the room.
+    const HALF: f32 = 2.0;
+
+    /// A closed cube.
+    fn cube() -> TracedScene {
+        let corner = |i: u32| Vec3::from([0, 1, 2].map(|bit| if i >> bit & 1 == 1 { HALF } else { -HALF }));
+        let mesh = Mesh {
+            positions: (0..8).map(corner).collect(),
+            triangles: [
+                [0, 1, 3, 2],
+                [4, 6, 7, 5],
+                [0, 4, 5, 1],
+                [2, 3, 7, 6],
+                [0, 2, 6, 4],
+                [1, 5, 7, 3],
+            ]
+            .iter()
+            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
+            .collect(),
+            ..Mesh::default()
+        };
+        let material = Material {
+            double_sided: true,
+            ..Material::default()
+        };
+        let scene = Scene {
+            meshes: vec![mesh],
+            instances: vec![Instance {
+                mesh: 0,
+                world_from_mesh: Affine3A::IDENTITY,
+            }],
+            materials: vec![material],
+            ..Scene::default()
+        };
+        TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap()
+    }
+
+    const LEVELS: usize = 4;
+    const COARSE: f32 = 0.8;
+
+    fn points(scene: &TracedScene, openness: Openness) -> PointLevels {
+        let relevance = Relevance::even(&[Vec3::splat(0.3)]);
+        distribute(
+            scene,
+            &relevance,
+            openness,
+            LEVELS,
+            COARSE,
+            0,
+            Units::none(),
+            |_| Ok(()),
+        )
+        .unwrap()
+    }
+
+    /// Distance to the nearest edge of the cube.
+    fn from_edge(position: Vec3) -> f32 {
+        let mut sides = (Vec3::splat(HALF) - position.abs()).to_array();
+        sides.sort_by(f32::total_cmp);
+        sides[1]
+    }
+
+    #[test]
+    fn plain_walls_inherit_and_corners_have_their_own() {
+        let scene = cube();
+        let all = points(&scene, Openness::none());
+        let open = points(&scene, Openness::new(LEVELS, COARSE, 0));
+        // The middle of a wall sees some two metres far: a fifth of that is more than a finest radius of 0.1.
+        let finest = &open.levels[LEVELS - 1].points;
+        let own = finest.iter().filter(|p| !p.inherited);
+        let far = own.clone().filter(|p| from_edge(p.position) > 1.2).count();
+        assert_eq!(far, 0);
+        let near = |points: &PointLevels| {
+            let finest = points.levels[LEVELS - 1].points.iter();
+            finest.filter(|p| from_edge(p.position) < 0.15).count() as f32
+        };
+        assert!(
+            (near(&open) / near(&all) - 1.0).abs() < 0.1,
+            "{} {}",
+            near(&open),
+            near(&all)
+        );
+        assert!(2 * finest.len() < all.levels[LEVELS - 1].points.len());
+        // Nothing is left bare.
+        let levels = levels_of(&open);
+        let mut functions = Vec::new();
+        for place in &all.levels[LEVELS - 1].points {
+            functions.clear();
+            levels[LEVELS - 1].functions_at(place.position, place.normal, &mut functions);
+            assert!(!functions.is_empty(), "{:?}", place.position);
+        }
+    }
+
+    #[test]
+    fn an_inherited_point_is_the_coarser_levels() {
+        let scene = cube();
+        let points = points(&scene, Openness::new(LEVELS, COARSE, 0));
+        let parents = fine_from_coarse(&levels_of(&points), |_, _| false);
+        let places: Vec<_> = points.levels.iter().flat_map(|level| &level.points).collect();
+        let inherited: Vec<usize> = (0..places.len()).filter(|&i| places[i].inherited).collect();
+        assert!(inherited.len() > 100);
+        for i in inherited {
+            let own: Vec<_> = row(&parents, i).collect();
+            assert!(own.len() == 1 && own[0].1 == 1.0, "{own:?}");
+            assert_eq!(places[own[0].0 as usize].position, places[i].position);
+        }
+    }
+}
