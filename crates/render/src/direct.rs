@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use relight_scene::bsdf;
-use relight_scene::light_set::{LightSample, LightSet};
+use relight_scene::light_set::{LightSample, LightSet, MetEmitter, ReferencePoint};
 use relight_scene::rays::Ray;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_between, ray_between_hits, ray_from};
@@ -41,7 +41,7 @@ pub(crate) fn direct_sample(
     wo: Vec3,
     random: [f32; 3],
 ) -> Option<(Vec3, LightSample)> {
-    let sample = lights.sample(light, hit.position, random)?;
+    let sample = lights.sample(light, hit, random)?;
     let reflected = reflected(point, wo, sample.direction);
     if reflected == Vec3::ZERO {
         return None;
@@ -52,13 +52,15 @@ pub(crate) fn direct_sample(
 
 /// Calls `visit(light, radiance, density)` for all light that leaves a surface, or an area light before it, or
 /// the environment behind everything, against a ray that started at `origin` with unit `direction` and met
-/// `hit`. Density: per steradian, of drawing this direction from `origin` as a sample of that light.
+/// `hit`. Density: per steradian, of drawing this direction `from` where it started as a sample of that light; of emissive
+/// surfaces 0 where nobody says from where.
 pub(crate) fn light_met(
     scene: &TracedScene,
     lights: &LightSet<'_>,
     origin: Vec3,
     direction: Vec3,
     hit: Option<&SurfaceHit>,
+    from: Option<&ReferencePoint>,
     mut visit: impl FnMut(usize, Vec3, f32),
 ) {
     let t_max = hit.map_or(f32::INFINITY, |hit| hit.t);
@@ -69,9 +71,12 @@ pub(crate) fn light_met(
         && lights.has_emissive()
         && (hit.front || scene.material(hit.primitive).double_sided)
     {
-        let cos = hit.geometric_normal.dot(direction);
-        lights.emitted(hit.primitive, hit.barycentric, hit.t, cos, |met| {
-            visit(met.light, met.radiance, met.pdf);
-        });
+        let met = MetEmitter {
+            primitive: hit.primitive,
+            barycentric: hit.barycentric,
+            distance: f64::from(hit.t),
+            cos: f64::from(hit.geometric_normal.dot(direction)),
+        };
+        lights.emitted(&met, from, |met| visit(met.light, met.radiance, met.pdf));
     }
 }

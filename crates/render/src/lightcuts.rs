@@ -209,6 +209,7 @@ pub(crate) fn follow_mirrors(
             ray.origin,
             wi,
             next.as_ref(),
+            None,
             |light, radiance, _| {
                 sums.add(Some(light), view.mirrors, view.throughput * radiance);
             },

@@ -1,7 +1,7 @@
 //! Direct light at many places at once, light by light: points of the basis and fragments of a shot.
 //!
-//! Emissive surfaces, sampled by area, would have no bounded variance near themselves (1/d²): a few rays drawn by
-//! the reflection join in, weighted by the balance heuristic (Veach 1997, 9.2.2).
+//! Lobes that are narrower than an emissive surface find it by rays drawn by the reflection, which join in, weighted by
+//! the balance heuristic (Veach 1997, 9.2.2).
 
 use crate::direct::{light_met, shadow_ray};
 use crate::exposure::Exposure;
@@ -10,12 +10,12 @@ use rayon::prelude::*;
 use relight_scene::bsdf;
 use relight_scene::light_set::{LightSample, LightSet};
 use relight_scene::rays::Ray;
-use relight_scene::shading::ShadingPoint;
+use relight_scene::shading::{Gloss, ShadingPoint};
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::TracedScene;
 use relight_transport::random::Stream;
-use relight_transport::sampling::{Frame, cosine_hemisphere, r2};
-use std::f32::consts::FRAC_1_PI;
+use relight_transport::sampling::r2;
+use std::sync::Arc;
 
 /// Stage numbers of the random streams.
 const STAGE_POINTS: u32 = 0x10;
@@ -26,13 +26,18 @@ const STAGE_REFLECTED: u32 = 0x02;
 /// Places per parallel task and per packet of shadow rays.
 const PACKET: usize = 256;
 
-/// Samples of an emissive light for each ray drawn by the reflection. Those rays bound a sample's share at
-/// π times the radiance over their number; most lights are small or far and need none.
+/// Samples of an emissive light for each ray drawn by the reflection.
 const PER_REFLECTED: u32 = 4;
+
+/// Width α of the lobes above which samples of the light alone do: a cosine's is about 1.
+const WIDE: f32 = 0.5;
 
 /// How places reflect: two densities per steradian of the same distribution.
 struct Reflection<D, P> {
-    /// Direction and its density, from a place and three random numbers in [0, 1); `None`: no light is reflected.
+    /// Whether any place draws directions.
+    any: bool,
+    /// Direction and its density, from a place and three random numbers in [0, 1); `None`: no light is reflected, or
+    /// the place draws none.
     draw: D,
     /// Density with which `draw` gives a place this direction.
     density: P,
@@ -57,6 +62,7 @@ fn random_stream(stage: u32, seed: u64, place: usize, light: usize) -> Stream {
 const DRAWN: usize = 1 << 14;
 
 /// Samples of one light for many places.
+#[derive(Clone)]
 pub struct Samples<'a> {
     lights: &'a LightSet<'a>,
     light: usize,
@@ -66,7 +72,7 @@ pub struct Samples<'a> {
     seed: u64,
     /// What is drawn once for all places: each takes a run of its own of the sequence, which is evenly spread like all runs
     /// of it. Drawing from a map costs more than a shadow ray.
-    drawn: Vec<Option<LightSample>>,
+    drawn: Arc<[Option<LightSample>]>,
 }
 
 impl<'a> Samples<'a> {
@@ -82,9 +88,12 @@ impl<'a> Samples<'a> {
     }
 
     /// So many for each place; one of lights without extent.
-    pub fn of_each(self, samples: u32) -> Samples<'a> {
+    pub fn of_each(&self, samples: u32) -> Samples<'a> {
         let count = if self.is_delta() { 1 } else { samples.max(1) };
-        Samples { count, ..self }
+        Samples {
+            count,
+            ..self.clone()
+        }
     }
 
     /// Whether the light has no extent.
@@ -109,7 +118,7 @@ impl<'a> Samples<'a> {
                 .map(|random| lights.sample(light, Vec3::ZERO, random))
                 .collect()
         } else {
-            Vec::new()
+            Arc::default()
         };
         Samples {
             lights,
@@ -122,15 +131,15 @@ impl<'a> Samples<'a> {
         .of_each(samples)
     }
 
-    /// The `index`-th sample of a place at `position`.
-    fn at(&self, place: usize, position: Vec3, index: u32) -> Option<LightSample> {
+    /// The `index`-th sample of a place at `hit`.
+    fn at(&self, place: usize, hit: &SurfaceHit, index: u32) -> Option<LightSample> {
         let (stage, seed, light) = (self.stage, self.seed, self.light);
         if self.lights.is_delta(light) {
-            return self.lights.sample(light, position, [0.0; 3]);
+            return self.lights.sample(light, hit, [0.0; 3]);
         }
         if self.drawn.is_empty() {
             let random = random_triple(stage, seed, place, light, index);
-            return self.lights.sample(light, position, random);
+            return self.lights.sample(light, hit, random);
         }
         let mut stream = random_stream(stage, seed, place, light);
         let start = (stream.uniform() * DRAWN as f32) as usize;
@@ -170,7 +179,7 @@ where
         seed,
         ..
     } = *samples;
-    let reflected = if lights.is_emissive(light) {
+    let reflected = if reflection.any && lights.is_emissive(light) {
         count.div_ceil(PER_REFLECTED)
     } else {
         0
@@ -192,7 +201,7 @@ where
                     let place = chunk * PACKET + local;
                     let Some(hit) = &hits[place] else { continue };
                     let (owner, start) = run_of(place);
-                    let Some(sample) = samples.at(owner, hit.position, start + index) else {
+                    let Some(sample) = samples.at(owner, hit, start + index) else {
                         continue;
                     };
                     if sample.radiance_over_pdf.max_element() > 0.0 && is_above(place, sample.direction) {
@@ -239,6 +248,7 @@ where
                         ray.origin,
                         direction,
                         end.as_ref(),
+                        Some(&hit.into()),
                         |seen, radiance, pdf| {
                             if seen == light {
                                 let sample = LightSample {
@@ -306,17 +316,11 @@ pub fn irradiance_at(
             }
         })
     };
+    // A cosine is wider than what samples of a light miss.
     let reflection = Reflection {
-        draw: |place: usize, [u, v, _]: [f32; 3]| {
-            let hit = hits[place].as_ref()?;
-            let local = cosine_hemisphere(Vec2::new(u, v));
-            let direction = Frame::around(hit.normal).world_from_local(local);
-            (local.z > 0.0).then_some((direction, local.z * FRAC_1_PI))
-        },
-        density: |place: usize, direction: Vec3| {
-            let cosine = |hit: &SurfaceHit| hit.normal.dot(direction).max(0.0);
-            hits[place].as_ref().map_or(0.0, cosine) * FRAC_1_PI
-        },
+        any: false,
+        draw: |_: usize, _: [f32; 3]| None,
+        density: |_: usize, _: Vec3| 0.0,
     };
     let samples = Samples::new(lights, light, hits.len(), samples, STAGE_POINTS, seed);
     add_light(
@@ -358,6 +362,11 @@ impl<'a> Receivers<'a> {
     }
 }
 
+/// Whether a lobe is so narrow that samples of a light may miss what it reflects.
+fn is_narrow(point: &ShadingPoint) -> bool {
+    !point.lambert && (point.gloss != Gloss::Ggx || point.alpha < WIDE)
+}
+
 /// Adds to `out` the radiance that each receiver sends towards its viewer after one reflection of one light. `run_of` says whose sequence a place's samples are taken from ([`own_run`] for its own), and
 /// from which on. Returns what they met on their way to each.
 pub fn reflected_at(
@@ -379,13 +388,15 @@ pub fn reflected_at(
             bsdf::eval(point, views[place], sample.direction) * sample.radiance_over_pdf * cosine
         })
     };
+    let narrow = |place: usize| points[place].as_ref().filter(|point| is_narrow(point));
     let reflection = Reflection {
+        any: points.iter().flatten().any(is_narrow),
         draw: |place: usize, random: [f32; 3]| {
-            let sample = bsdf::sample(points[place].as_ref()?, views[place], random)?;
+            let sample = bsdf::sample(narrow(place)?, views[place], random)?;
             Some((sample.wi, sample.pdf))
         },
         density: |place: usize, direction: Vec3| {
-            (points[place].as_ref()).map_or(0.0, |point| bsdf::pdf(point, views[place], direction))
+            narrow(place).map_or(0.0, |point| bsdf::pdf(point, views[place], direction))
         },
     };
     add_light(

@@ -103,6 +103,7 @@ impl Tracer<'_> {
                 ray.origin,
                 sample.wi,
                 next.as_ref(),
+                Some(&(&hit).into()),
                 |light, radiance, pdf| {
                     let weight = power_heuristic(sample.pdf, pdf * choice.probability(light));
                     sums.add(Some(light), reflections, throughput * radiance * weight);

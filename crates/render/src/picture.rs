@@ -87,6 +87,7 @@ impl<'a> Picture<'a> {
             ray.origin,
             ray.direction,
             hit,
+            None,
             |light, radiance, _| {
                 sums.add(Some(light), 0, radiance);
             },

@@ -74,4 +74,5 @@ pub mod surface;
 pub mod surface_nets;
 pub mod surface_scene;
 pub mod texture;
+mod texture_range;
 pub mod traced;

@@ -7,7 +7,7 @@
 
 use crate::image::{Image8, ImageError, Limits, decode_ldr};
 use crate::material::{Texture, TextureUse, Wrap};
-use glam::{Vec2, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 use std::sync::LazyLock;
 
 /// A texture in memory, ready for lookups.
@@ -86,6 +86,24 @@ impl DecodedTexture {
     /// Whether any texel is other than opaque.
     pub fn has_alpha(&self) -> bool {
         matches!(self.channels, 2 | 4)
+    }
+
+    /// How coordinates beyond the image are brought back, across and down.
+    pub(crate) fn wrap(&self) -> [Wrap; 2] {
+        self.wrap
+    }
+
+    /// Whether lookups take the nearest texel and do not interpolate.
+    pub(crate) fn is_nearest(&self) -> bool {
+        self.nearest
+    }
+
+    /// Linear RGB of a texel of an sRGB texture.
+    ///
+    /// # Panics
+    /// It lies outside the image.
+    pub(crate) fn linear_texel(&self, x: usize, y: usize) -> Vec3 {
+        self.texel(x, y, &LINEAR_FROM_SRGB).truncate()
     }
 
     /// The value at texture coordinates `uv`: linear RGB and alpha, each in 0..=1. A grey texture has three

@@ -19,3 +19,4 @@ mod textures;
 
 pub use occluders::{BULGE, FlatPiece};
 pub use scene::{Shading, Stop, TracedScene, TracedSceneError};
+pub(crate) use textures::EmissionTexture;

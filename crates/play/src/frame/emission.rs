@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_render::exposure::Exposure;
-use relight_scene::light_set::LightSet;
+use relight_scene::light_set::{LightSet, MetEmitter};
 use relight_scene::traced::TracedScene;
 
 /// Light that each fragment shows directly: emissive surfaces that a light lets shine, environments, and
@@ -34,13 +34,27 @@ pub(super) fn emission_at(
             if let (Some(hit), Some(point)) = (&seen.hits[f], &seen.points[f])
                 && point.emission != Vec3::ZERO
             {
-                let cosine = hit.geometric_normal.dot(direction).abs();
-                lights.emitted(hit.primitive, hit.barycentric, hit.t, cosine, |met| {
-                    if wanted(met.light) {
-                        sum += met.radiance;
-                    }
-                });
-                if only.is_none() && scene.material(hit.primitive).unlit {
+                let material = scene.material(hit.primitive);
+                // Of a texture the mean of what the rays meet.
+                let places = if material.emission_texture.is_some() {
+                    seen.places_of(scene, f)
+                } else {
+                    vec![*hit]
+                };
+                for place in &places {
+                    let emitter = MetEmitter {
+                        primitive: place.primitive,
+                        barycentric: place.barycentric,
+                        distance: f64::from(hit.t),
+                        cos: f64::from(place.geometric_normal.dot(direction)),
+                    };
+                    lights.emitted(&emitter, None, |met| {
+                        if wanted(met.light) {
+                            sum += met.radiance / places.len() as f32;
+                        }
+                    });
+                }
+                if only.is_none() && material.unlit {
                     sum += point.emission;
                 }
             }

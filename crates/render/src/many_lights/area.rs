@@ -3,8 +3,7 @@
 use super::points::{End, POINTS_PER_AREA_LIGHT, POINTS_PER_EMITTER, PointLights, Sphere, stage};
 use glam::{DVec3, Vec2, Vec3};
 use relight_scene::environment::luminance;
-use relight_scene::light_set::{EmissiveTriangle, Emitters, LightForm, LightSet};
-use relight_scene::material::AlphaMode;
+use relight_scene::light_set::{EmissivePart, EmissiveTriangle, Emitters, LightForm, LightSet};
 use relight_scene::surface::ray_end;
 use relight_scene::traced::TracedScene;
 use relight_transport::point_light::{Emission, PointLight};
@@ -21,7 +20,9 @@ pub(super) fn counts(lights: &LightSet<'_>, total: Option<u32>) -> Vec<usize> {
             automatic += match lights.form(light) {
                 LightForm::Rect { .. } | LightForm::Sphere { .. } => POINTS_PER_AREA_LIGHT,
                 LightForm::Emissive { triangles, .. } if !triangles.is_empty() => {
-                    triangles.len().clamp(POINTS_PER_AREA_LIGHT, POINTS_PER_EMITTER)
+                    let parts = |t: &&EmissiveTriangle| t.parts.as_ref().map_or(1, Vec::len);
+                    let all = triangles.iter().map(parts).sum::<usize>();
+                    all.clamp(POINTS_PER_AREA_LIGHT, POINTS_PER_EMITTER)
                 }
                 _ => return None,
             };
@@ -128,8 +129,7 @@ pub(super) fn push(
             }
         }
         LightForm::Emissive { triangles, scale } => {
-            let cells = Cells::new(scene, emitters, triangles, count);
-            cells.push(points, scene, emitters, source, *scale, count, seed);
+            Cells::new(scene, triangles).push(points, scene, emitters, source, *scale, count, seed);
         }
         _ => {}
     }
@@ -172,58 +172,27 @@ struct Cells<'a> {
     sums: Vec<f64>,
 }
 
-/// Rows of parts of a textured triangle: at least 8, 64 parts, as many as its mean is known by, where there are few
-/// triangles; at most 256.
-const ROWS: [f64; 2] = [8.0, 256.0];
-/// Parts over all triangles together where no points ask for more.
-const FEW_CELLS: f64 = 65_536.0;
-/// Parts of a textured triangle for each of its points.
-const CELLS_PER_POINT: f64 = 4.0;
-/// Smallest weight of a part relative to the mean of its triangle: it may be brighter than in its middle.
-const SMALLEST_SHARE: f32 = 0.01;
-
 impl<'a> Cells<'a> {
-    fn new(
-        scene: &TracedScene,
-        emitters: &dyn Emitters,
-        triangles: &'a [&'a EmissiveTriangle],
-        count: usize,
-    ) -> Cells<'a> {
-        let area = |t: &EmissiveTriangle| f64::from(scene.triangle_area(t.primitive));
-        let power = |t: &EmissiveTriangle| f64::from(luminance(t.mean_radiance)) * area(t);
-        let all: f64 = triangles.iter().map(|t| power(t)).sum();
-        let fewest = (FEW_CELLS / triangles.len() as f64).sqrt().clamp(1.0, ROWS[0]);
+    fn new(scene: &TracedScene, triangles: &'a [&'a EmissiveTriangle]) -> Cells<'a> {
         let (mut cells, mut sums, mut sum) = (Vec::new(), Vec::new(), 0.0);
         for (i, triangle) in triangles.iter().enumerate() {
-            let material = scene.material(triangle.primitive);
-            let plain = material.emission_texture.is_none() && material.alpha_mode == AlphaMode::Opaque;
-            let rows = if plain {
-                1
-            } else {
-                let wanted = (CELLS_PER_POINT * count as f64 * power(triangle) / all).sqrt();
-                wanted.ceil().clamp(fewest, ROWS[1]) as u32
-            };
-            let mean = luminance(triangle.mean_radiance);
-            let cell_area = area(triangle) / f64::from(rows * rows);
+            let area = f64::from(scene.triangle_area(triangle.primitive));
+            let whole = [EmissivePart::whole(luminance(triangle.mean_radiance))];
             let sides = [true, false]
                 .into_iter()
                 .take(1 + usize::from(triangle.double_sided));
-            for (front, corners) in sides.flat_map(|front| parts(rows).map(move |part| (front, part))) {
-                let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
-                let radiance = if plain {
-                    mean
-                } else {
-                    let radiance = emitted(emitters, triangle.primitive, middle.into());
-                    luminance(radiance).max(SMALLEST_SHARE * mean)
-                };
-                cells.push(Cell {
-                    corners,
-                    triangle: i as u32,
-                    front,
-                    area: cell_area,
-                });
-                sum += f64::from(radiance) * cell_area;
-                sums.push(sum);
+            for front in sides {
+                for part in triangle.parts.as_deref().unwrap_or(&whole) {
+                    let area = area * part.share();
+                    cells.push(Cell {
+                        corners: part.corners,
+                        triangle: i as u32,
+                        front,
+                        area,
+                    });
+                    sum += f64::from(part.luminance) * area;
+                    sums.push(sum);
+                }
             }
         }
         sums.iter_mut().for_each(|s| *s /= sum);
@@ -291,20 +260,6 @@ fn emitted(emitters: &dyn Emitters, primitive: u32, barycentric: [f32; 2]) -> Ve
     emitters.emitted(primitive, barycentric) * emitters.coverage(primitive, barycentric)
 }
 
-/// The rows² equal parts of a triangle.
-fn parts(rows: u32) -> impl Iterator<Item = [Vec2; 3]> {
-    let at = move |i: u32, j: u32| Vec2::new(i as f32, j as f32) / rows as f32;
-    (0..rows).flat_map(move |i| {
-        (0..rows - i).flat_map(move |j| {
-            let upright = [at(i, j), at(i + 1, j), at(i, j + 1)];
-            let inverted = [at(i + 1, j + 1), at(i, j + 1), at(i + 1, j)];
-            [upright, inverted]
-                .into_iter()
-                .take(if i + j + 1 < rows { 2 } else { 1 })
-        })
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -317,17 +272,5 @@ mod tests {
         assert_eq!(shared_out(&[Some(1e20), Some(1e-20)], 1), [1, 1]);
         assert_eq!(shared_out(&[Some(0.0), Some(0.0)], 7).iter().sum::<usize>(), 7);
         assert!(shared_out(&[], 7).is_empty());
-    }
-
-    #[test]
-    fn parts_of_a_triangle_cover_it() {
-        for rows in [1, 2, 7] {
-            let area: f32 = parts(rows)
-                .map(|[a, b, c]| 0.5 * (b - a).perp_dot(c - a))
-                .inspect(|area| assert!(*area > 0.0))
-                .sum();
-            assert_eq!(parts(rows).count(), (rows * rows) as usize);
-            assert!((area - 0.5).abs() < 1e-6);
-        }
     }
 }

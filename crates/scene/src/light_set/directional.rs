@@ -2,7 +2,7 @@
 
 use super::emitters::Emitters;
 use super::form::LightForm;
-use super::shape::{Extent, LightSample, Shape, luminance64, times};
+use super::shape::{Extent, LightSample, ReferencePoint, Shape, luminance64, times};
 use glam::{DVec3, Vec3};
 
 /// Parallel light from infinitely far away.
@@ -18,7 +18,7 @@ impl Shape for DirectionalLight {
         Extent::Delta
     }
 
-    fn sample(&self, _: &dyn Emitters, _: DVec3, _: [f32; 3]) -> Option<LightSample> {
+    fn sample(&self, _: &dyn Emitters, _: &ReferencePoint, _: [f32; 3]) -> Option<LightSample> {
         Some(LightSample {
             direction: self.towards.as_vec3(),
             distance: f32::INFINITY,

@@ -1,5 +1,6 @@
 //! What lights need to know of surfaces that emit.
 
+use super::parts::EmissivePart;
 use glam::Vec3;
 
 /// A triangle that can emit.
@@ -11,6 +12,8 @@ pub struct EmissiveTriangle {
     pub vertices: [Vec3; 3],
     /// Mean emitted radiance over the triangle, RGB, W/(m² sr): decides how often it is drawn.
     pub mean_radiance: Vec3,
+    /// What is drawn of a textured one instead of all of it; what is in none of them is dark.
+    pub parts: Option<Vec<EmissivePart>>,
     /// Index of its material.
     pub material: u32,
     /// Whether it emits on both sides.

@@ -4,7 +4,9 @@ use super::distant::Split;
 use super::emitters::Emitters;
 use super::form::{DistantMap, LightForm};
 use super::map::TurnedMap;
-use super::shape::{Dark, Extent, LightSample, LongRay, Seen, Shape, extended, luminance64, times};
+use super::shape::{
+    Dark, Extent, LightSample, LongRay, ReferencePoint, Seen, Shape, extended, luminance64, times,
+};
 use glam::{DVec3, Vec3};
 
 /// An environment map that shines.
@@ -15,7 +17,7 @@ impl Shape for EnvironmentLight {
         Extent::Distant
     }
 
-    fn sample(&self, _: &dyn Emitters, _: DVec3, [r0, r1, _]: [f32; 3]) -> Option<LightSample> {
+    fn sample(&self, _: &dyn Emitters, _: &ReferencePoint, [r0, r1, _]: [f32; 3]) -> Option<LightSample> {
         let (direction, radiance, pdf) = self.0.sample([r0, r1]);
         Some(extended(direction, f64::INFINITY, radiance, f64::from(pdf)))
     }

@@ -2,7 +2,7 @@
 
 use super::emitters::Emitters;
 use super::form::LightForm;
-use super::shape::{Extent, LightSample, Shape, attenuate, luminance64, over, times};
+use super::shape::{Extent, LightSample, ReferencePoint, Shape, attenuate, luminance64, over, times};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
@@ -45,8 +45,8 @@ impl Shape for PointLight {
         Extent::Delta
     }
 
-    fn sample(&self, _: &dyn Emitters, from: DVec3, _: [f32; 3]) -> Option<LightSample> {
-        let d = self.position - from;
+    fn sample(&self, _: &dyn Emitters, at: &ReferencePoint, _: [f32; 3]) -> Option<LightSample> {
+        let d = self.position - at.position.as_dvec3();
         let squared = d.length_squared();
         let direction = d.try_normalize()?;
         let falloff = self.cone.as_ref().map_or(1.0, |cone| cone.falloff(-direction));

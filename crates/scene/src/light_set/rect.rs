@@ -7,7 +7,9 @@
 
 use super::emitters::Emitters;
 use super::form::LightForm;
-use super::shape::{Extent, LightSample, LongRay, Seen, Shape, attenuate, extended, luminance64, times};
+use super::shape::{
+    Extent, LightSample, LongRay, ReferencePoint, Seen, Shape, attenuate, extended, luminance64, times,
+};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
@@ -23,7 +25,8 @@ impl Shape for RectLight {
         Extent::Near
     }
 
-    fn sample(&self, _: &dyn Emitters, from: DVec3, [r0, r1, _]: [f32; 3]) -> Option<LightSample> {
+    fn sample(&self, _: &dyn Emitters, at: &ReferencePoint, [r0, r1, _]: [f32; 3]) -> Option<LightSample> {
+        let from = at.position.as_dvec3();
         let (point, pdf) = self.rect.sample(from, [r0, r1])?;
         let d = point - from;
         Some(extended(

@@ -3,7 +3,7 @@
 use super::directional::DirectionalLight;
 use super::distant::Split;
 use super::emissive::{EmissiveLight, EmissiveTable};
-use super::emitters::{EmissiveTriangle, Emitters};
+use super::emitters::Emitters;
 use super::environment::EnvironmentLight;
 use super::map::TurnedMap;
 use super::point::{Cone, PointLight};
@@ -66,13 +66,10 @@ impl PreparedLights {
             });
             tables.push(match &track.kind {
                 LightKind::Emissive { material, .. } => {
-                    let wanted = |t: &EmissiveTriangle| {
-                        material
-                            .as_ref()
-                            .is_none_or(|material| name_of(t.material) == material)
-                    };
+                    let is_wanted = |name: &String| material.as_ref().is_none_or(|wanted| name == wanted);
+                    let wanted: Vec<bool> = names.iter().map(is_wanted).collect();
                     let chosen: Vec<u32> = (0..all.len() as u32)
-                        .filter(|&i| wanted(&all[i as usize]))
+                        .filter(|&i| wanted.get(all[i as usize].material as usize) == Some(&true))
                         .collect();
                     if let (Some(material), true) = (material, chosen.is_empty()) {
                         let mut known: Vec<String> =

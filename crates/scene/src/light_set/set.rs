@@ -3,7 +3,7 @@
 use super::distant::{DistantLight, Split};
 use super::emitters::Emitters;
 use super::form::LightForm;
-use super::shape::{Extent, LightSample, LongRay, Shape};
+use super::shape::{Extent, LightSample, LongRay, MetEmitter, ReferencePoint, Shape};
 use glam::Vec3;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -87,12 +87,17 @@ impl<'a> LightSet<'a> {
         (self.lights.iter()).any(|light| light.shape.extent() == Extent::Emissive)
     }
 
-    /// Draws a direction from `x` (world space) towards a light, from three random numbers in [0, 1). `None`
-    /// where that light sends nothing to `x` (or what was drawn turns its back: an estimate of zero).
-    pub fn sample(&self, light: usize, x: Vec3, random: [f32; 3]) -> Option<LightSample> {
+    /// Draws a direction from a place (a hit, or a point of free space) towards a light, from three random numbers in
+    /// [0, 1). `None` where that light sends nothing there (or what was drawn turns its back: an estimate of zero).
+    pub fn sample(
+        &self,
+        light: usize,
+        at: impl Into<ReferencePoint>,
+        random: [f32; 3],
+    ) -> Option<LightSample> {
         let sample = self.lights[light]
             .shape
-            .sample(self.emitters, x.as_dvec3(), random)?;
+            .sample(self.emitters, &at.into(), random)?;
         let lit = sample.radiance_over_pdf.max_element() > 0.0 && sample.radiance_over_pdf.is_finite();
         lit.then_some(sample)
     }
@@ -117,25 +122,18 @@ impl<'a> LightSet<'a> {
         }
     }
 
-    /// Calls `visit` for every light that makes a surface shine where a ray from `origin` met it at distance
-    /// `distance`. `cos` is the cosine between the ray and the surface's geometric normal (its sign does not
-    /// matter). The caller makes sure that the side that was met emits.
-    pub fn emitted(
-        &self,
-        primitive: u32,
-        barycentric: [f32; 2],
-        distance: f32,
-        cos: f32,
-        mut visit: impl FnMut(LightHit),
-    ) {
+    /// Calls `visit` for every light that makes a surface shine which a ray met. `from`: where the ray's light is to arrive, if
+    /// densities are wanted; they are 0 without. The caller makes sure that the side that was met emits.
+    pub fn emitted(&self, met: &MetEmitter, from: Option<&ReferencePoint>, mut visit: impl FnMut(LightHit)) {
         let mut emission = None;
         for (light, Light { shape, .. }) in self.lights.iter().enumerate() {
-            if let Some((scale, pdf)) = shape.lights_up(primitive, f64::from(distance), f64::from(cos)) {
-                let emission = *emission.get_or_insert_with(|| self.emitters.emitted(primitive, barycentric));
+            if let Some(scale) = shape.lights_up(met.primitive) {
+                let emission =
+                    *emission.get_or_insert_with(|| self.emitters.emitted(met.primitive, met.barycentric));
                 visit(LightHit {
                     light,
                     radiance: emission * scale,
-                    pdf,
+                    pdf: from.map_or(0.0, |from| shape.density_of(self.emitters, met, from)),
                 });
             }
         }

@@ -5,7 +5,49 @@ use super::emitters::Emitters;
 use super::form::LightForm;
 use super::map::TurnedMap;
 use crate::environment::luminance;
+use crate::surface::SurfaceHit;
 use glam::{DVec3, Vec3};
+
+/// Where light is to arrive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReferencePoint {
+    /// World space.
+    pub position: Vec3,
+    /// Unit normal of the true surface, on the side that is looked at: no light from behind it is of use. Zero in free
+    /// space, and where light from all sides is.
+    pub normal: Vec3,
+}
+
+impl From<Vec3> for ReferencePoint {
+    fn from(position: Vec3) -> ReferencePoint {
+        ReferencePoint {
+            position,
+            normal: Vec3::ZERO,
+        }
+    }
+}
+
+impl From<&SurfaceHit> for ReferencePoint {
+    fn from(hit: &SurfaceHit) -> ReferencePoint {
+        ReferencePoint {
+            position: hit.position,
+            normal: hit.geometric_normal,
+        }
+    }
+}
+
+/// An emissive surface that a ray met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MetEmitter {
+    /// Which primitive.
+    pub primitive: u32,
+    /// Barycentric weights of its vertices 1 and 2.
+    pub barycentric: [f32; 2],
+    /// How far the ray went, metres.
+    pub distance: f64,
+    /// Cosine between the ray and the geometric normal; its sign does not matter.
+    pub cos: f64,
+}
 
 /// A direction in which a light is sampled from a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,18 +112,22 @@ pub(super) struct Seen {
 pub(super) trait Shape: Send + Sync {
     fn extent(&self) -> Extent;
 
-    /// Draws a direction from `from` towards it, from three random numbers in [0, 1).
-    fn sample(&self, scene: &dyn Emitters, from: DVec3, random: [f32; 3]) -> Option<LightSample>;
+    /// Draws a direction from a place towards it, from three random numbers in [0, 1).
+    fn sample(&self, scene: &dyn Emitters, at: &ReferencePoint, random: [f32; 3]) -> Option<LightSample>;
 
     /// What a ray meets of it; nothing of lights without extent and of the scene's own surfaces.
     fn met_by(&self, _ray: &LongRay) -> Option<Seen> {
         None
     }
 
-    /// Factor on the emission of a primitive, met at `distance` under `cos`, and the density of its direction; `None`
-    /// where it does not make that primitive shine.
-    fn lights_up(&self, _primitive: u32, _distance: f64, _cos: f64) -> Option<(Vec3, f32)> {
+    /// Factor on the emission of a primitive; `None` where it does not make that primitive shine.
+    fn lights_up(&self, _primitive: u32) -> Option<Vec3> {
         None
+    }
+
+    /// Density per steradian with which sampling draws what a ray met of a surface that it makes shine.
+    fn density_of(&self, _scene: &dyn Emitters, _met: &MetEmitter, _from: &ReferencePoint) -> f32 {
+        0.0
     }
 
     /// About how much irradiance it can give at `from`, occlusion and the receiver's cosine aside.
@@ -107,7 +153,7 @@ impl Shape for Dark {
         Extent::Delta
     }
 
-    fn sample(&self, _: &dyn Emitters, _: DVec3, _: [f32; 3]) -> Option<LightSample> {
+    fn sample(&self, _: &dyn Emitters, _: &ReferencePoint, _: [f32; 3]) -> Option<LightSample> {
         None
     }
 

@@ -2,7 +2,9 @@
 
 use super::emitters::Emitters;
 use super::form::LightForm;
-use super::shape::{Extent, LightSample, LongRay, Seen, Shape, attenuate, extended, luminance64, times};
+use super::shape::{
+    Extent, LightSample, LongRay, ReferencePoint, Seen, Shape, attenuate, extended, luminance64, times,
+};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
@@ -18,8 +20,8 @@ impl Shape for SphereLight {
         Extent::Near
     }
 
-    fn sample(&self, _: &dyn Emitters, from: DVec3, [r0, r1, _]: [f32; 3]) -> Option<LightSample> {
-        let (direction, distance, pdf) = self.sphere.sample(from, [r0, r1])?;
+    fn sample(&self, _: &dyn Emitters, at: &ReferencePoint, [r0, r1, _]: [f32; 3]) -> Option<LightSample> {
+        let (direction, distance, pdf) = self.sphere.sample(at.position.as_dvec3(), [r0, r1])?;
         Some(extended(direction.as_vec3(), distance, self.radiance, pdf))
     }
 

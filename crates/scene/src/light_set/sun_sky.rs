@@ -4,7 +4,7 @@ use super::distant::Split;
 use super::emitters::Emitters;
 use super::form::{DistantMap, LightForm};
 use super::map::TurnedMap;
-use super::shape::{Extent, LightSample, LongRay, Seen, Shape, extended, luminance64, times};
+use super::shape::{Extent, LightSample, LongRay, ReferencePoint, Seen, Shape, extended, luminance64, times};
 use super::sphere::sample_cone;
 use crate::environment::{EnvironmentSampler, luminance};
 use crate::sky::{SUN_HALF_ANGLE, SunSky, sun_sky};
@@ -92,7 +92,7 @@ impl Shape for SunSkyLight {
         Extent::Distant
     }
 
-    fn sample(&self, _: &dyn Emitters, _: DVec3, [r0, r1, r2]: [f32; 3]) -> Option<LightSample> {
+    fn sample(&self, _: &dyn Emitters, _: &ReferencePoint, [r0, r1, r2]: [f32; 3]) -> Option<LightSample> {
         let SunSkyLight { sky, sun } = self;
         let direction = if f64::from(r2) < sun.chance {
             sample_cone(sun.axis, sun.one_minus_cos, [r0, r1]).as_vec3()

@@ -220,6 +220,7 @@ fn quad(center: Vec3, u: Vec3, v: Vec3, radiance: f32) -> Triangles {
         primitive,
         vertices,
         mean_radiance: Vec3::splat(radiance),
+        parts: None,
         material: 0,
         double_sided: false,
     };

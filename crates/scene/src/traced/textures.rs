@@ -3,8 +3,17 @@
 use super::corner::Corner;
 use super::scene::TracedScene;
 use crate::material::TextureUse;
-use crate::texture::ColorSpace;
+use crate::texture::{ColorSpace, DecodedTexture};
 use glam::{Vec2, Vec4};
+
+/// Where a triangle's emission is looked up.
+pub(crate) struct EmissionTexture<'a> {
+    /// Index of the texture.
+    pub index: u32,
+    pub texels: &'a DecodedTexture,
+    /// Coordinates of its vertices, transformed.
+    pub uvs: [Vec2; 3],
+}
 
 impl TracedScene {
     /// The texture's value, or white where the material uses none.
@@ -19,6 +28,17 @@ impl TracedScene {
             Some(texture) => texture.sample_at(usage, corner.uv(usage.uv_set), space),
             None => Vec4::ONE,
         }
+    }
+
+    /// What a triangle's emission is looked up in; `None` where it has no texture.
+    pub(crate) fn emission_texture(&self, triangle: u32) -> Option<EmissionTexture<'_>> {
+        let (material, corner) = self.corner_of(triangle, [0.0; 2]);
+        let usage = self.materials[material as usize].emission_texture.as_ref()?;
+        Some(EmissionTexture {
+            index: usage.texture,
+            texels: self.textures[usage.texture as usize].as_ref()?,
+            uvs: (corner.vertex_uvs(usage.uv_set)).map(|uv| usage.texture_from_mesh.transform_point2(uv)),
+        })
     }
 
     /// How fast a height texture (mean of red, green and blue) rises with the texture's coordinates u and v, from
