@@ -81,7 +81,8 @@ pub struct PlayArgs {
     /// cuts.
     #[arg(long, value_name = "N", default_value_t = ILLUMINATION_CUT as u32, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub illumination_cut: u32,
-    /// Samples per pixel; of transfer and cuts four times as many where a pixel sees several things [default: transfer 16, with a moving camera 1; brute 16; lightcuts 4, with reconstruction 5 to 50; pixelcuts 1; path 64].
+    /// Samples per pixel; of transfer and cuts four times as many where a pixel sees several things, and half as many of each
+    /// light with extent, more where pixels side by side disagree [default: transfer 16, with a moving camera 1; brute 16; lightcuts 4, with reconstruction 5 to 50; pixelcuts 1; path 64].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub spp: Option<u32>,
     /// Most reflections of a path (path only) [default: no limit].
@@ -281,12 +282,15 @@ impl PlayArgs {
     /// How to light frames.
     pub fn frame_settings(&self, seed: u64) -> FrameSettings {
         let surface = [LayerName::Albedo, LayerName::Normal, LayerName::Depth];
+        let defaults = FrameSettings::default();
         FrameSettings {
+            // By default 8 to 16 rays.
+            pixel_samples: self.spp.map_or(defaults.pixel_samples, |spp| spp.div_ceil(2)),
             seed,
             light_layers: self.layers.contains(&LayerName::Lights),
             surface_layers: self.layers.iter().any(|layer| surface.contains(layer)),
             illumination_cut: self.illumination_cut as usize,
-            ..FrameSettings::default()
+            ..defaults
         }
     }
 

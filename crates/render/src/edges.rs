@@ -6,8 +6,9 @@
 //! that a frame costs hardly more.
 
 use crate::expose::ENDS;
-use crate::exposure::{Exposure, Sighted};
-use crate::lighting::{DARK, LIT, Met, Receivers, Samples, reflected_at};
+use crate::exposure::Exposure;
+use crate::lighting::{DARK, LIT, Met, Samples};
+use crate::refine::lit_at_ends;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::traced::TracedScene;
@@ -28,46 +29,6 @@ pub fn smooth(scene: &TracedScene, seen: &Exposure, samples: &Samples, met: &[Me
     for (fragment, lit) in crossed.into_iter().zip(lit) {
         reflected[fragment] = lit;
     }
-}
-
-/// Means over their rays' ends, of which a pixel has about `of_pixel`, of what fragments send towards the eye of a light.
-fn lit_at_ends(
-    scene: &TracedScene,
-    seen: &Exposure,
-    samples: &Samples,
-    fragments: &[usize],
-    of_pixel: f32,
-) -> Vec<Vec3> {
-    let (mut hits, mut points, mut views) = (Vec::new(), Vec::new(), Vec::new());
-    let mut starts = Vec::with_capacity(fragments.len());
-    // Ends of a fragment share one sequence of samples, so that all of them together are evenly spread.
-    let mut runs: Vec<(usize, u32)> = Vec::new();
-    for &f in fragments {
-        starts.push(hits.len());
-        let ends = seen.sighted_ends(scene, f).take(seen.ends_for(f, of_pixel));
-        for (k, Sighted { hit, point, view }) in (0..).zip(ends) {
-            hits.push(Some(hit));
-            points.push(Some(point));
-            views.push(view);
-            runs.push((f, k * samples.count));
-        }
-    }
-    let mut own = vec![Vec3::ZERO; hits.len()];
-    reflected_at(
-        scene,
-        samples,
-        &Receivers {
-            hits: &hits,
-            points: &points,
-            views: &views,
-        },
-        |end| runs[end],
-        &mut own,
-    );
-    let ends = starts.iter().skip(1).copied().chain([own.len()]);
-    (starts.iter().zip(ends))
-        .map(|(&start, end)| own[start..end].iter().sum::<Vec3>() / (end - start) as f32)
-        .collect()
 }
 
 /// The fragments of pixels that are lit beside such that are not, and the other way round, if several of their ends can
@@ -110,7 +71,7 @@ fn crossed(seen: &Exposure, met: &[Met], of_pixel: f32) -> Vec<usize> {
 mod tests {
     use super::*;
     use crate::expose::expose;
-    use crate::lighting::own_run;
+    use crate::lighting::{Receivers, own_run, reflected_at};
     use crate::test_scenes::{camera, level, matt, panel, sun, traced};
     use relight_scene::light_set::{LightRig, NoEmitters};
 

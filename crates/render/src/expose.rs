@@ -1,9 +1,10 @@
 //! Exposing: the rays of each pixel, and which of them share a fragment.
 //!
-//! A pixel gets a few rays; where they, or those of a pixel beside it, meet several things, it gets more. What covers a sliver of a
+//! A pixel gets a few rays; where they, or those of a pixel beside it, meet several things, or a slender lamp passes, it gets more. What covers a sliver of a
 //! pixel can be most of its light: under lamps in a dark hall a fiftieth of a pixel was as bright as the whole image's mean.
 
 use crate::exposure::{Exposure, RayEnd};
+use crate::slender::passed_by_slender;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::bsdf;
@@ -23,7 +24,7 @@ pub(crate) const ENDS: f32 = 6.0;
 /// leaves under lamps had a quarter more error (docs/notebook/cuts.md).
 const FINER_ENDS: f32 = 16.0;
 
-/// Rays of a pixel that sees several things, or lies beside one that does, for each that others get. Twice as many lower the
+/// Rays of a pixel that sees several things, lies beside one that does, or is passed by a slender lamp, for each that others get. Twice as many lower the
 /// error by a tenth (docs/notebook/cuts.md).
 const FINER: u32 = 4;
 
@@ -65,6 +66,7 @@ pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize,
         pattern: (0..samples * FINER).map(|i| r2(i, PATTERN_START)).collect(),
         samples: samples as usize,
         footprint: 2.0 * camera.tan_half_vfov / height as f32,
+        slender: passed_by_slender(scene, camera, width, height),
     };
     let bands: Vec<Exposure> = (0..height.div_ceil(BAND))
         .into_par_iter()
@@ -93,6 +95,8 @@ struct Exposing<'a> {
     samples: usize,
     /// Size of a pixel at distance 1.
     footprint: f32,
+    /// Pixels that may show lamps narrower than they are; empty if none does.
+    slender: Vec<bool>,
 }
 
 impl Exposing<'_> {
@@ -109,7 +113,8 @@ impl Exposing<'_> {
         for y in rows {
             for x in 0..self.width {
                 let at = (x, y - around.start);
-                if self.sees_several(&coarse, at) {
+                let slender = self.slender.get(y * self.width + x) == Some(&true);
+                if slender || self.sees_several(&coarse, at) {
                     self.append_pixel((x, y), (&self.pattern, FINER_ENDS), &mut band);
                 } else {
                     let pixel = at.1 * self.width + x;

@@ -52,7 +52,7 @@
 //! All render a [`picture`]. The references: [`path`] traces paths, [`brute`] casts a shadow ray per light. [`many_lights`] makes points of all
 //! lights; [`lightcuts`] cluster those for each place, [`pixelcuts`] send their light to clusters of pixels.
 //! [`mod@expose`] finds what a camera sees, and [`lighting`] direct light at many places at once, from which `relight_play` starts;
-//! [`edges`] makes its shadows' edges smooth. All share [`layers`], and [`watch`] for progress and an early end.
+//! [`edges`] makes its shadows' edges smooth, [`refine`] light with extent as clean as is wanted. All share [`layers`], and [`watch`] for progress and an early end.
 //!
 //! Radiance is in W/(m² sr), linear RGB; lengths are in metres, world space. Images depend on scene, lights, settings and seed, not on
 //! the number of threads.
@@ -71,7 +71,9 @@ pub mod many_lights;
 pub mod path;
 pub mod picture;
 pub mod pixelcuts;
+pub mod refine;
 pub mod sampler;
+mod slender;
 pub mod sum;
 #[cfg(test)]
 mod test_images;

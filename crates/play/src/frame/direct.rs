@@ -5,10 +5,10 @@ use super::stats::{DirectLightcuts, FrameTimes, milliseconds};
 use super::task::{Received, Task};
 use crate::spread::PointPlaces;
 use glam::Vec3;
-use relight_render::edges;
 use relight_render::lightcuts::{self, AT_PIXELS, AT_POINTS, ManyLights};
 use relight_render::lighting::{self, Receivers, Samples, own_run};
 use relight_render::sum::Sum;
+use relight_render::{edges, refine};
 use relight_scene::light_set::LightSet;
 use relight_scene::surface::SurfaceHit;
 use std::time::Instant;
@@ -102,6 +102,8 @@ impl Task<'_> {
         let met = lighting::reflected_at(scene, &samples, &receivers, own_run, &mut reflected);
         if small && !reflected.is_empty() {
             edges::smooth(scene, seen, &samples.of_each(most), &met, &mut reflected);
+        } else if !small {
+            refine::refine(scene, seen, &samples, &mut reflected);
         }
         reflected
     }
