@@ -11,6 +11,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::environment::luminance;
 use relight_scene::traced::TracedScene;
+use std::collections::BTreeMap;
 
 /// Samples of a light with extent for which [`ERROR`] is wanted; with others it goes with the root of their number.
 const USUAL_SAMPLES: f32 = 8.0;
@@ -38,19 +39,18 @@ pub fn refine(scene: &TracedScene, seen: &Exposure, samples: &Samples, reflected
     let wanted = wanted(seen, samples.count, reflected);
     let mut rays = 0;
     // Fragments that send as many to each of their ends are lit together.
-    let mut groups: Vec<Vec<usize>> = Vec::new();
+    let mut groups: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     for (pixel, &wanted) in wanted.iter().enumerate().filter(|(_, wanted)| **wanted > 0) {
         for f in seen.fragments_of(pixel).filter(|&f| seen.hits[f].is_some()) {
             let ends = seen.ends_for(f, f32::INFINITY).max(1) as u32;
             let own = (wanted as f32 * seen.coverage[f]).ceil() as u32;
-            let group = own.div_ceil(ends).next_power_of_two().ilog2() as usize;
-            groups.resize(groups.len().max(group + 1), Vec::new());
-            groups[group].push(f);
-            rays += u64::from(ends << group);
+            let of_end = own.div_ceil(ends).max(1);
+            groups.entry(of_end).or_default().push(f);
+            rays += u64::from(ends * of_end);
         }
     }
-    for (group, fragments) in groups.iter().enumerate() {
-        let samples = samples.of_each(1 << group);
+    for (of_end, fragments) in &groups {
+        let samples = samples.of_each(*of_end);
         let lit: Vec<Vec3> = fragments
             .par_chunks(TASK)
             .flat_map_iter(|fragments| lit_at_ends(scene, seen, &samples, fragments, f32::INFINITY))
@@ -197,10 +197,93 @@ mod tests {
     use super::*;
     use crate::expose::expose;
     use crate::lighting::own_run;
-    use crate::test_scenes::{camera, level, matt, panel, traced};
-    use relight_scene::light_set::{LightRig, NoEmitters};
+    use crate::test_scenes::{camera, constant, level, light, matt, panel, traced};
+    use glam::DVec3;
+    use relight_scene::light::LightKind;
+    use relight_scene::light_set::{Emitters, LightRig, NoEmitters, SceneEmitters};
+    use relight_scene::scene::Mesh;
+    use std::f64::consts::PI;
 
     const SIZE: usize = 24;
+
+    /// Half the sum of the sides' angles times the normals of their planes (Lambert 1760): ∫ of the direction over the solid
+    /// angle of a triangle.
+    fn vector_irradiance(x: DVec3, vertices: [Vec3; 3]) -> DVec3 {
+        let d = vertices.map(|v| (v.as_dvec3() - x).normalize());
+        let side = |a: DVec3, b: DVec3| a.cross(b).normalize_or_zero() * a.angle_between(b);
+        0.5 * (side(d[0], d[1]) + side(d[1], d[2]) + side(d[2], d[0]))
+    }
+
+    /// Octahedra of an emissive material over a floor, all at one height, so that none hides another. Truth: Lambert's formula for
+    /// all triangles. Mean squared error over the square at most 0.01, the bias of all light 2 %.
+    #[test]
+    fn few_and_many_bulbs_light_a_floor_as_they_should() {
+        for side in [1, 2, 4, 10] {
+            let bulb = |i: usize| {
+                let place = |k: usize| 3.0 * ((k as f32 + 0.5) / side as f32 - 0.5);
+                let middle = Vec3::new(place(i % side), 0.6, place(i / side));
+                let corners = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis * 0.03);
+                let mut positions = Vec::new();
+                positions.extend(corners.map(|v| middle + v));
+                positions.extend(corners.map(|v| middle - v));
+                let mut triangles = Vec::new();
+                for k in 0..8u32 {
+                    let of = |axis: u32| axis + 3 * (k >> axis & 1);
+                    let turned = k.count_ones() % 2 == 1;
+                    triangles.push(if turned { [of(0), of(2), of(1)] } else { [of(0), of(1), of(2)] });
+                }
+                Mesh {
+                    positions,
+                    triangles,
+                    material: 1,
+                    ..Mesh::default()
+                }
+            };
+            let mut meshes = vec![level(2.0, 0.0, 0)];
+            meshes.extend((0..side * side).map(bulb));
+            let scene = traced(meshes, vec![matt(0.5, 0.0), matt(0.0, 100.0)]);
+            let emitters = SceneEmitters::new(&scene);
+            let tracks = [light(
+                "glow",
+                LightKind::Emissive {
+                    material: None,
+                    scale: constant(Vec3::ONE),
+                },
+            )];
+            let rig = LightRig::new(&emitters, &tracks).unwrap();
+            let lights = rig.at(0.0);
+            // Under the bulbs.
+            let eye = camera(Vec3::new(0.01, 0.5, 0.0), Vec3::ZERO, 120.0);
+            let seen = expose(&scene, &eye, SIZE, SIZE, 16);
+            let views = seen.views();
+            let samples = Samples::of_pixels(&lights, 0, seen.len(), 8, 3);
+            let mut lit = vec![Vec3::ZERO; seen.len()];
+            reflected_at(&scene, &samples, &Receivers::of(&seen, &views), own_run, &mut lit);
+            refine(&scene, &seen, &samples, &mut lit);
+            let (mut squares, mut sum, mut all, mut count) = (0.0, 0.0, 0.0, 0);
+            for f in 0..seen.len() {
+                let Some(hit) = seen.hits[f].filter(|hit| hit.position.y == 0.0) else {
+                    continue;
+                };
+                let x = hit.position.as_dvec3();
+                let irradiance: f64 = (emitters.emissive_triangles().iter())
+                    .filter(|t| {
+                        let [a, b, c] = t.vertices.map(|v| v.as_dvec3());
+                        (b - a).cross(c - a).dot(x - a) > 0.0
+                    })
+                    .map(|t| 100.0 * -vector_irradiance(x, t.vertices).y)
+                    .sum();
+                let truth = 0.5 / PI * irradiance;
+                let found = f64::from(lit[f].x);
+                squares += ((found - truth) / truth).powi(2);
+                (sum, all, count) = (sum + found, all + truth, count + 1);
+            }
+            assert!(count > SIZE * SIZE / 2, "{count}");
+            let error = squares / f64::from(count as u32);
+            assert!(error < 0.01, "{side}: {error}");
+            assert!((sum / all - 1.0).abs() < 0.02, "{side}: {sum} {all}");
+        }
+    }
 
     /// A square's penumbra under a panel. Truth: 256 samples at each of a pixel's ends. Over 24 seeds the mean of what is refined
     /// is the truth, in deep shadow, too, where a pixel's own eight samples mostly see nothing: to 2 %, from the spread of

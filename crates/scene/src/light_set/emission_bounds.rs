@@ -144,7 +144,8 @@ impl EmissionBounds {
             axis: of.cone.axis.as_vec3(),
             cos_cone: of.cone.angle.cos() as f32,
             sin_cone: of.cone.angle.sin() as f32,
-            power: (of.power / all) as f32,
+            // However little, it is something.
+            power: ((of.power / all) as f32).max(f32::MIN_POSITIVE),
             two_sided: of.cone.two_sided,
         }
     }

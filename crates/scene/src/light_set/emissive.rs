@@ -19,6 +19,9 @@ use std::sync::Arc;
 /// as good, and takes a third of the time.
 const LEAST_SOLID_ANGLE: f64 = 3e-4;
 
+/// Distance from a plane, over the largest coordinate, within which rounding of places on it leaves them.
+const PLANE_ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
+
 /// Emissive surfaces that a light lets shine.
 pub(super) struct EmissiveLight {
     pub table: Arc<EmissiveTable>,
@@ -189,6 +192,9 @@ impl EmissiveTable {
         let normal = cross(vertices).try_normalize()?;
         let from = at.position.as_dvec3();
         let random = [f64::from(random[0]), f64::from(random[1])];
+        if is_edge_on(from, vertices, normal) {
+            return None;
+        }
         let spherical = by_solid_angle(from, part);
         let within = match &spherical {
             Some(spherical) => met_by(part, from, spherical.direction(random)),
@@ -245,14 +251,27 @@ impl EmissiveTable {
         let leaf = first + within;
         let probability = self.tree.probability(leaf, from);
         let leaf = &self.leaves[leaf];
-        let part = leaf.part.vertices(vertices_of(&all[leaf.triangle as usize]));
-        let density = match by_solid_angle(from.position.as_dvec3(), part) {
+        let vertices = vertices_of(&all[leaf.triangle as usize]);
+        let position = from.position.as_dvec3();
+        let normal = cross(vertices).normalize_or_zero();
+        if is_edge_on(position, vertices, normal) {
+            return 0.0;
+        }
+        let part = leaf.part.vertices(vertices);
+        let density = match by_solid_angle(position, part) {
             Some(spherical) => 1.0 / spherical.solid_angle,
             None => met.distance * met.distance / (met.cos.abs() * leaf.area),
         };
         let pdf = probability * density;
         if pdf.is_finite() { pdf } else { 0.0 }
     }
+}
+
+/// Whether a place lies in a triangle's plane, as far as f32 coordinates tell: nothing arrives from there, but a place on the
+/// triangle itself, whose rounding put it behind, would take it for a whole hemisphere of light.
+fn is_edge_on(from: DVec3, vertices: [DVec3; 3], normal: DVec3) -> bool {
+    let largest = vertices.iter().fold(from.abs(), |most, v| most.max(v.abs()));
+    (from - vertices[0]).dot(normal).abs() <= PLANE_ROUNDING * largest.max_element()
 }
 
 /// The solid angle of a part, if it is sampled by that.

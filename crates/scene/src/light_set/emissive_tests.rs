@@ -19,7 +19,8 @@ impl Emitters for Triangles {
         &self.0
     }
     fn material_names(&self) -> Vec<String> {
-        vec![String::new()]
+        let materials = self.0.iter().map(|t| t.material + 1).max().unwrap_or(0);
+        (0..materials).map(|i| i.to_string()).collect()
     }
     fn emitted(&self, primitive: u32, _: [f32; 2]) -> Vec3 {
         self.0[primitive as usize].mean_radiance
@@ -107,7 +108,8 @@ fn clutter(count: usize, least: f32) -> Triangles {
             .map(|i| {
                 let middle = between(3 * i) + Vec3::Y * 1.3;
                 let size = least + 0.2 * spread(7 * i)[0].powi(4);
-                let corner = |k: usize| middle + between(5 * i + 11 * k) * size;
+                // Of a lattice: by squares, or all three would lie on a line.
+                let corner = |k: usize| middle + between(5 * i + 11 * k * k + 3 * i * k) * size;
                 let radiance = if i % 5 == 0 {
                     0.0
                 } else {
@@ -256,6 +258,82 @@ fn what_is_dark_or_turns_its_back_is_never_drawn() {
     assert!(lights.sample(0, Vec3::ZERO, [0.5; 3]).is_none());
 }
 
+/// A material for each of a thousand triangles gives the very samples that one for all does. Truth for a light for each of
+/// them: Lambert's formula of that triangle alone.
+#[test]
+fn a_thousand_materials_are_as_good_as_one() {
+    let one = clutter(1000, 0.05);
+    let mut own = clutter(1000, 0.05);
+    (own.0.iter_mut().zip(0..)).for_each(|(t, i)| t.material = i);
+    let tracks = glow();
+    let from = at(Vec3::new(0.3, 0.0, -0.2), Vec3::Y);
+    let of_one = LightSet::new(&one, &tracks, 0.0).unwrap();
+    let of_own = LightSet::new(&own, &tracks, 0.0).unwrap();
+    for i in 0..1000 {
+        assert_eq!(of_one.sample(0, from, spread(i)), of_own.sample(0, from, spread(i)));
+    }
+    let each: Vec<LightTrack> = (0..1000)
+        .map(|i| LightTrack {
+            name: i.to_string(),
+            kind: LightKind::Emissive {
+                material: Some(i.to_string()),
+                scale: Animated::Constant(Vec3::ONE),
+            },
+        })
+        .collect();
+    let lights = LightSet::new(&own, &each, 0.0).unwrap();
+    for (light, t) in own.0.iter().enumerate() {
+        let truth = irradiance_of(t, from.position, Vec3::Y);
+        let samples = (0..64).filter_map(|i| lights.sample(light, from, spread(i)));
+        let mean = samples
+            .map(|s| f64::from(s.radiance_over_pdf.x * s.direction.y) / 64.0)
+            .sum::<f64>();
+        // The cosine differs over a triangle.
+        assert!((mean - truth).abs() <= 0.1 * truth + 1e-7, "{light}: {mean} {truth}");
+    }
+}
+
+/// Places that have no number for what they see of a triangle: in its plane, at a vertex, on a side, on itself and, by
+/// rounding, behind itself, far and near. Nothing arrives there but from others.
+#[test]
+fn triangles_without_area_and_places_in_a_triangles_plane_give_nothing() {
+    let (a, b, c) = (Vec3::new(3.0, 1.1, 3.3), Vec3::new(3.4, 1.2, 3.3), Vec3::new(3.1, 1.3, 3.9));
+    let all = vec![
+        triangle(0, [a, b, c], 1e30, true),
+        triangle(1, [a, a, c], 1e30, true),
+        triangle(2, [b, b, b], 1e30, true),
+        triangle(3, [a, a.lerp(c, 0.5), c], 0.0, true),
+    ];
+    let triangles = Triangles(all);
+    let tracks = glow();
+    let lights = LightSet::new(&triangles, &tracks, 0.0).unwrap();
+    let normal = (b - a).cross(c - a).normalize();
+    let places = [
+        a,
+        b,
+        c,
+        a.lerp(b, 0.3),
+        (a + b + c) / 3.0,
+        a.lerp(b, 0.4).lerp(c, 0.6),
+        a + 5.0 * (a - b),
+        c + 1e4 * (c - a),
+    ];
+    for place in places {
+        for away in [-2.0, -1.0, 0.0, 1.0, 2.0] {
+            let x = place + normal * (away * f32::EPSILON);
+            for normal in [normal, -normal, Vec3::ZERO] {
+                for i in 0..16 {
+                    let sample = lights.sample(0, at(x, normal), spread(i));
+                    assert_eq!(sample, None, "{x} {normal}");
+                }
+            }
+        }
+    }
+    // And a finite share of what there is where there is something.
+    let above = lights.sample(0, a + normal, [0.4; 3]).unwrap();
+    assert!(above.radiance_over_pdf.is_finite() && above.pdf > 0.0);
+}
+
 /// Truth: scaling all lengths changes no irradiance; 10^±15 of them are far from what f32 squares hold.
 #[test]
 fn scenes_of_any_scale_are_sampled_alike() {
@@ -322,6 +400,7 @@ fn screen(width: u32, height: u32, pixels: &[[u8; 4]]) -> TracedScene {
             lights: Vec::new(),
         },
         notes: Vec::new(),
+        offset: Default::default(),
     };
     TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap()
 }
