@@ -12,6 +12,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// shine at grazing angles, reflect more of what grazes it.
 const GRAZING: f64 = 0.1;
 
+/// Radians from opposite within which axes are: rounding alone would say in which plane they turn to each other.
+const LEAST_TURN: f64 = 1e-6;
+
 /// Directions within an angle of an axis, or, of surfaces that emit on both sides, of either end of it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NormalCone {
@@ -30,7 +33,8 @@ impl NormalCone {
         if two_sided && self.axis.dot(towards) < 0.0 {
             towards = -towards;
         }
-        let between = self.axis.dot(towards).clamp(-1.0, 1.0).acos();
+        let cross = self.axis.cross(towards);
+        let between = cross.length().atan2(self.axis.dot(towards));
         let of = |cone: &NormalCone, axis| NormalCone {
             axis,
             two_sided,
@@ -43,14 +47,17 @@ impl NormalCone {
             return of(other, towards);
         }
         let angle = 0.5 * (self.angle + between + other.angle);
-        let turn = angle - self.angle;
-        let across = (towards - self.axis * self.axis.dot(towards)).try_normalize();
+        // Opposite axes span no plane that one turns to the other in.
+        let across = cross.cross(self.axis).try_normalize();
         match across {
-            Some(across) if angle < PI => NormalCone {
-                axis: self.axis * turn.cos() + across * turn.sin(),
-                angle,
-                two_sided,
-            },
+            Some(across) if angle < PI && between < PI - LEAST_TURN => {
+                let turn = angle - self.angle;
+                NormalCone {
+                    axis: (self.axis * turn.cos() + across * turn.sin()).normalize(),
+                    angle,
+                    two_sided,
+                }
+            }
             _ => NormalCone {
                 axis: self.axis,
                 angle: PI,

@@ -270,7 +270,10 @@ fn a_thousand_materials_are_as_good_as_one() {
     let of_one = LightSet::new(&one, &tracks, 0.0).unwrap();
     let of_own = LightSet::new(&own, &tracks, 0.0).unwrap();
     for i in 0..1000 {
-        assert_eq!(of_one.sample(0, from, spread(i)), of_own.sample(0, from, spread(i)));
+        assert_eq!(
+            of_one.sample(0, from, spread(i)),
+            of_own.sample(0, from, spread(i))
+        );
     }
     let each: Vec<LightTrack> = (0..1000)
         .map(|i| LightTrack {
@@ -289,7 +292,10 @@ fn a_thousand_materials_are_as_good_as_one() {
             .map(|s| f64::from(s.radiance_over_pdf.x * s.direction.y) / 64.0)
             .sum::<f64>();
         // The cosine differs over a triangle.
-        assert!((mean - truth).abs() <= 0.1 * truth + 1e-7, "{light}: {mean} {truth}");
+        assert!(
+            (mean - truth).abs() <= 0.1 * truth + 1e-7,
+            "{light}: {mean} {truth}"
+        );
     }
 }
 
@@ -297,7 +303,11 @@ fn a_thousand_materials_are_as_good_as_one() {
 /// rounding, behind itself, far and near. Nothing arrives there but from others.
 #[test]
 fn triangles_without_area_and_places_in_a_triangles_plane_give_nothing() {
-    let (a, b, c) = (Vec3::new(3.0, 1.1, 3.3), Vec3::new(3.4, 1.2, 3.3), Vec3::new(3.1, 1.3, 3.9));
+    let (a, b, c) = (
+        Vec3::new(3.0, 1.1, 3.3),
+        Vec3::new(3.4, 1.2, 3.3),
+        Vec3::new(3.1, 1.3, 3.9),
+    );
     let all = vec![
         triangle(0, [a, b, c], 1e30, true),
         triangle(1, [a, a, c], 1e30, true),
