@@ -142,8 +142,8 @@ fn reflections(stage: &Stage) -> Measured {
         measures.push(Measure::new(
             format!("roughness {roughness}: mean light against the path tracer's"),
             ((found - exact) / exact).abs().max_element(),
-            0.05,
-            "a draft's points and what its wall sends like a matt one; 4 % measured",
+            0.065,
+            "4 % since its wall sends like a matt one; a draft's points move means by 1.3 % from seed to seed (docs/notebook/openness.md), twice that",
         ));
         measures.push(Measure::new(
             format!("roughness {roughness}: light per pixel against the path tracer's"),
