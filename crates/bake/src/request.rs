@@ -62,11 +62,13 @@ impl<'a> Request<'a> {
 
     /// The cuts to make: `--cuts auto` makes none without an environment to see.
     pub(crate) fn wanted_cuts(&self) -> Option<&'a CutParams> {
-        let may_shine = self
-            .lights
-            .is_none_or(|s| s.lights.iter().any(LightTrack::is_distant));
         let params = self.params;
-        let used = |cuts: &&CutParams| !cuts.if_used || params.keeps(Omittable::Cuts) || may_shine;
-        params.cuts.as_ref().filter(used)
+        (params.cuts.as_ref()).filter(|_| params.keeps(Omittable::Cuts) || self.uses_cuts())
+    }
+
+    /// Whether cuts are wanted for what they do, not because nothing may be left out.
+    pub(crate) fn uses_cuts(&self) -> bool {
+        let shines = |s: &Sequence| s.lights.iter().any(LightTrack::is_distant);
+        (self.params.cuts.as_ref()).is_some_and(|cuts| !cuts.if_used || self.lights.is_none_or(shines))
     }
 }

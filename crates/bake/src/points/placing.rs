@@ -232,9 +232,9 @@ fn spread(
     progress.stage("points", wanted);
     let mut told = 0;
     // Visibility cuts have a site at each finest point, and edges of shadows lie anywhere.
-    let openness = match request.wanted_cuts() {
-        None => Openness::new(params.levels, radius, params.seed),
-        Some(_) => Openness::none(),
+    let openness = match request.uses_cuts() {
+        true => Openness::none(),
+        false => Openness::new(params.levels, radius, params.seed),
     };
     let points = poisson::distribute(
         surfaces,
