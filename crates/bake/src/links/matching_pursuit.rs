@@ -67,6 +67,11 @@ const MIX_WEIGHT: f32 = 200.0;
 /// How much each cluster alone counts: what small lights next to a receiver make of it, which no lamp in the open shows.
 const CLUSTER_WEIGHT: f32 = 10.0;
 
+/// Part of [`CLUSTER_WEIGHT`] by which a child counts beside its siblings. One that is nearly all of its family differs from its parent by
+/// nearly nothing, in every light and in the cluster's own: without this its link could be any number (links of 9 where no response
+/// exceeds 1, which cancelled each other in the test lights alone).
+const ALONE: f32 = 1.0 / 16.0;
+
 impl Weights {
     /// For a row that answers `answers`.
     pub fn of(answers: &Answers<TEST_LIGHTS>) -> Weights {
@@ -150,8 +155,19 @@ pub fn pursue(
         };
         room.take(s);
     }
-    room.solve(links);
+    let mut count = room.taken.len();
+    let mut values = room.solved(count);
+    // The last ones taken gain least: without them what cancelled each other is gone.
+    while values.iter().any(|value| value.length() > LONGEST) {
+        count -= count.div_ceil(4);
+        values = room.solved(count);
+    }
+    let senders = room.taken.iter().map(|&s| room.choices[s].sender);
+    links.extend(senders.zip(values.into_iter().map(Vec3::from)));
 }
+
+/// Longest link: a hemisphere full of radiosity 1 sends irradiance 1. Longer ones cancel each other in the test lights, and in no others.
+const LONGEST: f32 = 1.0;
 
 impl PursuitScratch {
     fn begin(&mut self, residual: &Residual) {
@@ -177,7 +193,7 @@ impl PursuitScratch {
             let effect: InTestLights = std::array::from_fn(|g| coefficients[g] * roots[g]);
             let on_mix = dot(coefficients, &weights.mix) * mix_root;
             let on_clusters = match self.families.get(choice.family as usize) {
-                Some(family) => choice.deviation - family.deviation,
+                Some(family) => choice.deviation * (1.0 + ALONE) - family.deviation,
                 None => choice.deviation,
             } * CLUSTER_WEIGHT;
             self.along
@@ -224,7 +240,7 @@ impl PursuitScratch {
         let same = if a == b { 1.0 } else { 0.0 };
         let (a, b) = (&self.choices[a], &self.choices[b]);
         let on_clusters = match self.families.get(a.family as usize) {
-            Some(family) if a.family == b.family => same - a.share - b.share + family.squares,
+            Some(family) if a.family == b.family => same * (1.0 + ALONE) - a.share - b.share + family.squares,
             Some(_) => 0.0,
             None => same,
         };
@@ -269,18 +285,18 @@ impl PursuitScratch {
         self.taken.push(s);
     }
 
-    /// Values of the links taken, by back substitution from the last on.
-    fn solve(&self, links: &mut Vec<(u32, Vec3)>) {
+    /// Values of the first `count` links taken without the others, by back substitution from the last on.
+    fn solved(&self, count: usize) -> Vec<Vec3A> {
         let choices = self.choices.len();
-        let mut values = vec![Vec3A::ZERO; self.taken.len()];
-        for (n, &s) in self.taken.iter().enumerate().rev() {
+        let taken = &self.taken[..count];
+        let mut values = vec![Vec3A::ZERO; count];
+        for (n, &s) in taken.iter().enumerate().rev() {
             let products = &self.products[n * choices..][..choices];
-            let later = self.taken[n + 1..].iter().zip(&values[n + 1..]);
+            let later = taken[n + 1..].iter().zip(&values[n + 1..]);
             let explained: Vec3A = later.map(|(&t, &value)| value * products[t]).sum();
             values[n] = (self.along[s] - explained) / products[s];
         }
-        let senders = self.taken.iter().map(|&s| self.choices[s].sender);
-        links.extend(senders.zip(values.into_iter().map(Vec3::from)));
+        values
     }
 }
 
@@ -332,17 +348,21 @@ mod tests {
         }
         let weights = Weights::of(&answers);
         let mut room = PursuitScratch::default();
-        // Rows of numbers: the lights, the mix, and one per cluster.
-        let rows = TEST_LIGHTS + 1 + 11;
+        // Rows of numbers: the lights, the mix, one per cluster, and one per child.
+        let rows = TEST_LIGHTS + 1 + 11 + 11;
         let mut lacked = vec![Vec3A::ZERO; rows];
         for g in 0..TEST_LIGHTS {
             lacked[g] = missing.at(g) * weights.each[g].sqrt();
             lacked[TEST_LIGHTS] += missing.at(g) * weights.mix[g] * MIX_WEIGHT.sqrt();
         }
-        let mut on_clusters = vec![[0.0f64; 11]; 11];
+        let mut on_clusters = vec![[0.0f64; 22]; 11];
         let cluster_root = f64::from(CLUSTER_WEIGHT).sqrt();
+        let alone_root = (CLUSTER_WEIGHT * ALONE).sqrt();
         let mut add = |sender: u32, family: u32, share: f32, deviation: Vec3A, room: &mut PursuitScratch| {
             lacked[TEST_LIGHTS + 1 + sender as usize] = deviation * CLUSTER_WEIGHT.sqrt();
+            if family != NO_FAMILY {
+                lacked[TEST_LIGHTS + 12 + sender as usize] = deviation * alone_root;
+            }
             if sender != 6 && sender != 10 {
                 room.choices.push(Choice {
                     sender,
@@ -367,6 +387,7 @@ mod tests {
                 common.deviation += deviation * shares[c];
                 let sender = first + c as u32;
                 add(sender, family, shares[c], deviation, &mut room);
+                on_clusters[sender as usize][11 + sender as usize] = alone_root.into();
                 for other in 0..4usize {
                     let own = if other == c { 1.0 } else { 0.0 };
                     on_clusters[sender as usize][first as usize + other] =
@@ -505,7 +526,8 @@ mod tests {
                 sender,
                 family: NO_FAMILY,
                 share: 1.0,
-                deviation: Vec3A::Y * if is_strong(sender) { 1.0 } else { 1e-3 },
+                // So little that no link is too long.
+                deviation: Vec3A::Y * if is_strong(sender) { 1e-2 } else { 1e-5 },
             });
         }
         let nothing = Answers::default();
