@@ -104,19 +104,28 @@ impl Expected {
     /// Whether an error was asked for and missed by more than noise, or a bias in spite of it is beyond bounds.
     pub fn missed(&self) -> bool {
         (self.target).is_some_and(|target| {
-            self.error - DOUBT * self.error_noise > CLOSE_ENOUGH * target || self.verdict() == Verdict::Wrong
+            self.least_error() > CLOSE_ENOUGH * target || self.verdict() == Verdict::Wrong
         })
+    }
+
+    /// What the error is at least, but for noise. It is relMSE that is as much too large as too small, not its root: where one window says it
+    /// all, nothing is sure.
+    fn least_error(&self) -> f64 {
+        let square = self.error.powi(2);
+        let noise = (self.error + self.error_noise).powi(2) - square;
+        (square - DOUBT * noise).max(0.0).sqrt()
     }
 
     /// Whether it is beyond bounds by more than noise.
     pub fn verdict(&self) -> Verdict {
-        let beyond = |value: f64, noise: f64, most: f64| match value - DOUBT * noise > most {
+        let beyond = |value: f64, least: f64, most: f64| match least > most {
             true => Verdict::Wrong,
             false if value > most => Verdict::Unsure,
             false => Verdict::Right,
         };
-        let bias = beyond(self.bias.abs(), self.bias_noise, MOST_BIAS);
-        match (bias, beyond(self.error, self.error_noise, MOST_ERROR)) {
+        let bias = self.bias.abs();
+        let bias = beyond(bias, bias - DOUBT * self.bias_noise, MOST_BIAS);
+        match (bias, beyond(self.error, self.least_error(), MOST_ERROR)) {
             (Verdict::Wrong, _) | (_, Verdict::Wrong) => Verdict::Wrong,
             (Verdict::Unsure, _) | (_, Verdict::Unsure) => Verdict::Unsure,
             _ => Verdict::Right,
@@ -222,6 +231,9 @@ mod tests {
         assert_eq!(of(-0.12, 0.03, 0.2, 0.0), Verdict::Wrong);
         assert_eq!(of(0.0, 0.0, 0.4, 0.1), Verdict::Unsure);
         assert_eq!(of(0.0, 0.0, 0.4, 0.01), Verdict::Wrong);
+        // One window of many: its square is known to itself.
+        let one = 9.0f64;
+        assert_eq!(of(0.0, 0.0, one, one * (2f64.sqrt() - 1.0)), Verdict::Unsure);
     }
 
     #[test]

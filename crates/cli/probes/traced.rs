@@ -14,6 +14,7 @@ use relight_bake::params::BakeParams;
 use relight_format::{self as format, Asset, Limits};
 use relight_play::open::Sections;
 use relight_play::shot::{RelitShot, STANDING_SAMPLES};
+use relight_play::transfer::Transfer;
 use relight_play::{CutSites, FrameSettings, Lights, Player, ShotSettings};
 use relight_render::expose::expose;
 use relight_render::exposure::Exposure;
@@ -27,6 +28,8 @@ use relight_transport::sparse::row;
 const PARTS: usize = 4;
 /// Samples a pixel of a part's first pass.
 const FIRST_PASS: u32 = 8;
+/// Pixels side by side whose mean light errors are relative to: one whose few paths found no light says nothing about how dark it is.
+const TOGETHER: usize = 4;
 /// A pixel without indirect light that should have this share of the mean has lost it.
 const LOST: f64 = 0.1;
 
@@ -122,11 +125,18 @@ impl Probes {
         let floor = RELMSE_EPSILON * all * all;
         let each = self.viewpoints.pixels();
         let [a, b, c, d] = &self.parts;
+        let light = |one: &[[f64; 3]], other: &[[f64; 3]], i: usize| {
+            let first = i - i % TOGETHER;
+            let pixels = first..(first + TOGETHER).min(one.len());
+            let count = pixels.len() as f64;
+            let light = pixels.map(|i| grey(&middle(&one[i], &other[i]))).sum::<f64>() / count;
+            light.powi(2) + floor
+        };
         let squares: Vec<f64> = (0..relit.pixels.len())
             .map(|i| {
                 let x = &relit.pixels[i];
-                let one = apart(x, &a[i], &b[i]) / (grey(&middle(&c[i], &d[i])).powi(2) + floor);
-                let other = apart(x, &c[i], &d[i]) / (grey(&middle(&a[i], &b[i])).powi(2) + floor);
+                let one = apart(x, &a[i], &b[i]) / light(c, d, i);
+                let other = apart(x, &c[i], &d[i]) / light(a, b, i);
                 0.5 * (one + other)
             })
             .collect();
@@ -227,8 +237,7 @@ impl Relit {
             None => shot.seen.hits.iter().filter(|hit| hit.is_some()).count(),
         };
         if let (Some(functions), Some(transfer)) = (&shot.functions, &player.prepared.transfer) {
-            let widenings = &transfer.finest.widenings;
-            let wide = |p: u32| widenings.get(p as usize).is_some_and(|&w| w > 0);
+            let wide = |p: u32| is_wide(transfer, p as usize);
             self.wide += (0..shot.seen.len())
                 .filter(|&f| {
                     let mut points = row(&functions.weights, f).map(|(p, _)| p);
@@ -237,6 +246,22 @@ impl Relit {
                 .count();
         }
     }
+}
+
+/// Whether a finest point is wider than its level, and not since it is a coarser level's that stands for its surroundings.
+fn is_wide(transfer: &Transfer, point: usize) -> bool {
+    let (parents, ranges) = transfer.parents();
+    let mut widening = transfer.finest.widenings.get(point).copied().unwrap_or(0);
+    let mut at = ranges.range(ranges.levels() - 1).start + point;
+    while widening > 0 {
+        let mut own = row(parents, at);
+        match (own.next(), own.next()) {
+            (Some((parent, 1.0)), None) => at = parent as usize,
+            _ => return true,
+        }
+        widening -= 1;
+    }
+    false
 }
 
 /// Mean over RGB.

@@ -55,8 +55,9 @@ const FRAMES: u32 = 3;
 /// Stage number of the random stream.
 const STAGE: u32 = 12;
 
-/// Lamps that would light what is seen.
-const LAMPS: usize = 3;
+/// Lamps that would light what is seen, by their rank among all of the windows' ways: farther than from most things, as lamps are, and
+/// nearer than from a few that may be outside.
+const LAMPS: [f32; 3] = [0.625, 0.75, 0.875];
 /// Where they are on the way to what is seen: halfway is open space.
 const HALFWAY: f32 = 0.5;
 
@@ -122,14 +123,15 @@ impl Viewpoints {
             let camera = window(&traced, base, detail.size.height, &mut s);
             if let Some(away) = distance(&traced, camera.position, camera.forward) {
                 seen += 1;
-                if lamps.len() < LAMPS {
-                    let way = away * HALFWAY;
-                    lamps.push((camera.position + camera.forward * way, way));
-                }
+                let way = away * HALFWAY;
+                lamps.push((camera.position + camera.forward * way, way));
             }
             windows.push((frame, camera));
         }
         let share = seen as f32 / windows.len().max(1) as f32;
+        lamps.sort_by(|a: &(Vec3, f32), b| a.1.total_cmp(&b.1));
+        let ranked = LAMPS.map(|rank| (rank * lamps.len() as f32) as usize);
+        let lamps = ranked.iter().filter_map(|&i| lamps.get(i).copied()).collect();
         Ok((seen > 0).then_some(Viewpoints {
             scene: traced,
             size: detail.size,
