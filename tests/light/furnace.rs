@@ -34,13 +34,13 @@ fn quick() -> BakeParams {
 fn furnace(glb: &Glb, albedo: f32) -> Errors {
     let params = quick();
     let player = through_file(&bake_glb(glb, &params));
-    // Four times the command line's rays per point: in a corner a few points' noise shows in a pixel.
+    // Eight times the command line's rays per point: in a corner a few points' noise shows in a pixel.
     let lit = light_sampled(
         &player,
         &shot(&player, 64),
         &lights("furnace.lights.json").lights,
         false,
-        16,
+        32,
     );
     let rho = f64::from(albedo);
     let worst = |values: &[Vec3], truth: f64| {

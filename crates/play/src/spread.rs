@@ -7,15 +7,15 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
-use relight_transport::basis::Level;
+use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::sampling::Frame;
 
 /// Most places of a point: those of 2³ times the radius.
 const MOST: usize = 64;
 
-/// Radius of the surface that a point stands for over its disk's: of a maximal Poisson-disk set there are 0.70 points for each squared radius
-/// (Lagae and Dutré 2008), and π·0.674² is 1/0.70.
-const REACH: f32 = 0.674;
+/// Places that are looked at for each that is wanted. All that a point of a maximal set stands for is within its disk, whose area is
+/// 0.70·π times that (Lagae and Dutré 2008: 0.70 points for each squared radius).
+const LOOKED_AT: f32 = 2.2;
 
 /// How far above and below the point's plane its surface is looked for, as a share of the way there.
 const HEIGHT: f32 = 0.25;
@@ -41,12 +41,12 @@ impl PointPlaces {
                 offsets: Vec::new(),
             };
         }
+        let nearest = NearestPoint::new(level);
         let around: Vec<Vec<SurfaceHit>> = (points.par_iter().enumerate())
             .with_min_len(64)
             .map(|(i, point)| {
                 let wanted = 4usize.saturating_pow(level.widenings[i].into()).min(MOST);
-                let reach = REACH * level.disk_radius_of(i);
-                point.map_or(Vec::new(), |point| around(surfaces, &point, i, reach, wanted))
+                point.map_or(Vec::new(), |point| around(surfaces, &nearest, &point, i, wanted))
             })
             .collect();
         let mut places = PointPlaces {
@@ -83,19 +83,28 @@ impl PointPlaces {
     }
 }
 
-/// Places around a point on its own surface, that can be reached from it, for `wanted` with its own.
+/// Some `wanted` places to which point `number`, which lies at `point`, is nearest, on its own surface and within its reach.
 fn around(
     surfaces: &dyn Surfaces,
+    nearest: &NearestPoint,
     point: &SurfaceHit,
     number: usize,
-    reach: f32,
     wanted: usize,
 ) -> Vec<SurfaceHit> {
+    if wanted == 1 {
+        return Vec::new();
+    }
     let normal = point.geometric_normal;
     let frame = Frame::around(normal);
-    (1..wanted)
+    let reach = nearest.level.disk_radius_of(number);
+    let count = (wanted as f32 * LOOKED_AT) as usize;
+    (1..count)
         .filter_map(|k| {
-            let offset = sunflower(k, wanted, number) * reach;
+            let offset = sunflower(k, count, number) * reach;
+            let aside = frame.world_from_local(offset.extend(0.0));
+            if nearest.at(point.position + aside, point.normal) != Some(number as u32) {
+                return None;
+            }
             let height = HEIGHT * offset.length();
             let across = frame.world_from_local(Vec3::new(offset.x, offset.y, height));
             let way = Ray {
@@ -146,14 +155,10 @@ mod tests {
         let points = Level::widened(vec![Vec3::ZERO], vec![Vec3::Y], vec![2], 0.1, 0.2);
         let places = PointPlaces::new(&scene, &points, &[point]);
         assert_eq!(places.points(), 1);
-        assert!(
-            places.hits.len() > 6 && places.hits.len() < 16,
-            "{}",
-            places.hits.len()
-        );
+        assert!((5..=20).contains(&places.hits.len()), "{}", places.hits.len());
         for hit in places.hits.iter().flatten() {
             assert!(hit.position.y.abs() < 1e-5 && hit.position.x < 0.05, "{hit:?}");
-            assert!(hit.position.length() <= REACH * 0.4 + 1e-5);
+            assert!(hit.position.length() <= 0.4 + 1e-5);
         }
         let ones = vec![Vec3::ONE; places.hits.len()];
         assert!((places.means(ones)[0] - Vec3::ONE).length() < 1e-6);

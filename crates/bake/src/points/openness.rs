@@ -129,7 +129,10 @@ impl Openness {
 
     fn widening(&self, surfaces: &dyn Surfaces, hit: &SurfaceHit) -> u8 {
         let farthest = self.radius * f32::from(1u16 << (MOST + 1)) / self.step;
-        let distance = mean_distance(surfaces, hit, farthest, &self.directions);
+        let distances = distances(surfaces, hit, farthest, &self.directions);
+        // The sky, which sends no indirect light, says nothing about how far away that is which does.
+        let (sum, count) = (distances.flatten()).fold((0.0, 0), |(sum, count), t| (sum + 1.0 / t, count + 1));
+        let distance = if count > 0 { count as f32 / sum } else { farthest };
         let wider = (self.step * distance / self.radius).log2().floor();
         wider.clamp(0.0, f32::from(MOST)) as u8
     }
@@ -142,21 +145,30 @@ pub fn mean_distance(
     farthest: f32,
     directions: &DirectionSet,
 ) -> f32 {
+    let distances = distances(surfaces, place, farthest, directions);
+    let sum: f32 = distances.map(|t| 1.0 / t.unwrap_or(farthest)).sum();
+    directions.directions.len() as f32 / sum
+}
+
+/// Distances to the geometry above a place, along rays of length `farthest`; `None`: there is none. None is 0.
+fn distances<'a>(
+    surfaces: &'a dyn Surfaces,
+    place: &SurfaceHit,
+    farthest: f32,
+    directions: &'a DirectionSet,
+) -> impl Iterator<Item = Option<f32>> + 'a {
     let frame = Frame::around(place.geometric_normal);
     let origin = ray_from(place, place.geometric_normal).origin;
-    let sum: f32 = (directions.directions.iter())
-        .map(|&d| {
-            let ray = Ray {
-                origin,
-                direction: frame.world_from_local(d),
-                t_min: 0.0,
-                t_max: farthest,
-            };
-            let distance = surfaces.closest_hit(&ray).map_or(farthest, |hit| hit.t);
-            1.0 / distance.max(farthest * f32::EPSILON)
-        })
-        .sum();
-    directions.directions.len() as f32 / sum
+    directions.directions.iter().map(move |&d| {
+        let ray = Ray {
+            origin,
+            direction: frame.world_from_local(d),
+            t_min: 0.0,
+            t_max: farthest,
+        };
+        let hit = surfaces.closest_hit(&ray);
+        hit.map(|hit| hit.t.max(farthest * f32::EPSILON))
+    })
 }
 
 #[cfg(test)]

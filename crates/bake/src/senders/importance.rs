@@ -19,9 +19,12 @@ use relight_transport::random::Stream;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Particles per finest point. Each lands on two points that count, so that a cluster of 40 knows its points
+/// Particles per finest point of its level's radius. Each lands on two points that count, so that a cluster of 40 knows its points
 /// to a fifth and their mean to a thirtieth.
 const PARTICLES_PER_POINT: usize = 10;
+
+/// Most that a wide point counts of those: it stands alone for what as many would be, of which a lamp may light a part.
+const MOST_PER_WIDE: f32 = 64.0;
 
 /// Surfaces on which a particle lands: the first is in view and receives; light that the second and the third
 /// send reaches the viewer indirectly.
@@ -30,7 +33,7 @@ const LANDINGS: usize = 3;
 /// Weight, relative to the mean, of a point that no particle met: it may come into view.
 const UNSEEN: f32 = 0.1;
 
-/// Largest weight relative to the mean that a byte holds.
+/// Largest weight relative to the mean that a byte holds, where no point is wide.
 const LARGEST: f32 = 8.0;
 
 /// Stage number of the random stream.
@@ -69,7 +72,10 @@ pub fn importance(
     });
     let mut met = vec![0u32; points];
     let mut rays = 0;
-    for range in units.ranges(0..points * PARTICLES_PER_POINT, PARTICLES_PER_UNIT) {
+    let narrow = |point| (finest.level.disk_radius_of(point) / finest.level.disk_radius).powi(2);
+    let as_many: f32 = (0..points).map(|point| narrow(point).min(MOST_PER_WIDE)).sum();
+    let particles_wanted = as_many as usize * PARTICLES_PER_POINT;
+    for range in units.ranges(0..particles_wanted, PARTICLES_PER_UNIT) {
         let part: Met = units.taken_or_made("importance", inputs, &range, || {
             Ok(particles(surfaces, finest, near, relevance, seed, range.clone()))
         })?;
@@ -92,12 +98,14 @@ fn areas(level: &Level) -> Vec<f32> {
 fn bytes(met: &[u32], areas: &[f32]) -> Vec<u8> {
     let all: u64 = met.iter().map(|&m| u64::from(m)).sum();
     let mean = (all as f32 / met.len().max(1) as f32).max(1e-3);
-    let largest = LARGEST * areas.iter().fold(1.0, |largest: f32, &area| largest.max(area));
-    (met.iter().zip(areas))
-        .map(|(&m, area)| {
-            let relative = (m as f32 / mean + UNSEEN * area).min(largest);
-            ((relative / largest).sqrt() * 255.0).round() as u8
-        })
+    let relative: Vec<f32> = (met.iter().zip(areas))
+        .map(|(&m, area)| m as f32 / mean + UNSEEN * area.min(LARGEST))
+        .collect();
+    // Wide points count as much as several narrow ones: no more of a byte's steps are given to that than there is.
+    let wide = (relative.iter().zip(areas)).filter(|place| *place.1 > 1.0);
+    let largest = wide.fold(LARGEST, |largest, place| largest.max(*place.0));
+    (relative.into_iter())
+        .map(|relative| ((relative.min(largest) / largest).sqrt() * 255.0).round() as u8)
         .collect()
 }
 
