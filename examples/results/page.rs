@@ -1,0 +1,160 @@
+//! The page: tables that grow by rows, written whole after each.
+
+use crate::program::{PROFILE, Result, says};
+
+/// Where the page goes.
+const FILE: &str = "docs/results.md";
+/// Frames after the first, of the same light, for the time of each.
+pub const FRAMES: usize = 8;
+
+/// A table of the page.
+#[derive(Clone, Copy)]
+pub enum Table {
+    Bakes,
+    Frames,
+    Errors,
+    Estimates,
+    Field,
+    Random,
+}
+
+/// Their titles, texts and columns, in the same order.
+const TABLES: [[&str; 3]; 6] = [
+    [
+        "Bakes",
+        "Preset `standard`. `in rays`: seconds in rays, of all.",
+        "scene, options | triangles | points | rays | in rays, s | all, s | links | MB | peak MB",
+    ],
+    [
+        "Frames",
+        "Seconds from the asset's file to the first frame; milliseconds of each further one, and the stages of the last.",
+        "lights | size | first, s | each, ms | stages, ms",
+    ],
+    [
+        "Errors",
+        "Preset `standard`. relMSE as measured, and how much of it is the reference's noise; bias of the mean. `direct` holds \
+         emission. `true` is the root of the relMSE of indirect light less that noise; `expected` what the bake said of it, under \
+         the scene's own lights or test lights, which need not be these; `ratio` expected to true.",
+        "lights | direct | noise | bias | indirect | noise | bias | true | expected | ratio | beauty | noise | bias | reference",
+    ],
+    [
+        "Estimates of the bakes against truth",
+        "Preset `draft`, each baked with `--lights` of its row, so that the bake judged itself under the lights that played. Error \
+         (root of relMSE, less the reference's noise) and bias of indirect light: expected, with its standard error, and true.",
+        "lights | bake, s | expected error | true error | ratio | expected bias | true bias",
+    ],
+    [
+        "Field",
+        "Small files with the faults that people's files have; preset `standard` without options, the scene's own lights or its \
+         sequence. relMSE, of it noise, and bias of direct light (without emission) and of indirect light, 160x120, against two \
+         path tracings of the same asset. What import gets wrong is in both, so see `mean`, of the reference: g4e5 and g4e6 must have \
+         g0's. `before`: as commit 2bec939 had them, seen by hand and not measured by this program.",
+        "scene | bake, s | points | links | first, s | direct | noise | bias | indirect | noise | bias | mean | before",
+    ],
+    [
+        "Random scenes",
+        "`relight check --random`: scenes of random seeds, in draft less its finest level, 64x48, against the path tracer. Error: \
+         root of relMSE, less the reference's noise. Bias: its size.",
+        "number | median | worst tenth | worst | its seed",
+    ],
+];
+
+pub struct Page {
+    head: String,
+    rows: [Vec<String>; TABLES.len()],
+    /// Below a table.
+    notes: [Vec<String>; TABLES.len()],
+    failed: usize,
+}
+
+impl Page {
+    /// Without rows; `arguments` are those of this program.
+    pub fn new(arguments: &str) -> Result<Page> {
+        let command = format!("cargo run --release --example results -- {arguments}");
+        let command = command.trim_end_matches([' ', '-']);
+        let commit = says("git", &["describe", "--always", "--dirty", "--exclude=*"]);
+        let (rustc, system) = (says("rustc", &["--version"]), std::env::consts::OS);
+        let model = "sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1";
+        let (cpu, threads) = (says("sh", &["-c", model]), std::thread::available_parallelism()?);
+        let head = format!(
+            "# Results
+
+Written by `{command}`.
+
+- Commit {commit}, {rustc}, {PROFILE} build.
+- {cpu}, {system}, {threads} threads.
+- Seeds: 0 for bakes and frames, 1 and 2 for path tracings. Bakes: one each; frames: medians of {FRAMES}.
+"
+        );
+        Ok(Page {
+            head,
+            rows: Default::default(),
+            notes: Default::default(),
+            failed: 0,
+        })
+    }
+
+    /// Adds a row and writes the page.
+    pub fn row(&mut self, table: Table, cells: &[String]) -> Result<()> {
+        // What a program said may hold what ends a cell or a row.
+        let cells: Vec<String> = cells
+            .iter()
+            .map(|c| c.replace('\n', " ").replace('|', "/"))
+            .collect();
+        self.rows[table as usize].push(format!("| {} |\n", cells.join(" | ")));
+        self.write()
+    }
+
+    /// Adds a line below a table and writes the page.
+    pub fn note(&mut self, table: Table, line: String) -> Result<()> {
+        self.notes[table as usize].push(line);
+        self.write()
+    }
+
+    /// A row for a case without numbers, and why, which is said on stderr, too.
+    pub fn without(&mut self, tables: &[Table], name: &str, why: &str) -> Result<()> {
+        eprintln!("{name}: {why}");
+        for &table in tables {
+            self.row(table, &[name.into(), why.into()])?;
+        }
+        Ok(())
+    }
+
+    /// Where a case failed, that; the others go on.
+    pub fn told(&mut self, tables: &[Table], name: &str, result: Result<()>) -> Result<()> {
+        match result {
+            Ok(()) => Ok(()),
+            Err(error) => {
+                self.failed += 1;
+                self.without(tables, name, &format!("failed: {error}"))
+            }
+        }
+    }
+
+    /// An error if a case failed, or none ran.
+    pub fn end(&self) -> Result<()> {
+        if self.rows.iter().all(Vec::is_empty) {
+            return Err("--only: no case has this in its name".into());
+        }
+        match self.failed {
+            0 => Ok(()),
+            failed => Err(format!("cases that failed: {failed}; {FILE} says how").into()),
+        }
+    }
+
+    fn write(&self) -> Result<()> {
+        let mut text = self.head.clone();
+        for (([title, about, columns], rows), notes) in TABLES.iter().zip(&self.rows).zip(&self.notes) {
+            if rows.is_empty() && notes.is_empty() {
+                continue;
+            }
+            let rule = " --- |".repeat(columns.split('|').count());
+            let rows = rows.concat();
+            text += &format!("\n## {title}\n\n{about}\n\n| {columns} |\n|{rule}\n{rows}");
+            for line in notes {
+                text += &format!("\n{line}\n");
+            }
+        }
+        Ok(std::fs::write(FILE, text).map_err(|error| format!("{FILE}: cannot be written: {error}"))?)
+    }
+}
