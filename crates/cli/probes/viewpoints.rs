@@ -172,13 +172,7 @@ fn looking(position: Vec3, forward: Vec3) -> Camera {
 }
 
 fn distance(scene: &TracedScene, origin: Vec3, direction: Vec3) -> Option<f32> {
-    let ray = Ray {
-        origin,
-        direction,
-        t_min: 0.0,
-        t_max: f32::INFINITY,
-    };
-    scene.closest_hit(&ray).map(|hit| hit.t)
+    (scene.closest_hit(&Ray::endless(origin, direction))).map(|hit| hit.t)
 }
 
 /// A window somewhere in the image that a camera would make from a place nearby.

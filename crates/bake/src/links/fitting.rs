@@ -207,9 +207,9 @@ fn groups(pilots: &[Vec3]) -> Vec<usize> {
 /// Sponza with leaves 1.6 % darker; half as much gains 0.2 % there, and finer rows keep more links (docs/notebook/transfer.md).
 const RIDGE: f64 = 0.1;
 
-/// Longest link that a fit may make, unless it was longer: a hemisphere full of radiosity 1 sends irradiance 1. What would be longer answers to
-/// the lamps of the fit by differences of links that other lamps do not cancel (links of 116 were found).
-const LONGEST: f64 = 1.0;
+/// Longest link that is made: a hemisphere full of radiosity 1 sends irradiance 1. Longer ones cancel each other in the lights that made
+/// them, and in no others (links of 116 were found).
+pub const LONGEST: f32 = 1.0;
 
 /// How much more links are kept as they were found where the fit made some too long, and how often: after that lamps hardly count, and if
 /// that is not enough, links are too weak to be fitted at all.
@@ -251,7 +251,7 @@ pub fn fit(links: &mut [(u32, Vec3)], lights: &TrialLights, missing: &Answers) {
             let change: DVec3 = light.map(|(&b, m)| m * f64::from(b)).sum();
             vector.as_dvec3() + change * f64::from(vector.length())
         };
-        let is_long = |link: &(u32, Vec3)| fitted(link).length() > LONGEST.max(link.1.length().into());
+        let is_long = |link: &(u32, Vec3)| fitted(link).length() > LONGEST.max(link.1.length()).into();
         if !links.iter().any(is_long) {
             links.iter_mut().for_each(|link| link.1 = fitted(link).as_vec3());
             return;

@@ -12,7 +12,7 @@
 //! The error is what the row answers otherwise than its gather: to the lights of [`crate::links::test_lights`], to the row's own mix of them
 //! ([`Weights`]), and to each cluster alone, as far as that differs from its share of its parent's.
 
-use crate::links::fitting::Answers;
+use crate::links::fitting::{Answers, LONGEST};
 use crate::links::test_lights::{EVEN, InTestLights, TEST_LIGHTS, TestLights};
 use glam::{Vec3, Vec3A};
 
@@ -68,8 +68,8 @@ const MIX_WEIGHT: f32 = 200.0;
 const CLUSTER_WEIGHT: f32 = 10.0;
 
 /// Part of [`CLUSTER_WEIGHT`] by which a child counts beside its siblings. One that is nearly all of its family differs from its parent by
-/// nearly nothing, in every light and in the cluster's own: without this its link could be any number (links of 9 where no response
-/// exceeds 1, which cancelled each other in the test lights alone).
+/// nearly nothing, in every light and in the cluster's own: without this its link could be any number. On the rooms of
+/// docs/notebook/openness.md it changes nothing that can be measured.
 const ALONE: f32 = 1.0 / 16.0;
 
 impl Weights {
@@ -165,9 +165,6 @@ pub fn pursue(
     let senders = room.taken.iter().map(|&s| room.choices[s].sender);
     links.extend(senders.zip(values.into_iter().map(Vec3::from)));
 }
-
-/// Longest link: a hemisphere full of radiosity 1 sends irradiance 1. Longer ones cancel each other in the test lights, and in no others.
-const LONGEST: f32 = 1.0;
 
 impl PursuitScratch {
     fn begin(&mut self, residual: &Residual) {

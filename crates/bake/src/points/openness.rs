@@ -4,7 +4,8 @@
 //! Source: Ward, Rubinstein and Clear 1988, "A ray tracing solution for diffuse interreflection", equation 4: irradiance changes by
 //! about as much of itself as a step is of the harmonic mean distance to all that is seen. The same distance tells crevices in
 //! Lehtinen et al. 2008, section 2.3. Deviation from the latter, whose points are equally close everywhere: where that distance is
-//! long, the radii of all levels grow by powers of two, so that a plain wall takes few points and its corners keep theirs.
+//! long, finer levels have no points of their own but inherit the coarser one's, so that a plain wall takes few and its corners keep
+//! theirs.
 
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
@@ -44,8 +45,6 @@ pub struct Openness {
     cells: [Cells; 6],
     /// What has been asked in order, as [`Openness::restore`] takes it.
     asked: Vec<Asked>,
-    /// Rays that were cast.
-    pub rays: u64,
 }
 
 impl Openness {
@@ -62,7 +61,6 @@ impl Openness {
             directions: DirectionSet::uniform(RAYS, &mut Stream::new(seed, STAGE, 0)),
             cells: Default::default(),
             asked: Vec::new(),
-            rays: 0,
         }
     }
 
@@ -98,10 +96,11 @@ impl Openness {
         (side, key_of(cell))
     }
 
-    /// By how much radii may be wider at each place, as a power of two. The first place that is asked about in a cell answers for it.
-    pub fn widenings(&mut self, surfaces: &dyn Surfaces, hits: &[SurfaceHit]) -> Vec<u8> {
+    /// By how much radii may be wider at each place, as a power of two, and the number of rays cast. The first place that is asked about in
+    /// a cell answers for it.
+    pub fn widenings(&mut self, surfaces: &dyn Surfaces, hits: &[SurfaceHit]) -> (Vec<u8>, u64) {
         if !self.widens() {
-            return vec![0; hits.len()];
+            return (vec![0; hits.len()], 0);
         }
         let keys: Vec<(u8, u64)> = hits.iter().map(|hit| self.key(hit)).collect();
         let mut new = Vec::new();
@@ -116,15 +115,15 @@ impl Openness {
             .with_min_len(64)
             .map(|&i| self.widening(surfaces, &hits[i]))
             .collect();
-        self.rays += (RAYS * new.len()) as u64;
         for (&i, widening) in new.iter().zip(found) {
             let (side, cell) = keys[i];
             self.cells[usize::from(side)].insert(cell, widening);
             self.asked.push((side, cell, widening));
         }
-        (keys.iter())
-            .map(|(side, cell)| self.cells[usize::from(*side)][cell])
-            .collect()
+        let widenings = keys
+            .iter()
+            .map(|(side, cell)| self.cells[usize::from(*side)][cell]);
+        (widenings.collect(), (RAYS * new.len()) as u64)
     }
 
     fn widening(&self, surfaces: &dyn Surfaces, hit: &SurfaceHit) -> u8 {

@@ -245,13 +245,18 @@ impl<'a> Spread<'a> {
             .with_min_len(1024)
             .map(|hit| self.relevance.widening(hit.position))
             .collect();
-        let open = self.openness.widenings(surfaces, &batch);
+        let (open, asked) = self.openness.widenings(surfaces, &batch);
+        self.rays += asked;
         let crevice_rays = AtomicU64::new(0);
         let (first, levels) = (self.candidates, self.disks.len());
         for level in 0..levels {
+            if self.disks[level].is_full() {
+                continue;
+            }
             let above_finest = levels - 1 - level;
             let (finest, radius) = (above_finest == 0, self.disks[level].radius());
-            let darts: Vec<Dart> = (batch.iter().zip(relevant.iter().zip(&open)))
+            let darts: Vec<Dart> = (batch.par_iter().zip(relevant.par_iter().zip(&open)))
+                .with_min_len(1024)
                 .map(|(hit, (&relevant, &open))| Dart {
                     widening: widening(relevant, open, above_finest),
                     ..Dart::plain(hit.position, hit.normal)

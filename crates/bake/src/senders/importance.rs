@@ -24,7 +24,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 const PARTICLES_PER_POINT: usize = 10;
 
 /// Most that a wide point counts of those: it stands alone for what as many would be, of which a lamp may light a part.
-const MOST_PER_WIDE: f32 = 64.0;
+const MOST_PER_WIDE: f64 = 64.0;
 
 /// Surfaces on which a particle lands: the first is in view and receives; light that the second and the third
 /// send reaches the viewer indirectly.
@@ -72,8 +72,8 @@ pub fn importance(
     });
     let mut met = vec![0u32; points];
     let mut rays = 0;
-    let narrow = |point| (finest.level.disk_radius_of(point) / finest.level.disk_radius).powi(2);
-    let as_many: f32 = (0..points).map(|point| narrow(point).min(MOST_PER_WIDE)).sum();
+    let areas = areas(finest.level);
+    let as_many: f64 = areas.iter().map(|area| area.min(MOST_PER_WIDE)).sum();
     let particles_wanted = as_many as usize * PARTICLES_PER_POINT;
     for range in units.ranges(0..particles_wanted, PARTICLES_PER_UNIT) {
         let part: Met = units.taken_or_made("importance", inputs, &range, || {
@@ -83,26 +83,26 @@ pub fn importance(
         met.iter_mut().zip(&part.counts).for_each(|(sum, n)| *sum += n);
         rays += part.rays;
     }
-    Ok((bytes(&met, &areas(finest.level)), rays))
+    Ok((bytes(&met, &areas), rays))
 }
 
-/// Areas that points stand for, over their mean.
-fn areas(level: &Level) -> Vec<f32> {
-    let of = |point| f64::from(level.disk_radius_of(point)).powi(2);
-    let all: f64 = (0..level.len()).map(of).sum();
-    let mean = all / level.len().max(1) as f64;
-    (0..level.len()).map(|point| (of(point) / mean) as f32).collect()
+/// Areas that points stand for, over that of a point of the level's radius.
+fn areas(level: &Level) -> Vec<f64> {
+    let width = |point| f64::from(level.disk_radius_of(point) / level.disk_radius);
+    (0..level.len()).map(|point| width(point).powi(2)).collect()
 }
 
 /// Landings as bytes, relative to their mean.
-fn bytes(met: &[u32], areas: &[f32]) -> Vec<u8> {
+fn bytes(met: &[u32], areas: &[f64]) -> Vec<u8> {
+    let mean_area = areas.iter().sum::<f64>() / areas.len().max(1) as f64;
+    let areas: Vec<f32> = areas.iter().map(|area| (area / mean_area) as f32).collect();
     let all: u64 = met.iter().map(|&m| u64::from(m)).sum();
     let mean = (all as f32 / met.len().max(1) as f32).max(1e-3);
-    let relative: Vec<f32> = (met.iter().zip(areas))
+    let relative: Vec<f32> = (met.iter().zip(&areas))
         .map(|(&m, area)| m as f32 / mean + UNSEEN * area.min(LARGEST))
         .collect();
     // Wide points count as much as several narrow ones: no more of a byte's steps are given to that than there is.
-    let wide = (relative.iter().zip(areas)).filter(|place| *place.1 > 1.0);
+    let wide = (relative.iter().zip(&areas)).filter(|place| *place.1 > 1.0);
     let largest = wide.fold(LARGEST, |largest, place| largest.max(*place.0));
     (relative.into_iter())
         .map(|relative| ((relative.min(largest) / largest).sqrt() * 255.0).round() as u8)
