@@ -12,9 +12,8 @@ mod slurm;
 
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
-use crate::output;
 use crate::target;
-use job::{read, store, tell, timed};
+use job::{prepare, read, store, tell, timed};
 use std::time::Instant;
 
 pub use args::{BakeArgs, LightUnitsName, params};
@@ -27,15 +26,14 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
         return farm::unit(piece, folder, args.json, console);
     }
     if let Some(folder) = &args.long.merge {
-        return farm::merge(folder, args.json, console);
+        return farm::merge(folder, args.replace.force, args.json, console);
     }
     if let Some(folder) = &args.long.plan {
         return farm::plan(args, seed, folder, console);
     }
     let params = params(args, seed)?;
     let output = args.output()?;
-    output::prepare_output(output)?;
-    output::prepare_output(&output::log_path(output))?;
+    prepare(args, args.replace.force)?;
     if args.long.dry_run {
         let _lock = lock::lock(output, console)?;
         let read = read(args, console)?;

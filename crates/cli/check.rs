@@ -18,6 +18,9 @@ mod sums;
 
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
+use crate::guard::Guard;
+use crate::kinds::{self, Wanted};
+use crate::options::{ReplaceArgs, whole};
 use crate::output::{self, SCHEMA};
 use crate::signals;
 use crate::words;
@@ -62,11 +65,13 @@ pub struct CheckArgs {
     pub case: Vec<String>,
     /// Instead of the suite, so many random scenes against the path tracer, from --seed on.
     #[arg(long, value_name = "N", conflicts_with_all = ["asset", "fast", "case", "list"],
-        value_parser = clap::value_parser!(u32).range(1..))]
+        value_parser = whole::<u32>(1, u32::MAX))]
     pub random: Option<u32>,
     /// Folder for each random scene's files, with a picture: relit, path traced, error.
     #[arg(long, value_name = "DIR", requires = "random")]
     pub images: Option<PathBuf>,
+    #[command(flatten)]
+    pub replace: ReplaceArgs,
     /// Name the cases of the suite and what they say, and leave.
     #[arg(long, conflicts_with = "asset")]
     pub list: bool,
@@ -156,13 +161,22 @@ pub fn run(args: &CheckArgs, seed: u64, console: &Console) -> Result<Outcome, Fa
     }
     let start = Instant::now();
     let random = (args.random)
-        .map(|number| random::run(number, seed, args.images.as_deref(), console))
+        .map(|number| {
+            random::run(
+                number,
+                seed,
+                args.images.as_deref(),
+                &Guard::new(args.replace.force),
+                console,
+            )
+        })
         .transpose()?;
     let lines = match (&random, &args.asset) {
         (Some(run), _) => (random::measures(run).into_iter())
             .map(|measure| Line::new("", measure, "random".into(), 0.0))
             .collect(),
         (None, Some(path)) => {
+            kinds::check(path, Wanted::Asset)?;
             console.begin("Checking the asset", None);
             let stage = Stage::default();
             let found = asset::check(path, seed, &stage)?;

@@ -2,6 +2,7 @@
 
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
+use crate::kinds::{self, Wanted};
 use crate::output::{self, SCHEMA};
 use clap::Args;
 use relight_scene::image::metrics::{Comparison, compare};
@@ -29,11 +30,18 @@ pub struct CompareArgs {
     #[arg(long, value_name = "NAME")]
     pub layer: Option<String>,
     /// Exit with code 3 if the relMSE of any layer is above this.
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = at_least_0)]
     pub max_relmse: Option<f64>,
     /// Print one JSON object on stdout instead of a table. psnr_db is null for equal images.
     #[arg(long)]
     pub json: bool,
+}
+
+fn at_least_0(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number >= 0.0 => Ok(number),
+        _ => Err("expected a number of at least 0".into()),
+    }
 }
 
 /// What `--json` prints.
@@ -78,10 +86,8 @@ impl From<&Comparison> for Measured {
 
 /// Runs the command.
 pub fn run(args: &CompareArgs, console: &Console) -> Result<Outcome, Failure> {
-    if args.max_relmse.is_some_and(|x| x.is_nan() || x < 0.0) {
-        return Err(Failure::Usage(
-            "--max-relmse must be a number of at least 0".into(),
-        ));
+    for file in [&args.image, &args.reference] {
+        kinds::check(file, Wanted::Image)?;
     }
     let limits = Limits::default();
     let (image, reference) = (

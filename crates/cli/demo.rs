@@ -5,6 +5,9 @@ use crate::compare::results_table;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames;
+use crate::guard::Guard;
+use crate::kinds::Kind;
+use crate::options::ReplaceArgs;
 use crate::output::{self, log_path};
 use crate::play::{self, IntegratorName, Pace, PlayArgs, PlayReport};
 use crate::statistics::median;
@@ -29,6 +32,8 @@ pub struct DemoArgs {
     /// Folder for everything that is written.
     #[arg(short, long, value_name = "DIR", default_value = "out/demo")]
     pub output: PathBuf,
+    #[command(flatten)]
+    pub replace: ReplaceArgs,
 }
 
 /// The demo's scene and sequence in `data/`.
@@ -49,6 +54,15 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     let data = find_data()?;
     let folder = args.output.as_path();
     let asset = folder.join("atrium.relight");
+    let inputs = [data.join(SCENE), data.join(SEQUENCE)];
+    let guard = Guard::new(args.replace.force).reads(inputs.iter().map(PathBuf::as_path));
+    for (file, kind) in [
+        (asset.clone(), Kind::Asset),
+        (log_path(&asset), Kind::Log),
+        (folder.join("contact_sheet.png"), Kind::Png),
+    ] {
+        guard.check(&file, kind)?;
+    }
     output::prepare_output(&asset)?;
 
     let params = BakeParams {
@@ -72,6 +86,7 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     let mut thumbnails = Vec::new();
     let frames = PlayArgs {
         png: true,
+        replace: args.replace,
         ..play_args(&asset, &data, folder, "frame_####.exr")?
     };
     let played = play::play(&frames, seed, console, Pace::Overlapping, |_, layers| {

@@ -7,7 +7,11 @@ mod report;
 
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
+use crate::guard::Guard;
+use crate::kinds::{self, Wanted};
+use crate::options::ReplaceArgs;
 use crate::output::{self, SCHEMA};
+use crate::signals;
 use crate::words;
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, ValueEnum};
@@ -30,13 +34,15 @@ pub struct ExportArgs {
     /// What to write.
     #[arg(long, value_enum)]
     pub what: What,
-    /// Folder for the files; made if it is not there, files of the same names are replaced.
+    /// Folder for the files; made if it is not there. Files of the same names and kinds are replaced, once all are written.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Most bytes of a matrix that is dense: 20 per entry of points_from_points while it is computed, 4 per entry of a
     /// Radiance matrix (suffixes K, M, G: powers of 1024).
     #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = parse_bytes)]
     pub matrix_limit: u64,
+    #[command(flatten)]
+    pub replace: ReplaceArgs,
     /// Print one JSON object on stdout: the files, their shapes and units.
     #[arg(long)]
     pub json: bool,
@@ -84,12 +90,13 @@ pub fn run(args: &ExportArgs, console: &Console) -> Result<Outcome, Failure> {
         // Read as a player reads them.
         What::Transfer | What::Factors => &[],
     };
+    kinds::check(&args.asset, Wanted::Asset)?;
     let name = args.asset.display();
     let asset =
         format::read_parts(&args.asset, &Limits::default(), kinds).map_err(|e| anyhow!("{name}: {e}"))?;
-    std::fs::create_dir_all(&args.output)
-        .with_context(|| format!("{}: cannot make the folder", args.output.display()))?;
-    let mut folder = Folder::new(&args.output);
+    output::make_folder(&args.output)?;
+    let guard = Guard::new(args.replace.force).reads([args.asset.as_path()]);
+    let mut folder = Folder::new(&args.output, &guard)?;
     let facts = match args.what {
         What::Points => points(&asset, &mut folder),
         What::Links => links(&asset, &mut folder),
@@ -99,7 +106,10 @@ pub fn run(args: &ExportArgs, console: &Console) -> Result<Outcome, Failure> {
         What::Factors => operators::transfer(&args.asset, &mut folder, None),
         What::Bounce => operators::bounce(&asset, &mut folder, args.matrix_limit),
     }
-    .with_context(|| name.to_string())?;
+    .with_context(|| name.to_string());
+    signals::go_on()?;
+    let facts = facts?;
+    folder.finish()?;
     console.note(format!(
         "Wrote {} into {}.",
         words::plural(folder.written.len(), "file"),

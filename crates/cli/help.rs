@@ -1,6 +1,9 @@
 //! What `relight help` adds to what options say of themselves: headings, and three examples per command.
 
-use clap::Command;
+use crate::frames::FrameRange;
+use clap::{Arg, Command};
+use std::any::TypeId;
+use std::time::Duration;
 
 /// Headings and the options under them, of all commands.
 const HEADINGS: [(&str, &[&str]); 8] = [
@@ -86,6 +89,7 @@ const HEADINGS: [(&str, &[&str]); 8] = [
             "exposure",
             "float",
             "images",
+            "force",
             "json",
         ],
     ),
@@ -167,14 +171,37 @@ const EXAMPLES: [(&str, [&str; 3]); 9] = [
     ),
 ];
 
+/// Lets -1 or -1e9 be answered with the range of a number, instead of being taken for an option.
+fn with_negative_numbers(option: Arg) -> Arg {
+    let kind = option.get_value_parser().type_id();
+    let numbers = [
+        TypeId::of::<f32>(),
+        TypeId::of::<f64>(),
+        TypeId::of::<u16>(),
+        TypeId::of::<u32>(),
+        TypeId::of::<u64>(),
+        TypeId::of::<usize>(),
+        TypeId::of::<(usize, usize)>(),
+        TypeId::of::<FrameRange>(),
+        TypeId::of::<Duration>(),
+    ];
+    match option.get_action().takes_values() && !option.is_positional() {
+        true if numbers.iter().any(|number| kind == *number) => option.allow_hyphen_values(true),
+        true => option.allow_negative_numbers(true),
+        false => option,
+    }
+}
+
 /// The commands with their options under headings and examples at the end of their help.
 pub fn complete(cli: Command) -> Command {
+    let cli = cli.mut_args(with_negative_numbers);
     cli.mut_subcommands(|command| {
         let examples = EXAMPLES.iter().find(|(name, _)| *name == command.get_name());
         let examples = examples.map_or(String::new(), |(_, lines)| lines.join("\n  "));
         let before = command.get_after_help().map(|text| format!("{text}\n\n"));
         let text = format!("{}Examples:\n  {examples}", before.unwrap_or_default());
         command.after_help(text).mut_args(|option| {
+            let option = with_negative_numbers(option);
             let id = option.get_id().as_str();
             match HEADINGS.iter().find(|(_, ids)| ids.contains(&id)) {
                 Some((heading, _)) if !option.is_positional() => option.help_heading(*heading),

@@ -4,7 +4,9 @@
 //! there, the points themselves as dark dots; black is where no function of the level reaches.
 
 use crate::failure::Failure;
-use anyhow::{Context, anyhow};
+use crate::output;
+use crate::signals;
+use anyhow::anyhow;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_format::Asset;
@@ -39,8 +41,7 @@ pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<(), Failure> {
             path.display()
         )
     })?;
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    output::make_folder(folder)?;
     let aspect = camera
         .aspect
         .filter(|a| a.is_finite() && *a > 0.0)
@@ -48,6 +49,7 @@ pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<(), Failure> {
     let width = ((HEIGHT as f32 * aspect).round() as usize).clamp(1, 16 * HEIGHT);
     let seen = expose(&player.prepared.scene, &camera.at(0.0), width, HEIGHT, RAYS);
     for (file, level) in files(folder, asset.points.len()).iter().zip(&asset.points) {
+        signals::go_on()?;
         let vectors = |values: &[[f32; 3]]| values.iter().copied().map(Vec3::from).collect::<Vec<_>>();
         let basis = Level::widened(
             vectors(&level.positions),

@@ -2,8 +2,11 @@
 
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
+use crate::guard::Guard;
 use crate::images;
 use crate::inspection::{BakeLog, BakeRun, Inspection};
+use crate::kinds::{self, Wanted};
+use crate::options::ReplaceArgs;
 use crate::output;
 use crate::words::{self, bytes, count};
 use clap::Args;
@@ -32,11 +35,14 @@ pub struct InspectArgs {
     /// Draw the points of every level, seen from the scene's first camera, into this folder as level_N.png.
     #[arg(long, value_name = "DIR")]
     pub images: Option<PathBuf>,
+    #[command(flatten)]
+    pub replace: ReplaceArgs,
 }
 
 /// Runs the command.
 pub fn run(args: &InspectArgs, console: &Console) -> Result<Outcome, Failure> {
     let path = &args.asset;
+    kinds::check(path, Wanted::Asset)?;
     let failed = |error: FormatError| anyhow::anyhow!("{}: {error}", path.display());
     let summary = format::read_summary(path).map_err(failed)?;
     let counted = Content::from_counts(&summary.provenance.counts);
@@ -56,6 +62,10 @@ pub fn run(args: &InspectArgs, console: &Console) -> Result<Outcome, Failure> {
                 return Err(anyhow::anyhow!("{path}: {message}").into());
             }
             if let Some(folder) = &args.images {
+                let guard = Guard::new(args.replace.force).reads([path.as_path()]);
+                for file in images::files(folder, asset.points.len()) {
+                    guard.check(&file, kinds::Kind::Png)?;
+                }
                 images::draw(path, &asset, folder)?;
             }
             (content, asset.estimates)

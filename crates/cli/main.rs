@@ -13,10 +13,12 @@ mod estimates;
 mod export;
 mod failure;
 mod frames;
+mod guard;
 mod help;
 mod images;
 mod inspect;
 mod inspection;
+mod kinds;
 mod options;
 mod output;
 mod play;
@@ -31,6 +33,7 @@ mod words;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::{Console, ProgressStyleName};
 use failure::{Failure, Outcome};
+use options::whole;
 use std::process::ExitCode;
 
 /// Precomputes how light travels through a static scene, keeps the result in one compact file, and relights
@@ -60,10 +63,10 @@ struct Global {
     #[arg(short, long, global = true)]
     verbose: bool,
     /// Worker threads; all cores by default. Results do not depend on it.
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, global = true, value_name = "N", value_parser = whole::<u16>(1, 1024))]
     threads: Option<u16>,
     /// Seed of all random numbers: same inputs and seed, same bytes.
-    #[arg(long, global = true, value_name = "S", default_value_t = 0)]
+    #[arg(long, global = true, value_name = "S", default_value_t = 0, value_parser = whole::<u64>(0, u64::MAX))]
     seed: u64,
     /// How progress is shown on stderr: bars on a terminal and lines elsewhere, lines, or JSON lines for farms.
     #[arg(long, global = true, value_enum, default_value_t = ProgressStyleName::Auto)]
@@ -90,6 +93,7 @@ fn main() -> ExitCode {
     let console = Console::new(cli.global.quiet, cli.global.verbose, cli.global.progress);
     let result = run(&cli, &console);
     console.close();
+    output::tidy();
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::FellShort) => ExitCode::from(3),

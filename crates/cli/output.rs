@@ -6,6 +6,7 @@ use comfy_table::{CellAlignment, Table};
 use serde::Serialize;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// Version of the JSON that commands print: raised when a field changes its meaning or goes.
 pub const SCHEMA: u32 = 1;
@@ -52,6 +53,38 @@ pub fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> St
     table.trim_fmt()
 }
 
+/// Folders that this process has made.
+static MADE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Makes a folder and those above it; [`tidy`] removes those in which nothing is.
+///
+/// # Errors
+/// The system refuses.
+pub fn make_folder(folder: &Path) -> Result<()> {
+    let missing = folder
+        .ancestors()
+        .take_while(|f| !f.as_os_str().is_empty() && !f.exists());
+    let missing: Vec<PathBuf> = missing.map(Path::to_owned).collect();
+    std::fs::create_dir_all(folder).with_context(|| {
+        format!(
+            "{}: cannot make the folder; check the path and its permissions",
+            folder.display()
+        )
+    })?;
+    let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+    made.extend(missing.into_iter().rev());
+    Ok(())
+}
+
+/// Removes folders that were made and stayed empty, because the command failed or was stopped.
+pub fn tidy() {
+    let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+    for folder in made.drain(..).rev() {
+        // Only if it is empty.
+        let _ = std::fs::remove_dir(folder);
+    }
+}
+
 /// Makes the folder of an output and checks that files can be made in it, so that nobody waits for a result
 /// that cannot be kept.
 ///
@@ -71,12 +104,7 @@ pub fn prepare_output(path: &Path) -> Result<()> {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
-    std::fs::create_dir_all(folder).with_context(|| {
-        format!(
-            "{}: cannot make its folder; check the path and its permissions",
-            path.display()
-        )
-    })?;
+    make_folder(folder).with_context(|| path.display().to_string())?;
     // The name itself, which may be too long or have what the file system can't.
     if let Err(error) = path.symlink_metadata()
         && error.kind() != std::io::ErrorKind::NotFound

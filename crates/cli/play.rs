@@ -11,6 +11,8 @@ use crate::console::Console;
 use crate::estimates;
 use crate::failure::{Failure, Outcome};
 use crate::frames::FrameRange;
+use crate::guard::Guard;
+use crate::kinds::{self, Kind, Wanted};
 use crate::output::{self, SCHEMA};
 use crate::signals::{self, Signals};
 use crate::statistics::{median, milliseconds};
@@ -30,6 +32,8 @@ use std::path::PathBuf;
 use std::thread::ScopedJoinHandle;
 use std::time::Instant;
 
+/// Share of fragments without points from which on it is said: rims and specks stay below.
+const LACKING: f64 = 0.01;
 /// Height of an image where nobody says another.
 const DEFAULT_HEIGHT: usize = 360;
 /// Aspect ratio where neither user nor camera says another.
@@ -52,10 +56,14 @@ pub fn play(
     pace: Pace,
     mut seen: impl FnMut(u32, &Layers),
 ) -> Result<PlayReport, Failure> {
-    if !args.exposure.is_finite() {
-        return Err(Failure::Usage("--exposure must be a finite number".into()));
-    }
     let start = Instant::now();
+    for (file, wanted) in [
+        (Some(&args.asset), Wanted::Asset),
+        (args.lights.as_ref(), Wanted::Lights),
+        (args.materials.as_ref(), Wanted::Materials),
+    ] {
+        file.map(|file| kinds::check(file, wanted)).transpose()?;
+    }
     console.begin("Reading the asset", None);
     let wanted = args.integrator();
     let mut player = Player::open_for(&args.asset, &wanted)?;
@@ -70,6 +78,7 @@ pub fn play(
     let track = player.camera(&sequence, args.camera.as_deref())?;
     let (width, height) = args.size.unwrap_or_else(|| default_size(&track));
     let range = frame_range(args, &sequence)?;
+    check_outputs(args, range)?;
     if let Some(edits) = &args.materials {
         player.edit_materials_from(edits, range.first.into())?;
     }
@@ -110,6 +119,7 @@ pub fn play(
         height,
         threads: rayon::current_num_threads(),
         fixed_camera: !moving,
+        without_points: None,
         once_per_shot: OncePerShot { load, shot: None },
         frames: Vec::new(),
     };
@@ -132,7 +142,7 @@ pub fn play(
             let (mut apart, mut own_shot) = (0.0, None);
             if shot.is_none() || moving {
                 let looked = player.shot(&track.at(frame.into()), &shot_settings)?;
-                let times = said(&looked, console);
+                let times = said(&looked, &mut report.without_points, console);
                 if moving {
                     own_shot = times;
                 } else {
@@ -194,6 +204,19 @@ pub fn play(
     Ok(report)
 }
 
+/// Refuses to replace what is read or is no image.
+fn check_outputs(args: &PlayArgs, range: FrameRange) -> Result<(), Failure> {
+    let inputs = [Some(&args.asset), args.lights.as_ref(), args.materials.as_ref()];
+    let guard = Guard::new(args.replace.force).reads(inputs.into_iter().flatten().map(PathBuf::as_path));
+    for file in range.iter().map(|frame| args.output.file(frame)) {
+        guard.check(&file, Kind::Exr)?;
+        if args.png {
+            guard.check(&file.with_extension("png"), Kind::Png)?;
+        }
+    }
+    Ok(())
+}
+
 /// Gives lights names that layers of OpenEXR can have, and tells whose names had to change.
 fn name_layers(sequence: &mut Sequence, console: &Console) {
     let names: Vec<&str> = sequence.lights.iter().map(|light| light.name.as_str()).collect();
@@ -216,19 +239,29 @@ fn stopped(error: FrameError) -> Failure {
     }
 }
 
-/// Tells who asked for more what a shot lacks; its times.
-fn said(shot: &Shot, console: &Console) -> Option<ShotReport> {
+/// Tells what a shot lacks, and notes the largest share that any did; its times.
+fn said(shot: &Shot, largest: &mut Option<f64>, console: &Console) -> Option<ShotReport> {
     let Shot::Relit(shot) = shot else {
         return None;
     };
-    let uncovered = shot.uncovered();
-    if uncovered > 0 {
-        console.detail(format!(
-            "{} of {} fragments have no point near them and get no indirect light",
-            words::count(uncovered as u64),
-            words::count(shot.seen.len() as u64)
+    let (uncovered, all) = (shot.uncovered(), shot.seen.len());
+    let share = uncovered as f64 / all.max(1) as f64;
+    let text = format!(
+        "{} of {} fragments ({:.1} %) have no point near them and get no indirect light",
+        words::count(uncovered as u64),
+        words::count(all as u64),
+        100.0 * share
+    );
+    if share > LACKING && largest.is_none_or(|largest| largest <= LACKING) {
+        let [x, y, z] = shot.seen.eye.to_array();
+        console.note(format!(
+            "warning: {text}, since the asset was baked for other places: bake it with --viewpoint={x},{y},{z}, where this \
+             camera stands"
         ));
+    } else if uncovered > 0 {
+        console.detail(text);
     }
+    *largest = Some(largest.map_or(share, |largest| largest.max(share)));
     Some(shot.times.into())
 }
 

@@ -18,7 +18,10 @@ mod task;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, FrameRange};
+use crate::guard::Guard;
 use crate::inspection::{BakeLog, Inspection};
+use crate::kinds::{self, Kind, Wanted};
+use crate::options::ReplaceArgs;
 use crate::output::{self, SCHEMA};
 use crate::play;
 use crate::words;
@@ -74,6 +77,8 @@ pub struct ReportArgs {
     /// Size of the images in pixels.
     #[arg(long, value_name = "WxH", value_parser = frames::parse_size)]
     pub size: Option<(usize, usize)>,
+    #[command(flatten)]
+    pub replace: ReplaceArgs,
     /// Print report.json on stdout, too.
     #[arg(long)]
     pub json: bool,
@@ -128,6 +133,13 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
     let preset = if args.full { FULL } else { QUICK };
     let start = Instant::now();
     let budget = args.budget.unwrap_or(preset.budget);
+    kinds::check(&args.asset, Wanted::Asset)?;
+    kinds::check(&args.lights, Wanted::Lights)?;
+    kinds::check_file(&args.lights, "a report reads it for every frame")?;
+    let guard = guard(args);
+    for (name, kind) in PAGES {
+        guard.check(&args.output.join(name), kind)?;
+    }
     output::prepare_output(&args.output.join("report.json"))?;
     let asset = format::read_file(&args.asset, &Limits::default())
         .with_context(|| args.asset.display().to_string())?;
@@ -179,7 +191,7 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
         &skipped,
         start,
     );
-    write_report(&task, &summary, &measured, &references)?;
+    write_report(&task, &summary, &measured, &references, &guard)?;
     console.close();
     for sentence in &summary.findings {
         console.note(sentence);
@@ -189,6 +201,21 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
         output::print_json(&summary)?;
     }
     Ok(Outcome::Done)
+}
+
+/// The files of a report, but for plots.
+const PAGES: [(&str, Kind); 3] = [
+    ("report.json", Kind::Json),
+    ("report.csv", Kind::Table),
+    ("report.html", Kind::Html),
+];
+
+/// Knows what a report reads.
+fn guard(args: &ReportArgs) -> Guard {
+    let references = args.reference.iter().flat_map(std::fs::read_dir).flatten();
+    let references: Vec<PathBuf> = references.flatten().map(|entry| entry.path()).collect();
+    let inputs = [&args.asset, &args.lights].into_iter().chain(&references);
+    Guard::new(args.replace.force).reads(inputs.map(PathBuf::as_path))
 }
 
 /// What is known of the asset, with what its bake took from the log beside it, if there is one.
@@ -293,22 +320,28 @@ fn write_report(
     summary: &Summary,
     measured: &[Measured],
     references: &[Reference],
+    guard: &Guard,
 ) -> Result<(), Failure> {
-    let write = |name: &str, text: &str| -> Result<(), Failure> {
+    let write = |name: &str, kind: Kind, text: &str| -> Result<(), Failure> {
         let path = task.folder.join(name);
+        guard.check(&path, kind)?;
         output::prepare_output(&path)?;
         Ok(write_atomically(&path, text.as_bytes())?)
     };
     let plots = plot::all(measured, references)?;
     for plot in &plots {
-        write(&format!("plots/{}.svg", plot.name), &plot.svg)?;
-        write_png(&task.folder.join(format!("plots/{}.png", plot.name)), &plot.png)?;
+        write(&format!("plots/{}.svg", plot.name), Kind::Svg, &plot.svg)?;
+        let picture = task.folder.join(format!("plots/{}.png", plot.name));
+        guard.check(&picture, Kind::Png)?;
+        write_png(&picture, &plot.png)?;
     }
-    write("report.csv", &page::csv(measured))?;
-    write(
-        "report.html",
-        &page::html(task, summary, measured, references, &plots)?,
-    )?;
-    write("report.json", &output::json_text(summary)?)?;
+    let texts = [
+        output::json_text(summary)?,
+        page::csv(measured),
+        page::html(task, summary, measured, references, &plots)?,
+    ];
+    for ((name, kind), text) in PAGES.iter().zip(&texts) {
+        write(name, *kind, text)?;
+    }
     Ok(())
 }

@@ -189,7 +189,7 @@ fn a_failed_bake_leaves_the_old_asset_alone() {
     let asset = folder.path().join("a.relight");
     std::fs::write(&asset, b"precious").unwrap();
     relight()
-        .args(["bake", "no-such-scene.glb", "-o"])
+        .args(["bake", "no-such-scene.glb", "--force", "-o"])
         .arg(&asset)
         .assert()
         .code(1);

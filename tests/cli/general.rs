@@ -44,47 +44,111 @@ fn wrong_usage_exits_with_2() {
     }
 }
 
-#[test]
-fn parameters_out_of_range_are_wrong_usage_and_name_their_option() {
-    for (option, value) in [
-        ("--levels", "13"),
-        ("--sender-levels", "9"),
-        ("--coarse-radius", "0"),
-        ("--epsilon", "nan"),
-    ] {
-        let text = complaint(
-            relight().args(["bake", "a.glb", "-o", "a.relight", option, value]),
-            2,
-        );
-        assert!(text.contains(option), "{text}");
-    }
-    for (option, value) in [
-        ("--cut-lights", "128"),
-        ("--cut-lights", "30000"),
-        ("--cut-lights", "2097152"),
-        ("--sigma", "0"),
-        ("--sigma", "inf"),
-        ("--beta", "-0.1"),
-        ("--beta", "nan"),
-    ] {
-        let option_value = format!("{option}={value}");
-        let bake = ["bake", "a.glb", "-o", "a.relight", &option_value];
-        let text = complaint(relight().args(bake).args(["--cuts", "environment"]), 2);
-        assert!(text.contains(option), "{text}");
-        // Without cuts it would do nothing.
-        let text = complaint(relight().args(bake), 2);
-        assert!(text.contains(option) && text.contains("--cuts"), "{text}");
-    }
+/// What a command line that makes no sense is answered with.
+fn usage(words: &[&str]) -> String {
+    let output = relight().args(words).assert().code(2).get_output().clone();
+    String::from_utf8(output.stderr).unwrap()
 }
 
+/// Each option with a number: what is too small, too large, negative or no number is answered with the range.
 #[test]
-fn sizes_of_illumination_cuts_are_1_to_a_million() {
-    for size in ["0", "-1", "1048577", "many"] {
-        let size = format!("--illumination-cut={size}");
-        let play = ["play", "a.relight", "-o", "f.exr", &size];
-        let output = relight().args(play).assert().code(2).get_output().clone();
-        let text = String::from_utf8(output.stderr).unwrap();
-        assert!(text.contains("--illumination-cut"), "{text}");
+fn numbers_out_of_range_are_refused_with_the_range() {
+    let bake = ["bake", "a.glb", "-o", "a.relight"];
+    let play = ["play", "a.relight", "-o", "f.exr"];
+    let cuts = ["bake", "a.glb", "-o", "a.relight", "--cuts", "environment"];
+    for (command, option, values, range) in [
+        (
+            &bake[..],
+            "--levels",
+            &["13", "0", "-1", "two"][..],
+            "from 1 to 12",
+        ),
+        (&bake, "--sender-levels", &["13", "-1"], "from 1 to 12"),
+        (
+            &bake,
+            "--coarse-radius",
+            &["0", "-1", "nan", "1e30"],
+            "above 0 and at most",
+        ),
+        (
+            &bake,
+            "--epsilon",
+            &["nan", "1e9", "-1", "0", "-1e-3"],
+            "above 0 and at most 100",
+        ),
+        (&bake, "--bounces", &["0", "-3"], "from 1 to"),
+        (
+            &bake,
+            "--target-error",
+            &["300%", "-5%", "-1", "0", "nan"],
+            "above 0 and at most 1 (100%)",
+        ),
+        (&bake, "--threads", &["0", "-1", "1025"], "from 1 to 1024"),
+        (&bake, "--seed", &["-1", "x"], "from 0 to 18446744073709551615"),
+        (
+            &cuts,
+            "--cut-lights",
+            &["128", "2097152", "-1"],
+            "from 256 to 1048576",
+        ),
+        (&cuts, "--sigma", &["0", "inf", "-2"], "above 0 and at most 1000"),
+        (&cuts, "--beta", &["-0.1", "nan", "2"], "from 0 to 1"),
+        (&play, "--exposure", &["1e30", "-1e30", "nan"], "from -100 to 100"),
+        (
+            &play,
+            "--illumination-cut",
+            &["0", "-1", "1048577", "many"],
+            "from 1 to 1048576",
+        ),
+        (&play, "--spp", &["0", "-1"], "from 1 to 1048576"),
+        (&play, "--max-bounces", &["-1"], "from 0 to"),
+        (&play, "--area-samples", &["0", "-1"], "from 1 to 16777216"),
+        (&play, "--vpls", &["-1", "16777217"], "from 0 to 16777216"),
+        (&play, "--clamp", &["0", "-1", "nan"], "above 0"),
+        (&play, "--error-ratio", &["-1", "2"], "from 0 to 1"),
+        (&play, "--max-nodes", &["-1"], "from 0 to"),
+        (&play, "--clusters", &["0", "-1"], "from 1 to 1048576"),
+        (&play, "--trees", &["0", "-1", "1025"], "from 1 to 1024"),
+        (&play, "--sh-degree", &["-1", "4"], "from 0 to 3"),
+        (&play, "--frames", &["-1"], "expected A, A-B"),
+        (&play, "--size", &["-1", "0x4"], "from 1 to 16384"),
+        (
+            &["compare", "a.exr", "b.exr"],
+            "--max-relmse",
+            &["-1", "nan"],
+            "at least 0",
+        ),
+        (&["check"], "--random", &["0", "-1"], "from 1 to"),
+        (
+            &["report", "a", "--lights", "l", "-o", "d"],
+            "--budget",
+            &["-1", "-1s"],
+            "expected a time",
+        ),
+        (
+            &["export", "a", "--what", "links", "-o", "d"],
+            "--matrix-limit",
+            &["-1"],
+            "a number of bytes",
+        ),
+    ] {
+        for value in values {
+            let text = usage(&[command, &[option, value]].concat());
+            assert!(
+                text.contains(option) && text.contains(range),
+                "{option} {value}: {text}"
+            );
+        }
+    }
+    // What only all options together tell.
+    for (option, value) in [("--sender-levels", "9"), ("--cut-lights", "30000")] {
+        let text = complaint(relight().args(cuts).args([option, value]), 2);
+        assert!(text.contains(option), "{text}");
+    }
+    // Without cuts these would do nothing.
+    for (option, value) in [("--cut-lights", "1024"), ("--sigma", "2"), ("--beta", "0.5")] {
+        let text = complaint(relight().args(bake).args([option, value]), 2);
+        assert!(text.contains(option) && text.contains("--cuts"), "{text}");
     }
 }
 

@@ -1,6 +1,9 @@
 //! `relight play`.
 
-use crate::stage::{complaint, cornell, data, folder, is_dark, json, names, relight, sequence};
+use crate::stage::{
+    SQUARE, TINY_LIGHT, bake_json, complaint, cornell, data, folder, gltf, is_dark, json, names, relight,
+    sequence,
+};
 use assert_cmd::Command;
 use relight_scene::image::{FloatImage, Layers, read_exr};
 use std::path::Path;
@@ -306,4 +309,40 @@ fn without_a_size_the_image_is_360_high_and_keeps_the_camera_s_shape() {
         .assert()
         .success();
     assert_eq!(layers(&frame).height, 360);
+}
+
+/// A square that the scene's camera sees, and one 20 m behind it that a sequence's camera sees from the other side.
+#[test]
+fn what_an_asset_has_no_points_for_is_said_and_a_viewpoint_adds_them() {
+    let folder = folder();
+    let behind = SQUARE.map(|[x, y, z]| [-x, y, z - 20.0]);
+    let scene = gltf(folder.path(), &[SQUARE, behind].concat());
+    let text = r#"{ "relight_sequence": 1, "camera": { "position": [0, 0, -23], "look_at": [0, 0, 0], "vfov_deg": 30 },
+        "lights": [ { "name": "lamp", "type": "point", "position": [0, 0, -22], "intensity": [1, 1, 1] } ] }"#;
+    let behind = sequence(folder.path(), "behind.json", text);
+    let front = sequence(folder.path(), "front.json", TINY_LIGHT);
+    let said = |name: &str, more: &[&str], from_behind: bool| {
+        let asset = folder.path().join(name);
+        let radius = ["--levels", "2", "--sender-levels", "1", "--coarse-radius", "0.3"];
+        bake_json(&scene, &asset, &[&radius, more].concat());
+        let mut play = relight();
+        play.arg("play").arg(&asset).args(SIZE).arg("--json").arg("-o");
+        play.arg(folder.path().join("f.exr"));
+        play.arg("--lights")
+            .arg(if from_behind { &behind } else { &front });
+        let output = play.assert().success().get_output().clone();
+        let share = json(&output.stdout)["without_points"].as_f64().unwrap();
+        (share, String::from_utf8(output.stderr).unwrap())
+    };
+    let (share, words) = said("front.relight", &[], true);
+    assert!(share > 0.3, "{share}");
+    assert!(
+        words.contains("warning: ") && words.contains("--viewpoint=0,0,-23"),
+        "{words}"
+    );
+    for from_behind in [true, false] {
+        let (share, words) = said("both.relight", &["--viewpoint=0,0,-23"], from_behind);
+        assert_eq!(share, 0.0, "{from_behind}: {words}");
+        assert!(!words.contains("warning"), "{words}");
+    }
 }

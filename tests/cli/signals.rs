@@ -42,7 +42,7 @@ fn a_bake_stops_in_any_stage_and_leaves_everything_whole() {
             .arg(data("atrium.glb"))
             .arg("-o")
             .arg(&asset)
-            .args(["--levels", "4"]);
+            .args(["--levels", "4", "--force"]);
         assert_eq!(stopped_in(stage, signal, &mut bake), Some(code), "{stage}");
         assert_eq!(std::fs::read(&asset).unwrap(), b"precious", "{stage}");
         assert_eq!(names(folder.path()), ["a.relight"], "{stage}");

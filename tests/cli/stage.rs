@@ -26,6 +26,10 @@ pub fn data(name: &str) -> PathBuf {
 /// Options that make a bake of the Cornell box (0.55 m) take a fraction of a second.
 pub const TINY: [&str; 6] = ["--levels", "2", "--sender-levels", "1", "--coarse-radius", "0.1"];
 
+/// One point light.
+pub const TINY_LIGHT: &str = r#"{ "relight_sequence": 1, "lights": [
+    { "name": "lamp", "type": "point", "position": [0.2, 0.4, 0.1], "intensity": [0.3, 0.2, 0.1] } ] }"#;
+
 /// A folder that the test owns.
 pub fn folder() -> TempDir {
     tempfile::tempdir().unwrap()

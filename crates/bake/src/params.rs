@@ -21,7 +21,7 @@ pub struct BakeParams {
     pub bounces: Option<u32>,
     /// Bakes the bounces with the scene's reflectances instead of iterating them at play time.
     pub solution: bool,
-    /// Where importance particles start; empty: the scene's cameras, or a place in open space.
+    /// Where importance particles start beside the cameras; without either: places in open space.
     pub viewpoints: Vec<Vec3>,
     /// Visibility cuts; `None`: no cuts.
     pub cuts: Option<CutParams>,

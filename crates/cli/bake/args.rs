@@ -1,7 +1,7 @@
 //! Options of `relight bake`, and what they mean.
 
 use crate::failure::Failure;
-use crate::options::relative_error;
+use crate::options::{ReplaceArgs, above_0, real, relative_error, whole};
 use clap::{Args, ValueEnum};
 use glam::Vec3;
 use relight_bake::params::{BakeParams, CutMode, CutParams, Omittable, Preset};
@@ -29,7 +29,7 @@ pub struct BakeArgs {
     /// (data/README.md); they become triangles.
     #[arg(value_name = "SCENE", required_unless_present_any = ["unit", "merge"])]
     pub scene: Option<PathBuf>,
-    /// Asset to write; an existing one is replaced when the new one is complete.
+    /// Asset to write; an existing one is replaced when the new one is complete, another file only with --force.
     #[arg(short, long, value_name = "ASSET.relight", required_unless_present_any = ["unit", "merge"])]
     pub output: Option<PathBuf>,
     /// Quality: draft (seconds, to try lights and cameras), standard, or fine (half the standard error, several
@@ -46,20 +46,20 @@ pub struct BakeArgs {
     #[arg(long, value_name = "SEQ.json")]
     pub lights: Option<PathBuf>,
     /// Receiver levels, 1 to 12: each halves the distance of the points of the one before [standard: 6].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<usize>(1, 12))]
     pub levels: Option<usize>,
-    /// Sender levels: so many of the coarsest levels send light [standard: 5].
-    #[arg(long, value_name = "N")]
+    /// Sender levels, 1 to 12: so many of the coarsest levels send light [standard: 5].
+    #[arg(long, value_name = "N", value_parser = whole::<usize>(1, 12))]
     pub sender_levels: Option<usize>,
     /// Distance of the points of the coarsest level, metres [default: from the scene].
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", value_parser = above_0(1e12, ", in metres"))]
     pub coarse_radius: Option<f32>,
     /// How little a link may change and still be kept: fewer links for larger numbers, as in the paper, whose setting is
-    /// 0.025 with three sender levels [standard: 0.018].
-    #[arg(long, value_name = "E")]
+    /// 0.025 with three sender levels; at most 100 [standard: 0.018].
+    #[arg(long, value_name = "E", value_parser = above_0(100.0, ""))]
     pub epsilon: Option<f32>,
     /// Bounces of indirect light [default: to convergence].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, u32::MAX))]
     pub bounces: Option<u32>,
     /// Solve the bounces now instead of at play time: frames get faster, and reflectances can no longer be
     /// edited.
@@ -71,17 +71,18 @@ pub struct BakeArgs {
     #[arg(long, value_enum, default_value_t = CutsName::None)]
     pub cuts: CutsName,
     /// Even directions, or even samples of the surfaces, that the cuts cluster: a power of two, 256 to 1048576 [default: 32768].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(256, 1_048_576))]
     pub cut_lights: Option<u32>,
     /// Threshold of a cut's nodes, for 32768 lights: 1.5 to 3 is usual; larger makes cuts shorter and shadows
     /// coarser [default: 2].
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = above_0(1000.0, " (1.5 to 3 is usual)"))]
     pub sigma: Option<f32>,
     /// What the tree of those lights minds: 1 geometry alone, 0 visibility alone [default: 0.45].
-    #[arg(long, value_name = "B")]
+    #[arg(long, value_name = "B", value_parser = real(0.0, 1.0))]
     pub beta: Option<f32>,
-    /// A place from which the scene is looked at: surfaces that light cannot carry to it get no points. May be
-    /// given several times [default: the scene's cameras, or a place in open space].
+    /// A place from which the scene is looked at, beside the cameras of the scene and of --lights: surfaces from which light
+    /// reaches none of them get no points. May be given several times [default: the cameras alone or, without any, places in open
+    /// space].
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
     pub viewpoint: Vec<Vec3>,
     /// Keep what the scene and --lights cannot use, with commas between them: all, lights (the scene's own), emission,
@@ -108,6 +109,8 @@ pub struct BakeArgs {
     pub light_units: LightUnitsName,
     #[command(flatten)]
     pub long: LongArgs,
+    #[command(flatten)]
+    pub replace: ReplaceArgs,
     /// Print one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
@@ -358,6 +361,7 @@ impl BakeArgs {
             ("--lambert", self.lambert),
             ("--cameras-only", self.cameras_only),
             ("--strict", self.strict),
+            ("--force", self.replace.force),
         ] {
             words.extend(given.then(|| option.to_owned()));
         }
@@ -388,7 +392,7 @@ mod tests {
         let all = "/s.glb -o /a.relight --preset fine --lights /l.json --levels 5 --sender-levels 3 --coarse-radius 0.3 \
                    --epsilon 0.07 --bounces 3 --solution --cuts indirect --cut-lights 1024 \
                    --sigma 1.7 --beta 0.1 --viewpoint -1,2.5,3e-7 --viewpoint 0,0,0.1 --lambert --light-units raw \
-                   --keep lights,senders --cameras-only --strict";
+                   --keep lights,senders --cameras-only --strict --force";
         let given = parsed(&all.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
         let again = parsed(&given.words().unwrap());
         assert_eq!(params(&again, 7).unwrap(), params(&given, 7).unwrap());

@@ -5,12 +5,13 @@
 //! is; if it has changed, units and merge refuse it.
 
 use super::args::{BakeArgs, params};
-use super::job::{Inputs, Job, baking_failed, read, run_job, tell};
+use super::job::{Inputs, Job, baking_failed, guard, prepare, read, run_job, tell};
 use super::kept::{Kept, this_program};
 use super::plan::{self, Plan};
 use super::{lock, memory, slurm};
 use crate::console::{BakeProgress, Console};
 use crate::failure::{Failure, Outcome};
+use crate::kinds::{self, Kind};
 use crate::output::{self, SCHEMA};
 use anyhow::{Context, anyhow};
 use relight_bake::params::BakeParams;
@@ -33,13 +34,16 @@ struct FarmReport {
 /// `--plan`.
 pub fn plan(args: &BakeArgs, seed: u64, folder: &Path, console: &Console) -> Result<Outcome, Failure> {
     let params = params(args, seed)?;
-    output::prepare_output(args.output()?)?;
-    std::fs::create_dir_all(folder.join("done")).with_context(|| {
-        format!(
-            "{}: cannot be made; check the path and its permissions",
-            folder.display()
-        )
-    })?;
+    prepare(args, args.replace.force)?;
+    if let Some(lights) = &args.lights {
+        kinds::check_file(lights, "units read it again")?;
+    }
+    let guard = guard(args, args.replace.force)?;
+    guard.check(&folder.join("plan.json"), Kind::Plan)?;
+    for script in slurm::NAMES.iter().filter(|_| args.long.slurm) {
+        guard.check(&folder.join("slurm").join(script), Kind::Script)?;
+    }
+    output::make_folder(&folder.join("done"))?;
     let folder = std::path::absolute(folder)?;
     let read = read(args, console)?;
     // Before the work: a path may be one that no plan can hold.
@@ -116,7 +120,7 @@ pub fn unit(piece: &Path, folder: &Path, json: bool, console: &Console) -> Resul
 }
 
 /// `--merge`.
-pub fn merge(folder: &Path, json: bool, console: &Console) -> Result<Outcome, Failure> {
+pub fn merge(folder: &Path, force: bool, json: bool, console: &Console) -> Result<Outcome, Failure> {
     let plan = Plan::read(folder)?;
     let missing: Vec<String> = (1..=plan.units)
         .filter(|&number| !plan.done(number).exists())
@@ -135,7 +139,7 @@ pub fn merge(folder: &Path, json: bool, console: &Console) -> Result<Outcome, Fa
     }
     let params = params(&plan.args, plan.seed)?;
     let target = plan.args.output()?;
-    output::prepare_output(target)?;
+    prepare(&plan.args, plan.args.replace.force || force)?;
     let lock = lock::lock(target, console)?;
     let start = Instant::now();
     let read = plan.checked_files(console)?;

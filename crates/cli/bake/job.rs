@@ -6,8 +6,10 @@ use super::memory;
 use crate::console::{BakeProgress, Console};
 use crate::estimates::{Expected, Verdict};
 use crate::failure::{Failure, Outcome};
+use crate::guard::Guard;
 use crate::inspect;
 use crate::inspection::{BakeLog, BakeRun, Inspection, Seconds};
+use crate::kinds::{self, Kind, Wanted};
 use crate::output::{self, SCHEMA, log_path};
 use crate::probes::check::check;
 use crate::signals;
@@ -39,11 +41,38 @@ pub struct Inputs {
     pub lights: Option<Sequence>,
 }
 
+/// Makes sure that a bake's asset and its log can be written, and replace nothing that is lost.
+///
+/// # Errors
+/// One would replace what is read, or something else than what is written, or cannot be written.
+pub fn prepare(args: &BakeArgs, force: bool) -> Result<(), Failure> {
+    let output = args.output()?;
+    let guard = guard(args, force)?;
+    for (file, kind) in [(output.to_owned(), Kind::Asset), (log_path(output), Kind::Log)] {
+        guard.check(&file, kind)?;
+        output::prepare_output(&file)?;
+    }
+    Ok(())
+}
+
+/// Knows what a bake reads.
+///
+/// # Errors
+/// There is no scene.
+pub fn guard(args: &BakeArgs, force: bool) -> Result<Guard, Failure> {
+    let inputs = [Some(args.scene()?), args.lights.as_deref()];
+    Ok(Guard::new(force).reads(inputs.into_iter().flatten()))
+}
+
 /// Reads a bake's files.
 ///
 /// # Errors
 /// One cannot be read, or a signal asks to stop.
 pub fn read(args: &BakeArgs, console: &Console) -> Result<Inputs, Failure> {
+    kinds::check(args.scene()?, Wanted::Scene)?;
+    if let Some(lights) = &args.lights {
+        kinds::check(lights, Wanted::Lights)?;
+    }
     console.begin("Reading the scene", None);
     let (scene, source_hash) = read_scene(args.scene()?, args.light_units)?;
     let read = |file| read_sequence_at(file, scene.offset);
@@ -64,7 +93,7 @@ const DESCRIPTION: &str = ".scene.json";
 /// # Errors
 /// The file cannot be read or is no scene that can be baked.
 pub fn read_scene(path: &Path, units: LightUnitsName) -> Result<(Arc<Scene>, u64), Failure> {
-    if path.to_string_lossy().ends_with(DESCRIPTION) {
+    if path.to_string_lossy().ends_with(DESCRIPTION) || Kind::of(path) == Kind::Description {
         let (scene, bytes) = read_meshed(path)?;
         return Ok((Arc::new(scene), format::content_hash(&bytes)));
     }

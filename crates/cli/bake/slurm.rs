@@ -5,6 +5,9 @@ use anyhow::Context;
 use relight_format::unit::write_durably;
 use std::path::Path;
 
+/// Its scripts, in DIR/slurm.
+pub const NAMES: [&str; 3] = ["unit.sh", "merge.sh", "submit.sh"];
+
 /// Writes DIR/slurm/{unit,merge,submit}.sh. A job that is requeued begins its unit again and finds what it had finished.
 ///
 /// # Errors
@@ -44,7 +47,7 @@ units=$(sbatch --parsable --output=unit-%a.log \"$@\" unit.sh)
 exec sbatch --parsable --output=merge.log --dependency=afterok:\"${{units%%;*}}\" --kill-on-invalid-dep=yes \"$@\" merge.sh
 "
     );
-    for (name, text) in [("unit.sh", unit), ("merge.sh", merge), ("submit.sh", submit)] {
+    for (name, text) in NAMES.into_iter().zip([unit, merge, submit]) {
         let path = scripts.join(name);
         write_durably(&path, text.as_bytes())
             .and_then(|()| executable(&path))

@@ -6,6 +6,8 @@ mod trial;
 use super::case::Measure;
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::guard::Guard;
+use crate::kinds::Kind;
 use crate::output;
 use crate::signals;
 use crate::words;
@@ -49,22 +51,29 @@ pub struct RandomRun {
     pub missed: Vec<u64>,
 }
 
-/// Tries `number` seeds from `first` on; `images` is the folder for pictures and files of each.
+/// Tries `number` seeds from `first` on; `images` is the folder for pictures and files of each, as far as `guard` lets them.
 ///
 /// # Errors
 /// A signal asks to stop, or a file cannot be written.
-pub fn run(number: u32, first: u64, images: Option<&Path>, console: &Console) -> Result<RandomRun, Failure> {
+pub fn run(
+    number: u32,
+    first: u64,
+    images: Option<&Path>,
+    guard: &Guard,
+    console: &Console,
+) -> Result<RandomRun, Failure> {
     let scratch = tempfile::tempdir().context("cannot make a folder for the scenes")?;
     let folder = images.unwrap_or(scratch.path());
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    output::make_folder(folder)?;
     console.begin("Trying random scenes", Some(number.into()));
     let mut seeds = Vec::new();
     for done in 0..number {
         signals::go_on()?;
-        let (trial, pictures) = tried(first.wrapping_add(done.into()), folder, console)?;
+        let (trial, pictures) = tried(first.wrapping_add(done.into()), folder, guard, console)?;
         if let (Some(pictures), true) = (pictures, images.is_some()) {
-            draw(&folder.join(format!("random_{}.png", trial.seed)), pictures)?;
+            let picture = folder.join(format!("random_{}.png", trial.seed));
+            guard.check(&picture, Kind::Png)?;
+            draw(&picture, pictures)?;
         }
         console.detail(line(&trial));
         seeds.push(trial);

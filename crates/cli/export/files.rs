@@ -1,17 +1,24 @@
-//! The files that `export` writes, each whole or not at all: numpy's .npy (version 1.0), binary little-endian PLY 1.0,
+//! The files that `export` writes, all of them or none: numpy's .npy (version 1.0), binary little-endian PLY 1.0,
 //! Matrix Market's coordinate format (.mtx), and Radiance's float matrices (.rmx, as `rmtxop` and `dctimestep` read them).
 
-use anyhow::{Result, bail};
+use crate::guard::Guard;
+use crate::kinds::Kind;
+use crate::signals;
+use anyhow::{Context, Result, anyhow, bail};
 use relight_scene::image::write_atomically_with;
 use relight_transport::sparse::{SparseMatrix, row};
 use serde::Serialize;
 use sprs::io::write_matrix_market_to_bufwrite;
+use std::error::Error;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use tempfile::TempDir;
 
-/// Where files go, and what is there so far.
-pub struct Folder {
+/// Where files go, and what has been written so far: into a folder of its own, from which [`Folder::finish`] takes it.
+pub struct Folder<'a> {
     path: PathBuf,
+    unfinished: TempDir,
+    guard: &'a Guard,
     /// One per file.
     pub written: Vec<Written>,
 }
@@ -73,13 +80,37 @@ fn write_all_le<const N: usize>(
     Ok(())
 }
 
-impl Folder {
-    /// Files go to `path`, which must exist.
-    pub fn new(path: &Path) -> Self {
-        Folder {
+impl<'a> Folder<'a> {
+    /// Files go to `path`, which must exist, as far as `guard` lets them.
+    ///
+    /// # Errors
+    /// Nothing can be written there.
+    pub fn new(path: &Path, guard: &'a Guard) -> Result<Self> {
+        let unfinished = tempfile::Builder::new().prefix(".relight-").tempdir_in(path);
+        Ok(Folder {
             path: path.to_owned(),
+            unfinished: unfinished.with_context(|| {
+                format!(
+                    "{}: cannot write into it; check permissions and free space",
+                    path.display()
+                )
+            })?,
+            guard,
             written: Vec::new(),
+        })
+    }
+
+    /// Puts all files where they belong.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn finish(&self) -> Result<()> {
+        for Written { file, .. } in &self.written {
+            let target = self.path.join(file);
+            std::fs::rename(self.unfinished.path().join(file), &target)
+                .with_context(|| format!("{}: cannot be written", target.display()))?;
         }
+        Ok(())
     }
 
     fn write(
@@ -89,7 +120,22 @@ impl Folder {
         unit: &str,
         write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> Result<()> {
-        write_atomically_with(&self.path.join(&file), write)?;
+        if signals::stopped() {
+            bail!("stopped");
+        }
+        let target = self.path.join(&file);
+        self.guard.check(&target, kind_of(&file))?;
+        if target.exists() && !target.is_file() {
+            bail!("{}: is no file; a result would replace it", target.display());
+        }
+        // Whatever goes wrong concerns the target.
+        write_atomically_with(&self.unfinished.path().join(&file), write)
+            .map_err(|error| {
+                error
+                    .source()
+                    .map_or_else(|| error.to_string(), ToString::to_string)
+            })
+            .map_err(|error| anyhow!("{}: cannot be written: {error}", target.display()))?;
         self.written.push(Written {
             file,
             shape: shape.to_vec(),
@@ -234,6 +280,16 @@ impl Folder {
             }
             Ok(())
         })
+    }
+}
+
+/// What a file of this name is.
+fn kind_of(file: &str) -> Kind {
+    match file.rsplit('.').next() {
+        Some("npy") => Kind::Npy,
+        Some("ply") => Kind::Ply,
+        Some("mtx") => Kind::Market,
+        _ => Kind::RadianceMatrix,
     }
 }
 

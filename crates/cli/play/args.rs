@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::frames::{self, FrameRange, Pattern};
-use crate::options::parsed;
+use crate::options::{ReplaceArgs, above_0, parsed, real, whole};
 use clap::{Args, ValueEnum};
 use relight_play::frame::settings::ILLUMINATION_CUT;
 use relight_play::{FrameSettings, Integrator, Tracer};
@@ -18,7 +18,8 @@ use std::path::{Path, PathBuf};
 /// written, complete or not at all, while the next one is lit.
 #[derive(Args)]
 #[command(after_help = "\
-The JSON of --json: frames, an array of {frame, total, direct_points, bounces, transfer, flatten, direct_pixels,
+The JSON of --json: without_points, the share of fragments that have no point near them and no indirect light (bake
+--viewpoint adds points); frames, an array of {frame, total, direct_points, bounces, transfer, flatten, direct_pixels,
 reconstruct, resolve, write} in milliseconds (brute and path: {frame, total, render, write}); total is what the frame adds
 to the run, which is less than its parts where the frame before is written beside it; once_per_shot, what
 is done once: load, expose, weigh (with a moving camera expose and weigh are in the frames). Over lights without
@@ -71,22 +72,22 @@ pub struct PlayArgs {
     /// Write a PNG preview of the beauty beside each frame (Khronos PBR Neutral).
     #[arg(long)]
     pub png: bool,
-    /// Exposure of the previews: 2^EV times the image.
-    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_hyphen_values = true)]
+    /// Exposure of the previews, -100 to 100: 2^EV times the image.
+    #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = real(-100.0, 100.0))]
     pub exposure: f32,
     /// Write 32-bit floats instead of half precision.
     #[arg(long)]
     pub float: bool,
     /// Most nodes of the illumination cut, by which an environment, or what surfaces reflect, is taken with visibility
     /// cuts.
-    #[arg(long, value_name = "N", default_value_t = ILLUMINATION_CUT as u32, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    #[arg(long, value_name = "N", default_value_t = ILLUMINATION_CUT as u32, value_parser = whole::<u32>(1, 1_048_576))]
     pub illumination_cut: u32,
     /// Samples per pixel; of transfer and cuts four times as many where a pixel sees several things, and half as many of each
     /// light with extent, more where pixels side by side disagree [default: transfer 16, with a moving camera 1; brute 16; lightcuts 4, with reconstruction 5 to 50; pixelcuts 1; path 64].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 1_048_576))]
     pub spp: Option<u32>,
     /// Most reflections of a path (path only) [default: no limit].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(0, u32::MAX))]
     pub max_bounces: Option<u32>,
     /// Lights without extent.
     #[command(flatten)]
@@ -97,6 +98,8 @@ pub struct PlayArgs {
     /// Pixelcuts.
     #[command(flatten)]
     pub pixelcuts: PixelcutsArgs,
+    #[command(flatten)]
+    pub replace: ReplaceArgs,
     /// Print one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
@@ -163,31 +166,24 @@ impl LayerName {
 pub struct PointArgs {
     /// Points over all area lights together, each light gets one at least; brute takes the same points [default: 64 per
     /// light, for emissive surfaces of more triangles one each, up to 4096].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 16_777_216))]
     pub area_samples: Option<u32>,
     /// Virtual lights, which make indirect light.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=16_777_216))]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(0, 16_777_216))]
     pub vpls: Option<u32>,
     /// Largest share of the light at a pixel that a single virtual light may have; inf for no limit.
-    #[arg(long, value_name = "SHARE", default_value_t = PointSettings::default().clamp, value_parser = positive)]
+    #[arg(long, value_name = "SHARE", default_value_t = PointSettings::default().clamp, value_parser = above_0(f32::INFINITY, "; inf for no limit"))]
     pub clamp: f32,
-}
-
-fn positive(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(value) if value > 0.0 => Ok(value),
-        _ => Err("must be a number above 0".into()),
-    }
 }
 
 /// How to choose lightcuts.
 #[derive(Args, Clone, Debug)]
 pub struct LightcutArgs {
     /// Most error of a cluster of lights, as a share of a pixel's light (lightcuts only); 0 evaluates every light.
-    #[arg(long, value_name = "SHARE", default_value_t = LightcutSettings::default().error_ratio, value_parser = share)]
+    #[arg(long, value_name = "SHARE", default_value_t = LightcutSettings::default().error_ratio, value_parser = real(0.0, 1.0))]
     pub error_ratio: f32,
     /// Most nodes of a lightcut (lightcuts only); 0 for no limit.
-    #[arg(long, value_name = "N", default_value_t = LightcutSettings::default().max_nodes)]
+    #[arg(long, value_name = "N", default_value_t = LightcutSettings::default().max_nodes, value_parser = whole::<usize>(0, usize::MAX))]
     pub max_nodes: usize,
     /// How visible a cluster of lights is (lightcuts only): as its parts are, or as its representative light is, as in the paper:
     /// three times as fast, but for shadows' edges, where pixels err by several percent.
@@ -217,24 +213,17 @@ pub enum Switch {
     Off,
 }
 
-fn share(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
-        _ => Err("must be a number from 0 to 1".into()),
-    }
-}
-
 /// How pixelcuts go about it.
 #[derive(Args, Clone, Debug, Default)]
 pub struct PixelcutsArgs {
     /// Clusters of pixels that each light is sent to, before refinement (pixelcuts) [default: 2048].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 1_048_576))]
     pub clusters: Option<u32>,
     /// Trees of pixels, each for a random part of the lights (pixelcuts) [default: 16].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 1024))]
     pub trees: Option<u32>,
     /// Highest degree of the spherical harmonics that incident light is kept in (pixelcuts) [default: 3].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=3))]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(0, 3))]
     pub sh_degree: Option<u32>,
 }
 

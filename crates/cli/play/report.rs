@@ -30,6 +30,9 @@ pub struct PlayReport {
     pub threads: usize,
     /// Whether the camera stood still.
     pub fixed_camera: bool,
+    /// Largest share of a frame's fragments that have no point near them, and no indirect light; nothing where no points are used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub without_points: Option<f64>,
     /// What was done once.
     pub once_per_shot: OncePerShot,
     /// What was done for each frame, in order.

@@ -8,7 +8,9 @@ use super::task::Task;
 use crate::bake::{self, BakeArgs, Job};
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::guard::Guard;
 use crate::inspection::{Bytes, Inspection};
+use crate::kinds::Kind;
 use crate::options::parsed;
 use crate::output;
 use crate::play::{self, FrameReport, Pace};
@@ -331,6 +333,10 @@ fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf,
     {
         return Ok((asset, known));
     }
+    // Reports of assets of other reports.
+    Guard::new(false)
+        .reads([task.asset.as_path()])
+        .check(&asset, Kind::Asset)?;
     output::prepare_output(&asset)?;
     let words: Vec<String> = [
         task.asset.display().to_string(),

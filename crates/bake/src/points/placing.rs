@@ -159,10 +159,8 @@ fn chosen_viewpoints(
     surfaces: &dyn Surfaces,
     request: &Request,
 ) -> Result<(Vec<Vec3>, u64, bool), BakeError> {
-    let mut viewpoints = request.params.viewpoints.clone();
-    if viewpoints.is_empty() {
-        viewpoints = viewpoints::of_cameras(&request.scene, request.lights);
-    }
+    let mut viewpoints = viewpoints::of_cameras(&request.scene, request.lights);
+    viewpoints.extend(&request.params.viewpoints);
     let automatic = viewpoints.is_empty();
     let mut rays = 0;
     if let (true, Some(bounds)) = (automatic, surfaces.bounds()) {
@@ -175,11 +173,8 @@ fn chosen_viewpoints(
     Ok((viewpoints, rays, automatic))
 }
 
-/// Cameras of the scene and of the sequence over all frames, where they are the viewpoints.
+/// Cameras of the scene and of the sequence over all frames.
 fn known_cameras(request: &Request) -> Vec<Camera> {
-    if !request.params.viewpoints.is_empty() {
-        return Vec::new();
-    }
     let (scene, lights) = (&request.scene, request.lights);
     let mut cameras = seen::poses(
         &viewpoints::tracks(scene, lights),

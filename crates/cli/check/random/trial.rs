@@ -3,6 +3,8 @@
 use crate::bake::job::{Job, bake_job};
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::guard::Guard;
+use crate::kinds::Kind;
 use crate::signals::{self, Signals};
 use crate::statistics::milliseconds;
 use relight_bake::params::{BakeParams, Preset};
@@ -17,7 +19,7 @@ use relight_render::picture::Picture;
 use relight_scene::camera::Camera;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::image::metrics::{bias, relmse};
-use relight_scene::image::{FloatImage, Layers};
+use relight_scene::image::{FloatImage, Layers, write_atomically};
 use relight_scene::sequence::read_sequence_at;
 use relight_scene::traced::{Shading, TracedScene};
 use serde::Serialize;
@@ -105,15 +107,25 @@ impl Trial {
 ///
 /// # Errors
 /// A signal asks to stop. What fails by itself is told in the trial.
-pub fn tried(seed: u64, folder: &Path, console: &Console) -> Result<(Trial, Option<Pictures>), Failure> {
+pub fn tried(
+    seed: u64,
+    folder: &Path,
+    guard: &Guard,
+    console: &Console,
+) -> Result<(Trial, Option<Pictures>), Failure> {
     let scene = random(seed);
     let mut trial = Trial::new(seed, scene.says.clone());
     let (file, lights) = (
         folder.join(format!("random_{seed}.glb")),
         folder.join(format!("random_{seed}.lights.json")),
     );
-    std::fs::write(&file, scene.glb.to_bytes())?;
-    std::fs::write(&lights, &scene.sequence)?;
+    for (path, kind, bytes) in [
+        (&file, Kind::Scene, &scene.glb.to_bytes()[..]),
+        (&lights, Kind::Sequence, &scene.sequence[..]),
+    ] {
+        guard.check(path, kind)?;
+        write_atomically(path, bytes)?;
+    }
     match measured(&mut trial, &file, &lights, scene.has_sky, console) {
         Ok(pictures) => Ok((trial, Some(pictures))),
         Err(Failure::Failed(error)) => {

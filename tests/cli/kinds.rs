@@ -1,0 +1,119 @@
+//! A file of the wrong kind is named, with the command that takes it; and where a stream is enough, pipes are read.
+
+use crate::stage::{complaint, cornell, data, folder, relight};
+
+/// What is given to which command, and what must be said.
+#[test]
+fn the_wrong_kind_of_file_is_named_with_the_right_command() {
+    let room = folder();
+    let frame = room.path().join("f.exr").display().to_string();
+    let (scene, sky) = (data("cornell.glb"), data("sky.hdr"));
+    let (lights, edits) = (data("cornell.lights.json"), data("table_materials.json"));
+    let log = format!("{}.log.json", cornell().display());
+    let path = |p: &std::path::Path| p.display().to_string();
+    let (scene, sky, lights, edits) = (path(&scene), path(&sky), path(&lights), path(&edits));
+    let asset = path(cornell());
+    let o = |command: &str, words: &[&str]| -> Vec<String> {
+        let words = words.iter().map(|w| (*w).to_owned());
+        std::iter::once(command.to_owned()).chain(words).collect()
+    };
+    for (words, said) in [
+        (
+            o("play", &[&scene, "-o", &frame]),
+            ["a glTF scene, not an asset", "relight bake "],
+        ),
+        (
+            o("inspect", &[&scene]),
+            ["a glTF scene, not an asset", "relight bake "],
+        ),
+        (
+            o("check", &[&scene]),
+            ["a glTF scene, not an asset", "relight bake "],
+        ),
+        (
+            o("export", &[&scene, "--what", "points", "-o", &frame]),
+            ["a glTF scene", "relight bake "],
+        ),
+        (
+            o("report", &[&scene, "--lights", &lights, "-o", &frame]),
+            ["a glTF scene", "relight bake "],
+        ),
+        (
+            o("play", &[&lights, "-o", &frame]),
+            ["a lighting sequence, not an asset", "--lights "],
+        ),
+        (
+            o("play", &[&log, "-o", &frame]),
+            ["the log of a bake", "give the asset beside it"],
+        ),
+        (
+            o("bake", &[&asset, "-o", &frame]),
+            ["an asset, not a scene", "relight play "],
+        ),
+        (
+            o("bake", &[&lights, "-o", &frame]),
+            ["a lighting sequence, not a scene", "--lights "],
+        ),
+        (
+            o("bake", &[&scene, "--lights", &sky, "-o", &frame]),
+            ["an HDR image", "\"type\": \"environment\""],
+        ),
+        (
+            o("play", &[&asset, "--lights", &sky, "-o", &frame]),
+            ["an HDR image", "\"type\": \"environment\""],
+        ),
+        (
+            o("play", &[&asset, "--lights", &edits, "-o", &frame]),
+            ["a file of material edits", "--materials "],
+        ),
+        (
+            o("play", &[&asset, "--lights", &scene, "-o", &frame]),
+            ["a glTF scene", "relight bake "],
+        ),
+        (
+            o("play", &[&asset, "--materials", &lights, "-o", &frame]),
+            ["a lighting sequence", "--lights "],
+        ),
+        (
+            o("compare", &[&asset, &asset]),
+            ["an asset, not an OpenEXR image", "relight play "],
+        ),
+        (
+            o("compare", &[&sky, &sky]),
+            ["an HDR image, not an OpenEXR image", "give"],
+        ),
+    ] {
+        let text = complaint(relight().args(&words), 1);
+        assert!(said.iter().all(|said| text.contains(said)), "{words:?}: {text}");
+    }
+    let text = complaint(relight().arg("inspect").arg(room.path()), 1);
+    assert!(text.contains("is a folder"), "{text}");
+}
+
+/// A sequence is read from front to back, an asset is not.
+#[cfg(unix)]
+#[test]
+fn sequences_come_through_pipes_and_assets_do_not() {
+    let room = folder();
+    let lights = std::fs::read(data("cornell.lights.json")).unwrap();
+    let frame = room.path().join("f.exr");
+    let mut play = relight();
+    play.arg("play")
+        .arg(cornell())
+        .args(["--lights", "/dev/stdin", "--size", "8x8"]);
+    play.args(["--frames", "0", "-o"])
+        .arg(&frame)
+        .write_stdin(lights)
+        .assert()
+        .success();
+    for command in ["inspect", "check"] {
+        let text = complaint(relight().args([command, "/dev/stdin"]).write_stdin("x"), 1);
+        assert!(text.contains("/dev/stdin: is a pipe"), "{text}");
+    }
+    let mut bake = relight();
+    bake.args(["bake", "/dev/stdin", "-o"])
+        .arg(room.path().join("a.relight"))
+        .write_stdin("x");
+    let text = complaint(&mut bake, 1);
+    assert!(text.contains("/dev/stdin: is a pipe"), "{text}");
+}
