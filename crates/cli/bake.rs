@@ -20,6 +20,31 @@ pub use args::{BakeArgs, LightUnitsName, params};
 pub use job::{Job, read_scene, run_job};
 pub use kept::Kept;
 
+/// What a bake that was stopped leaves behind, and how to go on.
+pub fn left_behind(args: &BakeArgs) -> String {
+    let long = &args.long;
+    let shared = long
+        .plan
+        .as_ref()
+        .or(long.unit.as_ref().and_then(|unit| unit.get(1)));
+    if let Some(folder) = shared {
+        return format!(
+            "what is finished is kept in {}: the same command goes on from there",
+            folder.display()
+        );
+    }
+    if let Some(folder) = &long.merge {
+        return format!("nothing was written, and {} is as it was", folder.display());
+    }
+    match &args.output {
+        Some(output) if long.resume => kept::left_behind(output),
+        _ if long.dry_run => "nothing was left behind".into(),
+        _ if args.target_error.is_some() => "nothing was written or left behind".into(),
+        _ => "nothing was written or left behind, so the same command begins anew; a bake with --resume keeps what is finished"
+            .into(),
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Failure> {
     if let Some([piece, folder]) = args.long.unit.as_deref() {
@@ -37,7 +62,7 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     if args.long.dry_run {
         let _lock = lock::lock(output, console)?;
         let read = read(args, console)?;
-        return estimate::estimate(&read, &params, args.shading(), console)?.tell(args.json, console);
+        return estimate::estimate(&read, &params, args.shading(), console)?.tell(output, args.json, console);
     }
     let lock = lock::lock(output, console)?;
     let start = Instant::now();

@@ -212,10 +212,10 @@ pub fn run(args: &CheckArgs, seed: u64, console: &Console) -> Result<Outcome, Fa
     ));
     for line in &short {
         // Asked for, so said even with --quiet.
-        eprintln!(
+        console.fail(&format!(
             "relight: {} is {:.4e}, above its bound {:.4e} ({}); stage: {}",
             line.name, line.value, line.bound, line.why, line.stage
-        );
+        ));
     }
     Ok(if short.is_empty() {
         Outcome::Done

@@ -32,7 +32,8 @@ pub struct CompareArgs {
     /// Exit with code 3 if the relMSE of any layer is above this.
     #[arg(long, value_name = "X", value_parser = at_least_0)]
     pub max_relmse: Option<f64>,
-    /// Print one JSON object on stdout instead of a table. psnr_db is null for equal images.
+    /// Print one JSON object on stdout instead of a table. What has no meaning is left out: psnr_db of equal images, relmse, bias and
+    /// relative_error_p99 against a black reference (reference_is_black).
     #[arg(long)]
     pub json: bool,
 }
@@ -52,35 +53,65 @@ struct Report<'a> {
     image: String,
     reference: String,
     layers: BTreeMap<&'a str, Measured>,
-    worst_relmse: f64,
+    /// Nothing where light stands against a black reference.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    worst_relmse: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     max_relmse: Option<f64>,
     passed: bool,
 }
 
-/// How far a layer is from the reference.
+/// How far a layer is from the reference. What has no meaning is left out: errors relative to black, the PSNR of equal images.
 #[derive(Serialize)]
 struct Measured {
+    image_is_black: bool,
+    reference_is_black: bool,
     rmse: f64,
-    relmse: f64,
-    /// `None` for equal images.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    relmse: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     psnr_db: Option<f64>,
-    bias: f64,
-    bias_rgb: [f64; 3],
-    relative_error_p99: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bias: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bias_rgb: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    relative_error_p99: Option<f64>,
     flip: f64,
 }
 
-impl From<&Comparison> for Measured {
-    fn from(c: &Comparison) -> Measured {
+impl Measured {
+    fn new(c: &Comparison, black: [bool; 2]) -> Measured {
+        let finite = |x: f64| x.is_finite().then_some(x);
         Measured {
+            image_is_black: black[0],
+            reference_is_black: black[1],
             rmse: c.rmse,
-            relmse: c.relmse,
-            psnr_db: c.psnr_db.is_finite().then_some(c.psnr_db),
-            bias: c.bias,
-            bias_rgb: c.bias_rgb,
-            relative_error_p99: c.relative_error_p99,
+            relmse: finite(c.relmse),
+            psnr_db: finite(c.psnr_db),
+            bias: finite(c.bias),
+            bias_rgb: Some(c.bias_rgb).filter(|bias| bias.iter().all(|b| b.is_finite())),
+            relative_error_p99: finite(c.relative_error_p99),
             flip: c.flip,
         }
+    }
+}
+
+fn is_black(image: &FloatImage) -> bool {
+    image.pixels.iter().all(|pixel| *pixel == [0.0; 3])
+}
+
+/// Says that an image is black.
+fn tell_black(args: &CompareArgs, layer: &str, black: [bool; 2], console: &Console) {
+    let file = |path: &PathBuf| path.display().to_string();
+    let (image, reference) = (file(&args.image), file(&args.reference));
+    match black {
+        [false, false] => {}
+        [true, true] => console.note(format!("note: layer {layer} is black in both images")),
+        [true, false] => console.note(format!("warning: layer {layer} of {image} is black")),
+        [false, true] => console.note(format!(
+            "warning: layer {layer} of {reference} is black: nothing is relative to it, and {image} is not black"
+        )),
     }
 }
 
@@ -95,8 +126,10 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<Outcome, Failure> {
         read_exr(&args.reference, &limits)?,
     );
     let pairs = pairs(args, &image, &reference, console)?;
-    let mut results = Vec::new();
+    let (mut results, mut black) = (Vec::new(), Vec::new());
     for (name, a, b) in pairs {
+        black.push([is_black(&a), is_black(&b)]);
+        tell_black(args, &name, [is_black(&a), is_black(&b)], console);
         let measured = compare(&a, &b)
             .map_err(|error| anyhow::anyhow!("{}: layer {name}: {error}", args.image.display()))?;
         results.push((name, measured));
@@ -109,8 +142,10 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<Outcome, Failure> {
             command: "compare",
             image: args.image.display().to_string(),
             reference: args.reference.display().to_string(),
-            layers: results.iter().map(|(name, c)| (&**name, c.into())).collect(),
-            worst_relmse: worst,
+            layers: (results.iter().zip(black))
+                .map(|((name, c), black)| (&**name, Measured::new(c, black)))
+                .collect(),
+            worst_relmse: worst.is_finite().then_some(worst),
             max_relmse: args.max_relmse,
             passed: !short,
         })?;
@@ -119,10 +154,10 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<Outcome, Failure> {
     }
     if short {
         // Asked for, so said even with --quiet.
-        eprintln!(
+        console.fail(&format!(
             "relight: relMSE is {worst:.6}, above --max-relmse {}",
             args.max_relmse.unwrap_or(0.0)
-        );
+        ));
         return Ok(Outcome::FellShort);
     }
     Ok(Outcome::Done)
@@ -198,18 +233,19 @@ fn pairs(
 /// A table of comparisons, one row each.
 pub fn results_table(results: &[(String, Comparison)]) -> String {
     let header = ["layer", "RMSE", "relMSE", "PSNR dB", "bias %", "p99 rel.", "FLIP"];
+    // Against black.
+    let of = |x: f64, word: fn(f64) -> String| if x.is_finite() { word(x) } else { "-".into() };
     let rows = results.iter().map(|(name, c)| {
         vec![
             name.clone(),
             format!("{:.5}", c.rmse),
-            format!("{:.6}", c.relmse),
-            if c.psnr_db.is_finite() {
-                format!("{:.2}", c.psnr_db)
-            } else {
-                "equal".into()
+            of(c.relmse, |x| format!("{x:.6}")),
+            match c.psnr_db {
+                f64::INFINITY => "equal".into(),
+                psnr => of(psnr, |x| format!("{x:.2}")),
             },
-            format!("{:+.3}", 100.0 * c.bias),
-            format!("{:.4}", c.relative_error_p99),
+            of(c.bias, |x| format!("{:+.3}", 100.0 * x)),
+            of(c.relative_error_p99, |x| format!("{x:.4}")),
             format!("{:.4}", c.flip),
         ]
     });

@@ -1,11 +1,13 @@
 //! What people see while a command runs: bars with rate and time left on a terminal, plain lines elsewhere,
 //! nothing with --quiet but what nobody may miss.
 
+use crate::disk;
 use crate::signals;
 use crate::words;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 use std::io::IsTerminal;
+use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -23,7 +25,8 @@ pub enum ProgressStyleName {
     Auto,
     /// Lines.
     Plain,
-    /// One JSON object per line, every second: stage, done, total (null where it is not known), seconds, seconds_left.
+    /// One JSON object per line, every second: stage, done, total (null where it is not known), seconds, seconds_left; what is said
+    /// has note, detail, warning or error instead.
     Json,
 }
 
@@ -50,7 +53,7 @@ impl Console {
         Console {
             quiet,
             verbose,
-            terminal: style == ProgressStyleName::Auto && std::io::stderr().is_terminal(),
+            terminal: style == ProgressStyleName::Auto && std::io::stderr().is_terminal() && !is_dumb(),
             json: style == ProgressStyleName::Json,
             stage: Mutex::new(None),
         }
@@ -69,26 +72,36 @@ impl Console {
     /// A sentence for people.
     pub fn note(&self, text: impl AsRef<str>) {
         if !self.quiet {
-            self.say(text.as_ref());
+            self.say("note", text.as_ref());
         }
     }
 
     /// What nobody may miss: said with --quiet, too.
     pub fn warn(&self, text: impl AsRef<str>) {
-        self.say(text.as_ref());
+        self.say("warning", text.as_ref());
     }
 
     /// A sentence for people who asked for more.
     pub fn detail(&self, text: impl AsRef<str>) {
         if self.verbose {
-            self.say(text.as_ref());
+            self.say("detail", text.as_ref());
         }
     }
 
-    fn say(&self, text: &str) {
+    /// How the command failed.
+    pub fn fail(&self, text: &str) {
+        self.say("error", text);
+    }
+
+    /// With `--progress json` an object with the one field `kind`.
+    fn say(&self, kind: &str, text: &str) {
+        let said = match self.json {
+            true => serde_json::json!({ kind: text }).to_string(),
+            false => text.to_owned(),
+        };
         self.with_stage(|stage| match stage {
-            Some(stage) => stage.bar.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
+            Some(stage) => stage.bar.suspend(|| eprintln!("{said}")),
+            None => eprintln!("{said}"),
         });
     }
 
@@ -100,12 +113,17 @@ impl Console {
         }
         let bar = if self.terminal {
             let bar = ProgressBar::with_draw_target(total, ProgressDrawTarget::stderr());
+            // Wide parts take what the terminal leaves, and are cut where that is too little.
             let template = match total {
-                Some(_) => "{msg} [{bar:32}] {percent:>3} %  {per_sec}  {eta} left",
-                None => "{spinner} {msg} {elapsed}  {human_pos}",
+                Some(_) => "{wide_msg} {percent:>3}% {bar:8} {rate:>8} {eta:>4}",
+                None => "{spinner} {wide_msg} {human_pos} {elapsed}",
             };
             if let Ok(style) = ProgressStyle::with_template(template) {
-                bar.set_style(style);
+                let rate = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+                    // A line cannot fail to be written.
+                    let _ = out.write_str(&words::rate(state.per_sec()));
+                };
+                bar.set_style(style.with_key("rate", rate));
             }
             bar.set_message(name.to_owned());
             bar.enable_steady_tick(Duration::from_millis(120));
@@ -175,6 +193,11 @@ impl Console {
     }
 }
 
+/// Whether the terminal can't move its cursor.
+fn is_dumb() -> bool {
+    std::env::var_os("TERM").is_none_or(|term| term.is_empty() || term == "dumb")
+}
+
 /// A line of `--progress json`.
 #[derive(Serialize)]
 struct ProgressLine<'a> {
@@ -205,12 +228,12 @@ fn plain_line(stage: &Stage, done: u64) -> String {
     let rate = done as f64 / seconds.max(1e-9);
     match stage.total {
         Some(total) if total > 0 => format!(
-            "{}: {:.0} % ({} of {}, {:.0} a second), {:.0} s left",
+            "{}: {:.0} % ({} of {}, {}), {:.0} s left",
             stage.name,
             100.0 * done as f64 / total as f64,
             words::count(done),
             words::count(total),
-            rate,
+            words::rate(rate),
             total.saturating_sub(done) as f64 / rate.max(1e-9)
         ),
         _ => format!("{}: {} after {seconds:.0} s", stage.name, words::count(done)),
@@ -220,12 +243,16 @@ fn plain_line(stage: &Stage, done: u64) -> String {
 /// The console as the bake sees it.
 pub struct BakeProgress<'a> {
     console: &'a Console,
+    /// Where the asset will be, if it will.
+    target: Option<&'a Path>,
     done: AtomicU64,
     start: Instant,
     /// Milliseconds since `start` when the console was told last.
     told: AtomicU64,
 }
 
+/// Bytes of an asset for each of its points: 20 to 90 with their links (docs/results.md).
+const LEAST_BYTES_OF_POINT: f64 = 30.0;
 /// Milliseconds between two looks at the console: it has a lock, and workers report every receiver.
 const TOLD_EVERY: u64 = 50;
 
@@ -234,6 +261,7 @@ impl<'a> BakeProgress<'a> {
     pub fn new(console: &'a Console) -> BakeProgress<'a> {
         BakeProgress {
             console,
+            target: None,
             done: AtomicU64::new(0),
             start: Instant::now(),
             told: AtomicU64::new(0),
@@ -241,7 +269,25 @@ impl<'a> BakeProgress<'a> {
     }
 }
 
+impl<'a> BakeProgress<'a> {
+    /// As it is, for a bake of which an asset comes to lie there: says beforehand where its disk is too full.
+    pub fn towards(self, target: &'a Path) -> BakeProgress<'a> {
+        BakeProgress {
+            target: Some(target),
+            ..self
+        }
+    }
+}
+
 impl relight_bake::Progress for BakeProgress<'_> {
+    fn expects_points(&self, points: f64) {
+        let Some(target) = self.target else { return };
+        let bytes = (points * LEAST_BYTES_OF_POINT) as u64;
+        if let Some(text) = disk::lacks(target, bytes) {
+            self.console.warn(format!("warning: {text}"));
+        }
+    }
+
     fn stage(&self, name: &'static str, total: Option<u64>) {
         let words = match name {
             "load" => "Preparing the scene",

@@ -94,6 +94,7 @@ pub fn run(args: &ExportArgs, console: &Console) -> Result<Outcome, Failure> {
     let name = args.asset.display();
     let asset =
         format::read_parts(&args.asset, &Limits::default(), kinds).map_err(|e| anyhow!("{name}: {e}"))?;
+    let _whole = signals::whole();
     output::make_folder(&args.output)?;
     let guard = Guard::new(args.replace.force).reads([args.asset.as_path()]);
     let mut folder = Folder::new(&args.output, &guard)?;

@@ -29,8 +29,8 @@ impl<E: Into<anyhow::Error>> From<E> for Failure {
 }
 
 impl Failure {
-    /// One paragraph on stderr.
-    pub fn print(&self) {
+    /// One paragraph; `left` is what a command that was stopped leaves behind.
+    pub fn text(&self, left: &str) -> String {
         match self {
             Failure::Failed(error) => {
                 // Library errors carry their causes in their own words: only what was added in front is shown
@@ -43,10 +43,10 @@ impl Failure {
                         text += &cause;
                     }
                 }
-                eprintln!("relight: error: {text}");
+                format!("relight: error: {text}")
             }
-            Failure::Usage(message) => eprintln!("relight: error: {message}\nFor more, try --help."),
-            Failure::Stopped(_) => eprintln!("relight: stopped; nothing half-finished was left behind"),
+            Failure::Usage(message) => format!("relight: error: {message}\nFor more, try --help."),
+            Failure::Stopped(_) => format!("relight: stopped; {left}"),
         }
     }
 

@@ -52,6 +52,9 @@ const HEADINGS: [(&str, &[&str]); 8] = [
         "Many lights",
         &[
             "area_samples",
+            "environment_samples",
+            "sun_samples",
+            "sky_samples",
             "vpls",
             "clamp",
             "error_ratio",

@@ -77,6 +77,7 @@ pub fn draw(path: &Path, asset: &Asset, folder: &Path) -> Result<(), Failure> {
             })
             .collect();
         let pixels = seen.resolve(&colors).iter().map(Vec3::to_array).collect();
+        let _whole = signals::whole();
         write_png(
             file,
             &display_encoded(&FloatImage {

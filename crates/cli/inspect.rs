@@ -4,7 +4,7 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::guard::Guard;
 use crate::images;
-use crate::inspection::{BakeLog, BakeRun, Inspection};
+use crate::inspection::{BakeLog, BakeRun, Inspection, Names};
 use crate::kinds::{self, Wanted};
 use crate::options::ReplaceArgs;
 use crate::output;
@@ -47,11 +47,13 @@ pub fn run(args: &InspectArgs, console: &Console) -> Result<Outcome, Failure> {
     let summary = format::read_summary(path).map_err(failed)?;
     let counted = Content::from_counts(&summary.provenance.counts);
     // All of an asset is only read for pictures, on request, and where an older bake has counted nothing.
-    let (content, estimates) = match counted {
+    let (content, estimates, names) = match counted {
         Some(content) if !args.verify && args.images.is_none() => {
-            let estimates =
-                format::read_parts(path, &Limits::default(), &[Kind::Estimates]).map_err(failed)?;
-            (content, estimates.estimates)
+            let [materials, stage] = Names::SECTIONS;
+            let parts = [Kind::Estimates, materials, stage];
+            let parts = format::read_parts(path, &Limits::default(), &parts).map_err(failed)?;
+            let names = Names::of(&parts);
+            (content, parts.estimates, names)
         }
         counted => {
             let asset = format::read_file(path, &Limits::default()).map_err(failed)?;
@@ -68,10 +70,11 @@ pub fn run(args: &InspectArgs, console: &Console) -> Result<Outcome, Failure> {
                 }
                 images::draw(path, &asset, folder)?;
             }
-            (content, asset.estimates)
+            let names = Names::of(&asset);
+            (content, asset.estimates, names)
         }
     };
-    let mut inspection = Inspection::new(path, &summary, &content, estimates.as_ref())?;
+    let mut inspection = Inspection::new(path, &summary, &content, estimates.as_ref(), names)?;
     match BakeLog::beside(path) {
         Ok(Some(log)) => {
             inspection = inspection.with_run(BakeRun {
@@ -193,6 +196,15 @@ pub fn describe(asset: &Inspection) -> String {
             bytes(run.peak_memory_bytes.unwrap_or(0))
         ));
     }
+    for (what, names) in [
+        ("cameras", &asset.names.cameras),
+        ("lights", &asset.names.lights),
+        ("materials", &asset.names.materials),
+    ] {
+        if !names.is_empty() {
+            line(format!("{what:<10} {}", listed(names)));
+        }
+    }
     for left in &asset.left_out {
         let mut saved = vec![bytes(left.saved_bytes)];
         if left.saved_rays > 0 {
@@ -210,6 +222,16 @@ pub fn describe(asset: &Inspection) -> String {
         line(format!("note       {note}"));
     }
     out.trim_end().to_owned()
+}
+
+/// Names with commas between them; of very many the first, and their number.
+fn listed(names: &[String]) -> String {
+    const MOST: usize = 40;
+    let mut text: Vec<String> = names.iter().take(MOST).map(|name| format!("{name:?}")).collect();
+    if names.len() > MOST {
+        text.push(format!("and {} more", count((names.len() - MOST) as u64)));
+    }
+    text.join(", ")
 }
 
 fn levels_table(asset: &Inspection) -> String {

@@ -3,7 +3,9 @@
 use crate::estimates::{self, Expected};
 use crate::failure::Failure;
 use crate::output::{SCHEMA, log_path};
+use relight_format::layout::Kind;
 use relight_format::{self as format, Asset, Content, CutContent, Estimates, Summary};
+use relight_scene::sequence::stage_from_json;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -69,6 +71,9 @@ pub struct Inspection {
     pub surface_without_points_m2: Option<f64>,
     /// Bytes of the file.
     pub bytes: Bytes,
+    /// Names that options, sequences and edits take.
+    #[serde(default)]
+    pub names: Names,
     /// What was left out.
     pub left_out: Vec<LeftOut>,
     /// What the bake estimated, by name.
@@ -83,6 +88,37 @@ pub struct Inspection {
     /// What the log says of the bake, if it is there.
     #[serde(flatten)]
     pub run: Option<BakeRun>,
+}
+
+/// Names that options, sequences and edits take.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Names {
+    /// Cameras, the first of which `play` takes by itself.
+    pub cameras: Vec<String>,
+    /// The scene's own lights.
+    pub lights: Vec<String>,
+    /// Materials.
+    pub materials: Vec<String>,
+}
+
+impl Names {
+    /// The sections that have them.
+    pub const SECTIONS: [Kind; 2] = [Kind::Materials, Kind::Stage];
+
+    /// Of an asset, or its [`Names::SECTIONS`].
+    pub fn of(asset: &Asset) -> Names {
+        // What cannot be read is told by who plays it.
+        let (cameras, sequence) = stage_from_json(&asset.stage.json).unwrap_or_default();
+        Names {
+            cameras: cameras.into_iter().map(|camera| camera.name).collect(),
+            lights: sequence.lights.into_iter().map(|light| light.name).collect(),
+            materials: asset
+                .materials
+                .iter()
+                .map(|material| material.name.clone())
+                .collect(),
+        }
+    }
 }
 
 /// Links of each operator.
@@ -212,7 +248,14 @@ impl Inspection {
     /// The file cannot be read.
     pub fn of_asset(path: &Path, asset: &Asset) -> Result<Inspection, Failure> {
         let summary = format::read_summary(path)?;
-        Inspection::new(path, &summary, &Content::of(asset), asset.estimates.as_ref())
+        let content = Content::of(asset);
+        Inspection::new(
+            path,
+            &summary,
+            &content,
+            asset.estimates.as_ref(),
+            Names::of(asset),
+        )
     }
 
     /// What is known from the parts of a file.
@@ -224,6 +267,7 @@ impl Inspection {
         summary: &Summary,
         content: &Content,
         estimates: Option<&Estimates>,
+        names: Names,
     ) -> Result<Inspection, Failure> {
         let provenance = &summary.provenance;
         let counted = |name: &str| provenance.counts.iter().find(|c| c.0 == name).map(|c| c.1);
@@ -283,6 +327,7 @@ impl Inspection {
                 sections: summary.sections.iter().map(section).collect(),
                 total: summary.file_bytes,
             },
+            names,
             left_out: left_out.collect(),
             estimates: known,
             expected: Expected::of(estimates),

@@ -9,6 +9,7 @@ mod check;
 mod compare;
 mod console;
 mod demo;
+mod disk;
 mod estimates;
 mod export;
 mod failure;
@@ -91,15 +92,64 @@ fn main() -> ExitCode {
     let matches = help::complete(Cli::command()).get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let console = Console::new(cli.global.quiet, cli.global.verbose, cli.global.progress);
-    let result = run(&cli, &console);
+    let result = std::thread::scope(|scope| {
+        let (running, ended) = std::sync::mpsc::channel();
+        if cli.command.leaves_soon() {
+            scope.spawn(|| {
+                // Its own, so that it ends with the command.
+                let ended = ended;
+                signals::leave_soon(&ended, |failure| say(failure, &cli, &console));
+            });
+        }
+        let result = run(&cli, &console);
+        drop(running);
+        result
+    });
+    if let Err(failure) = &result {
+        say(failure, &cli, &console);
+    }
     console.close();
     output::tidy();
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::FellShort) => ExitCode::from(3),
-        Err(failure) => {
-            failure.print();
-            failure.exit_code()
+        Err(failure) => failure.exit_code(),
+    }
+}
+
+/// Says how a command failed.
+fn say(failure: &Failure, cli: &Cli, console: &Console) {
+    console.close();
+    output::tidy();
+    let left = match failure {
+        Failure::Stopped(_) => cli.command.left_behind(),
+        _ => String::new(),
+    };
+    console.fail(&failure.text(&left));
+}
+
+impl Command {
+    /// Whether nothing would be left behind if it ended anywhere but where it writes files.
+    fn leaves_soon(&self) -> bool {
+        match self {
+            Command::Play(_) | Command::Inspect(_) | Command::Export(_) | Command::Compare(_) => true,
+            Command::Check(args) => args.asset.is_some(),
+            _ => false,
+        }
+    }
+
+    /// What is there when it was stopped, and how to go on.
+    fn left_behind(&self) -> String {
+        match self {
+            Command::Bake(args) => bake::left_behind(args),
+            Command::Play(_) => {
+                "frames that were finished are whole, and nothing else was left behind".into()
+            }
+            Command::Report(args) => format!(
+                "what was measured is kept in {}: the same command goes on from there",
+                args.output.display()
+            ),
+            _ => "nothing was left behind".into(),
         }
     }
 }

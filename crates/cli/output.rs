@@ -1,5 +1,6 @@
 //! Where results go: JSON on stdout, files beside their targets.
 
+use crate::signals;
 use anyhow::{Context, Result};
 use comfy_table::presets;
 use comfy_table::{CellAlignment, Table};
@@ -33,6 +34,7 @@ pub fn print_json(value: &impl Serialize) -> Result<()> {
 /// # Errors
 /// As [`print_json`].
 pub fn print_text(text: &str) -> Result<()> {
+    let _whole = signals::whole();
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
@@ -105,6 +107,7 @@ pub fn prepare_output(path: &Path) -> Result<()> {
         _ => Path::new("."),
     };
     make_folder(folder).with_context(|| path.display().to_string())?;
+    let _whole = signals::whole();
     // The name itself, which may be too long or have what the file system can't.
     if let Err(error) = path.symlink_metadata()
         && error.kind() != std::io::ErrorKind::NotFound

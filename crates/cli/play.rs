@@ -120,6 +120,7 @@ pub fn play(
         threads: rayon::current_num_threads(),
         fixed_camera: !moving,
         without_points: None,
+        time_unit: "ms",
         once_per_shot: OncePerShot { load, shot: None },
         frames: Vec::new(),
     };
@@ -283,6 +284,7 @@ struct Written {
 
 /// Writes the layers of a frame that are asked for.
 fn write(args: &PlayArgs, file: PathBuf, all: &Layers, header: &ExrHeader) -> Result<Written, ImageError> {
+    let _whole = signals::whole();
     let start = Instant::now();
     let warnings = write_exr(&file, &chosen(all, &args.layers), header, args.float)?;
     if args.png {

@@ -1,28 +1,98 @@
-//! Ctrl-C and SIGTERM: the first asks every stage to stop, the second leaves at once (outputs are written
-//! beside their targets and renamed, so nothing is half there in either case).
+//! Ctrl-C, SIGTERM and their like: the first asks every stage to stop, the second leaves at once (outputs are written
+//! beside their targets and renamed, so nothing is half there in either case). Commands that leave nothing behind but what is
+//! written under [`whole`] don't wait for a stage that takes long: [`leave_soon`].
 
 use crate::failure::Failure;
 use relight_render::watch::Watch;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, LazyLock};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::{Arc, LazyLock, PoisonError, RwLock, RwLockReadGuard};
+use std::time::Duration;
 
 static STOP: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 static SIGNAL: LazyLock<Arc<AtomicUsize>> = LazyLock::new(Arc::default);
+
+/// Held by who has files half written.
+static WHOLE: RwLock<()> = RwLock::new(());
+
+/// How often it is looked for a signal, and how long a stage has to stop by itself.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Starts to listen.
 ///
 /// # Errors
 /// The system refuses to install a handler.
 pub fn install() -> std::io::Result<()> {
-    for signal in [SIGINT, SIGTERM] {
+    for signal in [SIGINT, SIGTERM].into_iter().chain(system::others()) {
         // Handlers run in order: the shutdown sees the flag of an earlier signal only.
         flag::register_conditional_shutdown(signal, 128 + signal, STOP.clone())?;
         flag::register_usize(signal, SIGNAL.clone(), signal as usize)?;
         flag::register(signal, STOP.clone())?;
     }
-    Ok(())
+    system::limits_are_errors()
+}
+
+/// While this is held, files are half written, and [`leave_soon`] waits.
+pub fn whole() -> RwLockReadGuard<'static, ()> {
+    WHOLE.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Ends the process soon after a signal, whatever is being computed, once no file is half written; `last_words` are said before.
+/// Returns when the other side of `running` is gone.
+pub fn leave_soon(running: &Receiver<()>, last_words: impl FnOnce(&Failure)) {
+    let wait = |time| running.recv_timeout(time) == Err(RecvTimeoutError::Timeout);
+    while !stopped() {
+        if !wait(LOOK_EVERY) {
+            return;
+        }
+    }
+    if !wait(PATIENCE) {
+        return;
+    }
+    // Kept to the end: nobody begins another file.
+    let _all = WHOLE.write().unwrap_or_else(PoisonError::into_inner);
+    let failure = failure();
+    last_words(&failure);
+    std::process::exit(128 + SIGNAL.load(Ordering::Relaxed) as i32);
+}
+
+#[cfg(unix)]
+mod system {
+    use signal_hook::consts::{SIGHUP, SIGXCPU, SIGXFSZ};
+    use signal_hook::flag;
+    use std::sync::Arc;
+
+    /// Further signals that stop a command: the terminal is gone, or the time that it may take is over. One that whoever started the
+    /// program lets it ignore, as nohup does, stays ignored.
+    pub fn others() -> impl Iterator<Item = i32> {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+        let ignored = ignored.and_then(|bits| u64::from_str_radix(bits.trim(), 16).ok());
+        // Where nobody says what is ignored, none is touched.
+        let ignored = ignored.unwrap_or(u64::MAX);
+        [SIGHUP, SIGXCPU]
+            .into_iter()
+            .filter(move |signal| ignored >> (signal - 1) & 1 == 0)
+    }
+
+    /// A file that grows beyond what the process may write is an error of that write, like a full disk.
+    pub fn limits_are_errors() -> std::io::Result<()> {
+        flag::register(SIGXFSZ, Arc::default()).map(drop)
+    }
+}
+
+#[cfg(not(unix))]
+mod system {
+    pub fn others() -> impl Iterator<Item = i32> {
+        std::iter::empty()
+    }
+
+    pub fn limits_are_errors() -> std::io::Result<()> {
+        Ok(())
+    }
 }
 
 /// Watches renderings: a signal stops them.

@@ -152,7 +152,7 @@ fn tried(
     console: &Console,
 ) -> Result<(Baked, Expected), Failure> {
     let params = with_step(order.job.params, step);
-    let baked = bake_job(order.job, &params, scene.clone(), None, console)?;
+    let baked = bake_job(order.job, &params, scene.clone(), None, None, console)?;
     signals::go_on()?;
     console.begin("Comparing with the probes", None);
     let estimate = probes.estimate(&baked.asset)?;

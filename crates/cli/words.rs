@@ -13,6 +13,15 @@ pub fn count(n: u64) -> String {
     text
 }
 
+/// So many things a second: `0.76 M/s`.
+pub fn rate(per_second: f64) -> String {
+    match per_second {
+        r if r >= 1e5 => format!("{:.2} M/s", r * 1e-6),
+        r if r >= 1e3 => format!("{:.1} k/s", r * 1e-3),
+        r => format!("{r:.1} /s"),
+    }
+}
+
 /// Bytes in binary units: `3.4 MiB`.
 pub fn bytes(n: u64) -> String {
     const UNITS: [&str; 5] = ["B", "KiB", "MiB", "GiB", "TiB"];
@@ -52,6 +61,10 @@ mod tests {
         assert_eq!(
             (count(0), count(999), count(1000), count(1_234_567)),
             ("0".into(), "999".into(), "1,000".into(), "1,234,567".into())
+        );
+        assert_eq!(
+            (rate(760_000.0), rate(12_340.0), rate(5.06)),
+            ("0.76 M/s".into(), "12.3 k/s".into(), "5.1 /s".into())
         );
         assert_eq!(
             (bytes(1023), bytes(1536), bytes(5 << 30)),

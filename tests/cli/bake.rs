@@ -227,6 +227,9 @@ fn a_full_disk_is_an_error_that_leaves_nothing_behind() {
     }
     assert_eq!(output.status.code(), Some(1), "{text}");
     assert!(text.contains("a.relight"), "{text}");
+    // Told beforehand, from the number of points.
+    let told = text.find("its disk has").expect(&text);
+    assert!(told < text.find("Linking points").expect(&text), "{text}");
     assert_eq!(
         String::from_utf8(output.stdout).unwrap(),
         "",

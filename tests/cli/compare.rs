@@ -91,3 +91,39 @@ fn sizes_must_agree() {
     write_exr(&b, &layers, &ExrHeader::new(), true).unwrap();
     complaint(relight().arg("compare").args([&a, &b]), 1);
 }
+
+#[test]
+fn black_images_are_said_to_be_black_and_nothing_is_null() {
+    let folder = folder();
+    let light = flat(folder.path(), "light.exr", "beauty", 0.5);
+    let black = flat(folder.path(), "black.exr", "beauty", 0.0);
+    for (image, reference, said, relative) in [
+        (&light, &black, "is black: nothing is relative to it", false),
+        (&black, &light, "black.exr is black", true),
+        (&black, &black, "is black in both images", true),
+    ] {
+        let mut compare = relight();
+        let run = compare
+            .arg("compare")
+            .args([image, reference])
+            .arg("--json")
+            .assert()
+            .success();
+        let output = run.get_output().clone();
+        let words = String::from_utf8(output.stderr).unwrap();
+        assert!(words.contains(said), "{words}");
+        let text = String::from_utf8(output.stdout.clone()).unwrap();
+        assert!(!text.contains("null"), "{text}");
+        let layer = &json(&output.stdout)["layers"]["beauty"];
+        assert_eq!(layer["image_is_black"], image == &black);
+        assert_eq!(layer["reference_is_black"], reference == &black);
+        assert_eq!(layer["relmse"].is_number(), relative, "{text}");
+        // Whatever is asked for, light is not as good as black.
+        let mut compare = relight();
+        compare
+            .arg("compare")
+            .args([image, reference])
+            .args(["--max-relmse", "1e9"]);
+        compare.assert().code(if relative { 0 } else { 3 });
+    }
+}

@@ -210,3 +210,83 @@ fn the_demo_says_where_it_can_run() {
     let text = String::from_utf8(output.stderr).unwrap();
     assert!(text.contains("clone of the repository"), "{text}");
 }
+
+/// Farms read these lines; what goes wrong is one of them.
+#[test]
+fn with_json_progress_all_that_is_said_is_json() {
+    let room = folder();
+    let frame = room.path().join("f.exr");
+    let asset = cornell().to_str().unwrap();
+    let play = [
+        "play",
+        asset,
+        "--size",
+        "8x8",
+        "-v",
+        "-o",
+        frame.to_str().unwrap(),
+    ];
+    let gone = ["inspect", "no such file"];
+    for (words, code, last) in [(&play[..], 0, "note"), (&gone[..], 1, "error")] {
+        let mut run = relight();
+        let run = run.args(words).args(["--progress", "json"]).assert().code(code);
+        let text = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+        let lines: Vec<serde_json::Value> = (text.lines())
+            .map(|line| serde_json::from_str(line).unwrap_or_else(|_| panic!("{line}")))
+            .collect();
+        let is = |kind: &str| lines.iter().any(|line| line[kind].is_string());
+        assert!(is(last), "{text}");
+        assert!(code == 1 || (is("stage") && is("detail")), "{text}");
+    }
+}
+
+/// What a terminal shows, which `script` is here.
+fn on_a_terminal(term: &str, columns: u32, folder: &std::path::Path) -> Option<String> {
+    let (program, asset) = (env!("CARGO_BIN_EXE_relight"), cornell().display());
+    let line = format!(
+        "stty cols {columns} rows 24; TERM={term} {program} play {asset} -o {}/f.exr --size 64x64 --integrator path --spp 64",
+        folder.display()
+    );
+    let output = std::process::Command::new("script")
+        .args(["-qec", &line, "/dev/null"])
+        .output();
+    let output = output.ok().filter(|o| o.status.success())?;
+    Some(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn bars_fit_the_terminal_and_dumb_ones_have_lines() {
+    let room = folder();
+    let Some(text) = on_a_terminal("dumb", 80, room.path()) else {
+        eprintln!("SKIPPED: there is no script(1) that makes a terminal");
+        return;
+    };
+    assert!(
+        text.contains("Lighting frames ...") && !text.contains('\u{1b}'),
+        "{text:?}"
+    );
+    for columns in [80, 40] {
+        let text = on_a_terminal("xterm", columns, room.path()).unwrap();
+        let bars: Vec<String> = (text.split(['\r', '\n']))
+            .map(without_escapes)
+            .filter(|line| line.contains("Lighting") && line.contains('%'))
+            .collect();
+        assert!(!bars.is_empty(), "{text:?}");
+        for bar in bars {
+            assert!(bar.chars().count() <= columns as usize, "{columns}: {bar:?}");
+        }
+    }
+}
+
+/// A line without what moves the cursor: ESC [ … letter.
+fn without_escapes(line: &str) -> String {
+    let mut parts = line.split('\u{1b}');
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |text, part| {
+        text + part
+            .trim_start_matches(|c: char| !c.is_ascii_alphabetic())
+            .get(1..)
+            .unwrap_or_default()
+    })
+}

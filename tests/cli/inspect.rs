@@ -137,3 +137,18 @@ fn links_are_counted_without_being_read() {
         .success();
     assert_eq!(json(&verified.get_output().stdout)["verified"], true);
 }
+
+/// Truth: data/generate's Cornell box.
+#[test]
+fn names_that_options_take_are_listed() {
+    let names = &inspect_json(cornell())["names"];
+    assert_eq!(names["cameras"], serde_json::json!(["Camera"]));
+    assert_eq!(names["lights"].as_array().unwrap().len(), 1);
+    assert_eq!(names["materials"].as_array().unwrap().len(), 4);
+    let run = relight().arg("inspect").arg(cornell()).assert().success();
+    let text = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+    assert!(
+        text.contains("cameras    \"Camera\"") && text.contains("materials  \""),
+        "{text}"
+    );
+}

@@ -1,6 +1,6 @@
 //! A file of the wrong kind is named, with the command that takes it; and where a stream is enough, pipes are read.
 
-use crate::stage::{complaint, cornell, data, folder, relight};
+use crate::stage::{TINY_LIGHT, complaint, cornell, data, folder, relight};
 
 /// What is given to which command, and what must be said.
 #[test]
@@ -116,4 +116,27 @@ fn sequences_come_through_pipes_and_assets_do_not() {
         .write_stdin("x");
     let text = complaint(&mut bake, 1);
     assert!(text.contains("/dev/stdin: is a pipe"), "{text}");
+}
+
+/// As editors and shells of Windows write them.
+#[test]
+fn sequences_with_byte_order_marks_are_read() {
+    let room = folder();
+    let utf8 = format!("\u{feff}{TINY_LIGHT}").into_bytes();
+    let wide = |unit: fn(u16) -> [u8; 2]| -> Vec<u8> {
+        let text = format!("\u{feff}{TINY_LIGHT}");
+        text.encode_utf16().flat_map(unit).collect()
+    };
+    let (lights, frame) = (room.path().join("l.json"), room.path().join("f.exr"));
+    for bytes in [utf8, wide(u16::to_le_bytes), wide(u16::to_be_bytes)] {
+        std::fs::write(&lights, bytes).unwrap();
+        let mut play = relight();
+        play.arg("play").arg(cornell()).arg("--lights").arg(&lights);
+        play.args(["--size", "8x8", "-o"]).arg(&frame).assert().success();
+    }
+    std::fs::write(&lights, [0xff, 0xfe, 0x41]).unwrap();
+    let mut play = relight();
+    play.arg("play").arg(cornell()).arg("--lights").arg(&lights);
+    let text = complaint(play.arg("-o").arg(&frame), 1);
+    assert!(text.contains("l.json") && text.contains("UTF-8"), "{text}");
 }

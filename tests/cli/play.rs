@@ -346,3 +346,68 @@ fn what_an_asset_has_no_points_for_is_said_and_a_viewpoint_adds_them() {
         assert!(!words.contains("warning"), "{words}");
     }
 }
+
+/// Light is linear: what a lamp of 1 gives, times k, is what one of k gives, up to the largest that is read.
+#[test]
+fn the_largest_lights_are_right_and_larger_ones_are_refused() {
+    let folder = folder();
+    let frame = folder.path().join("f.exr");
+    let lit = |intensity: &str| {
+        let lights = TINY_LIGHT.replace(
+            "[0.3, 0.2, 0.1]",
+            &format!("[{intensity}, {intensity}, {intensity}]"),
+        );
+        let lights = sequence(folder.path(), "l.json", &lights);
+        let mut play = play(&frame);
+        play.arg("--lights")
+            .arg(lights)
+            .args(["--float", "--integrator", "transfer"]);
+        play
+    };
+    lit("1").assert().success();
+    let one = layers(&frame);
+    lit("1e30").assert().success();
+    let most = layers(&frame);
+    for layer in ["direct", "indirect"] {
+        let (one, most) = (one.rgb(layer).unwrap(), most.rgb(layer).unwrap());
+        assert!(one.pixels.iter().flatten().any(|&v| v > 0.0));
+        for (a, b) in one.pixels.iter().flatten().zip(most.pixels.iter().flatten()) {
+            let (a, b) = (f64::from(*a), f64::from(*b) * 1e-30);
+            assert!((a - b).abs() <= 1e-4 * a.max(1e-6), "{layer}: {a} {b}");
+        }
+    }
+    let text = complaint(&mut lit("3e38"), 1);
+    assert!(
+        text.contains("expected a number from 0 to 1e30, found 3e38"),
+        "{text}"
+    );
+}
+
+/// Light sources without extent: as many as are asked for.
+#[test]
+fn the_numbers_of_points_are_options_and_rays_are_counted() {
+    let folder = folder();
+    let text = r#"{ "relight_sequence": 1, "lights": [
+        { "name": "sky", "type": "sun_sky", "turbidity": 3, "sun_direction": [0.3, 0.7, -0.4] } ] }"#;
+    let lights = sequence(folder.path(), "l.json", text);
+    let run = |integrator: &str, more: &[&str]| {
+        let mut play = play(&folder.path().join("f.exr"));
+        play.arg("--lights")
+            .arg(&lights)
+            .args(["--json", "--integrator", integrator])
+            .args(more);
+        json(&play.assert().success().get_output().stdout)["frames"][0].clone()
+    };
+    let few = run(
+        "lightcuts",
+        &["--sun-samples", "3", "--sky-samples", "50", "--vpls", "200"],
+    );
+    let lights_of = |frame: &serde_json::Value| {
+        frame["lights"].as_u64().unwrap() - frame["virtual_lights"].as_u64().unwrap()
+    };
+    assert_eq!(few["virtual_lights"], 200);
+    assert!((40..=53).contains(&lights_of(&few)), "{few}");
+    assert!(few["shadow_rays_per_pixel"].as_f64().unwrap() > 0.0, "{few}");
+    let text = complaint(play(&folder.path().join("f.exr")).args(["--sun-samples", "3"]), 2);
+    assert!(text.contains("--sun-samples"), "{text}");
+}

@@ -310,3 +310,29 @@ fn in_a_browser_plots_show_tables_sort_and_pictures_flip() {
     );
     assert!(!log.contains("CONSOLE"), "{log}");
 }
+
+#[test]
+fn of_a_dark_sequence_a_report_gives_no_advice() {
+    let (out, lights) = (folder(), folder());
+    let file = lights.path().join("dark.json");
+    std::fs::write(&file, r#"{ "relight_sequence": 1, "lights": [] }"#).unwrap();
+    let mut command = relight();
+    command
+        .arg("report")
+        .arg(cornell())
+        .arg("--lights")
+        .arg(&file)
+        .arg("-o")
+        .arg(out.path());
+    command.args(["--size", "8x8", "--json", "-q", "--budget", "1s"]);
+    let said = json(&command.assert().success().get_output().stdout);
+    let findings = said["findings"].as_array().unwrap();
+    assert_eq!(findings.len(), 1, "{findings:?}");
+    assert!(
+        findings[0]
+            .as_str()
+            .unwrap()
+            .contains("No light reaches the camera"),
+        "{findings:?}"
+    );
+}

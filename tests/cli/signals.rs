@@ -4,9 +4,15 @@
 use crate::stage::{cornell, data, folder, names, send};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
+use std::time::Instant;
 
 /// Starts the program, sends `signal` when a line of stderr begins with `stage`, and returns the exit code.
 fn stopped_in(stage: &str, signal: &str, command: &mut Command) -> Option<i32> {
+    stopped_saying(stage, signal, command).0
+}
+
+/// The same, with what was said from then on.
+fn stopped_saying(stage: &str, signal: &str, command: &mut Command) -> (Option<i32>, String) {
     let mut child = command
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
@@ -20,8 +26,8 @@ fn stopped_in(stage: &str, signal: &str, command: &mut Command) -> Option<i32> {
     assert!(reached, "the stage {stage:?} never began");
     send(signal, &child);
     // Drained, or the child might block on its last words.
-    lines.for_each(drop);
-    child.wait().unwrap().code()
+    let said: Vec<String> = lines.map_while(Result::ok).collect();
+    (child.wait().unwrap().code(), said.join("\n"))
 }
 
 #[test]
@@ -62,5 +68,79 @@ fn a_playback_stops_within_a_frame() {
             .args(["--integrator", integrator, "--spp", "4000", "--size", "640x640"]);
         assert_eq!(stopped_in("Lighting frames", "-INT", &mut play), Some(130));
         assert!(names(folder.path()).is_empty());
+    }
+}
+
+/// What a play computes before its first frame takes longest, and is one piece.
+#[test]
+fn a_playback_stops_within_two_seconds_whatever_it_computes() {
+    let folder = folder();
+    for stage in ["Reading the asset", "Lighting frames"] {
+        let mut play = Command::new(env!("CARGO_BIN_EXE_relight"));
+        play.arg("play")
+            .arg(cornell())
+            .arg("-o")
+            .arg(folder.path().join("new/f.exr"))
+            .args(["--integrator", "transfer", "--spp", "256", "--size", "640x640"]);
+        let start = Instant::now();
+        let (code, words) = stopped_saying(stage, "-INT", &mut play);
+        assert_eq!(code, Some(130), "{words}");
+        assert!(start.elapsed().as_secs_f64() < 4.0, "{:?}", start.elapsed());
+        assert!(words.contains("relight: stopped; frames"), "{words}");
+        assert!(names(folder.path()).is_empty());
+    }
+}
+
+#[test]
+fn a_bake_that_is_stopped_says_what_is_left_and_how_to_go_on() {
+    let folder = folder();
+    let asset = folder.path().join("a.relight");
+    let bake = |more: &[&str]| {
+        let mut bake = Command::new(env!("CARGO_BIN_EXE_relight"));
+        bake.arg("bake").arg(data("atrium.glb")).arg("-o").arg(&asset);
+        bake.args(["--levels", "4"]).args(more);
+        bake
+    };
+    let (_, words) = stopped_saying("Linking points", "-INT", &mut bake(&[]));
+    assert!(words.contains("nothing was written or left behind"), "{words}");
+    assert!(words.contains("--resume keeps what is finished"), "{words}");
+    let (_, words) = stopped_saying("Linking points", "-INT", &mut bake(&["--resume"]));
+    assert!(words.contains("of finished work in"), "{words}");
+    assert!(words.contains("the same command goes on from there"), "{words}");
+    assert!(!words.contains("nothing"), "{words}");
+    assert_eq!(names(folder.path()), ["a.relight.units"]);
+    std::fs::remove_dir_all(folder.path().join("a.relight.units")).unwrap();
+    let (_, words) = stopped_saying("Reading the scene", "-TERM", &mut bake(&["--resume"]));
+    assert!(words.contains("nothing was left behind"), "{words}");
+    assert!(names(folder.path()).is_empty());
+}
+
+/// A limit on the size of files ends a process by a signal, unless it takes that for an error.
+#[test]
+fn a_limit_on_file_size_is_an_error_that_leaves_nothing_behind() {
+    let folder = folder();
+    let program = env!("CARGO_BIN_EXE_relight");
+    let asset = cornell().display();
+    let scene = data("cornell.glb");
+    for command in [
+        format!(
+            "bake {} -o a.relight --levels 2 --coarse-radius 0.1 --sender-levels 1",
+            scene.display()
+        ),
+        format!("play {asset} -o new/f.exr --size 200x200"),
+        format!("export {asset} --what links -o new"),
+        format!("inspect {asset} --images new"),
+    ] {
+        // Blocks of 512 or 1024 bytes.
+        let script = format!("ulimit -f 4; exec {program} {command}");
+        let output = Command::new("sh")
+            .args(["-c", &script])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{command}: {text}");
+        assert!(text.contains("too large"), "{command}: {text}");
+        assert!(names(folder.path()).is_empty(), "{command}");
     }
 }

@@ -31,15 +31,15 @@ pub enum BakeError {
     },
     /// Points and bounces alone need more memory than the machine has.
     #[error(
-        "these settings make about {points} points, which need at least {} MB of memory, and this machine has {} MB: take a \
+        "these settings make about {} points, which need at least {} MB of memory, and this machine has {} MB: take a \
          larger --coarse-radius, fewer --levels or --preset draft",
-        needed / 1_000_000, available / 1_000_000
+        in_words(*points), in_words(needed / 1e6), available / 1_000_000
     )]
     TooLarge {
         /// Points of all levels, about.
-        points: u64,
+        points: f64,
         /// Bytes that they and the bounces surely take.
-        needed: u64,
+        needed: f64,
         /// Bytes that there are.
         available: u64,
     },
@@ -65,4 +65,13 @@ pub enum BakeError {
     /// A signal asked the bake to stop.
     #[error("the bake was stopped; nothing was written")]
     Stopped,
+}
+
+/// A count; what is beyond all machines by its size alone.
+fn in_words(count: f64) -> String {
+    if count < 1e15 {
+        format!("{count:.0}")
+    } else {
+        format!("{count:.1e}")
+    }
 }

@@ -12,15 +12,12 @@ pub fn of_points(points: f64, clusters: f64) -> f64 {
     PER_POINT * points + size_of::<f64>() as f64 * clusters * clusters
 }
 
-/// Whether the points of all levels and the bounces fit into the machine's memory. `finest`: points of the finest level; each
+/// Whether the points of all levels and the bounces fit into the machine's memory; how many points these are. `finest`: points of the finest level; each
 /// coarser one has a quarter, since its disks have twice the radius.
 ///
 /// # Errors
 /// [`BakeError::TooLarge`].
-pub fn check(finest: f64, request: &Request) -> Result<(), BakeError> {
-    let Some(available) = request.memory else {
-        return Ok(());
-    };
+pub fn check(finest: f64, request: &Request) -> Result<f64, BakeError> {
     let params = request.params;
     let of_level = |level: usize| finest * 0.25f64.powi((params.levels - 1 - level) as i32);
     let (bounce_level, _) = bounce_levels(params.levels, params.sender_levels);
@@ -28,12 +25,13 @@ pub fn check(finest: f64, request: &Request) -> Result<(), BakeError> {
     let clusters = if has_bounces { of_level(bounce_level) } else { 0.0 };
     let points: f64 = (0..params.levels).map(of_level).sum();
     let needed = of_points(points, clusters);
-    if needed <= available as f64 {
-        return Ok(());
-    }
+    let available = match request.memory {
+        Some(available) if needed > available as f64 => available,
+        _ => return Ok(points),
+    };
     Err(BakeError::TooLarge {
-        points: points as u64,
-        needed: needed as u64,
+        points,
+        needed,
         available,
     })
 }

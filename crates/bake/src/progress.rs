@@ -11,6 +11,8 @@ pub trait Progress: Sync {
     fn advance(&self, done: u64);
     /// The stage turns out to have about so many steps.
     fn expect(&self, _total: u64) {}
+    /// So many points there will be at most, about; told before there are any.
+    fn expects_points(&self, _points: f64) {}
     /// Whether the bake shall stop.
     fn stopped(&self) -> bool;
 }

@@ -7,6 +7,7 @@
 use super::job::{Inputs, baking_failed};
 use super::memory;
 use crate::console::{BakeProgress, Console};
+use crate::disk;
 use crate::failure::{Failure, Outcome};
 use crate::output::{self, SCHEMA};
 use crate::words;
@@ -17,6 +18,7 @@ use relight_bake::{Baked, Request, bake, coarse_radius, point_counts};
 use relight_format as format;
 use relight_scene::traced::Shading;
 use serde::Serialize;
+use std::path::Path;
 use std::time::Instant;
 
 /// Ratio of distances of the small bake to those of the real one: two levels.
@@ -52,9 +54,12 @@ struct DryRunReport<'a> {
 }
 
 impl Estimate {
-    /// Prints it.
-    pub fn tell(&self, json: bool, console: &Console) -> Result<Outcome, Failure> {
+    /// Prints it; `target` is where the asset would be.
+    pub fn tell(&self, target: &Path, json: bool, console: &Console) -> Result<Outcome, Failure> {
         console.close();
+        if let Some(text) = disk::lacks(target, self.bytes) {
+            console.note(format!("warning: {text}"));
+        }
         if let Some(machine) = memory::of_this_machine().filter(|machine| self.memory_bytes > *machine) {
             let machine = words::bytes(machine);
             console.note(format!(

@@ -172,8 +172,16 @@ pub fn run_job(
     let note = |text| console.note(text);
     let folder = job.kept.as_ref().map(|kept| kept.open(&note)).transpose()?;
     let ledger = folder.as_ref().map(|folder| Ledger::new(folder, this_program()));
-    let (mut baked, mut seconds) =
-        timed(|| bake_job(job, job.params, scene.clone(), ledger.as_ref(), console))?;
+    let (mut baked, mut seconds) = timed(|| {
+        bake_job(
+            job,
+            job.params,
+            scene.clone(),
+            ledger.as_ref(),
+            Some(target),
+            console,
+        )
+    })?;
     if job.checked {
         signals::go_on()?;
         let checked = timed(|| check(&mut baked, &scene, job.shading, job.lights, job.params, console))?;
@@ -210,7 +218,7 @@ pub fn timed<T>(act: impl FnOnce() -> Result<T, Failure>) -> Result<(T, f64), Fa
     Ok((done, start.elapsed().as_secs_f64()))
 }
 
-/// Bakes with parameters of the caller's.
+/// Bakes with parameters of the caller's; `target`: where the asset will be, if it will.
 ///
 /// # Errors
 /// As the bake.
@@ -219,6 +227,7 @@ pub fn bake_job(
     params: &BakeParams,
     scene: Arc<Scene>,
     ledger: Option<&Ledger>,
+    target: Option<&Path>,
     console: &Console,
 ) -> Result<Baked, Failure> {
     let request = Request {
@@ -229,7 +238,12 @@ pub fn bake_job(
         source_hash: job.source_hash,
         memory: memory::of_this_machine(),
     };
-    bake(&request, ledger, &BakeProgress::new(console)).map_err(baking_failed)
+    let progress = BakeProgress::new(console);
+    let progress = match target {
+        Some(target) => progress.towards(target),
+        None => progress,
+    };
+    bake(&request, ledger, &progress).map_err(baking_failed)
 }
 
 /// Writes an asset and its log; `seconds` is what all before took, `import_seconds` of it reading the scene.

@@ -7,6 +7,36 @@ use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+/// Where `--resume` keeps units.
+fn beside(asset: &Path) -> PathBuf {
+    let mut name = asset.as_os_str().to_owned();
+    name.push(".units");
+    name.into()
+}
+
+/// What a bake with `--resume` that was stopped leaves behind.
+pub fn left_behind(asset: &Path) -> String {
+    let folder = beside(asset);
+    let entries = std::fs::read_dir(&folder).into_iter().flatten().flatten();
+    let units = entries.filter(|entry| entry.file_name().to_string_lossy().ends_with(".unit"));
+    match units.count() {
+        0 => {
+            // Only if it is empty.
+            let _ = std::fs::remove_dir(&folder);
+            "no unit of work was finished yet, so nothing was left behind".into()
+        }
+        count => format!(
+            "{} of finished work in {}: the same command goes on from there",
+            if count == 1 {
+                "1 unit is kept".into()
+            } else {
+                format!("{count} units are kept")
+            },
+            folder.display()
+        ),
+    }
+}
+
 /// A folder of units and what becomes of it when the asset is written.
 pub struct Kept {
     folder: PathBuf,
@@ -29,10 +59,8 @@ impl Kept {
     /// # Errors
     /// The folder cannot be made.
     pub fn beside(asset: &Path, keep: bool) -> Result<Kept, Failure> {
-        let mut name = asset.as_os_str().to_owned();
-        name.push(".units");
         let kept = Kept {
-            folder: name.into(),
+            folder: beside(asset),
             after: if keep { After::Own } else { After::Nothing },
         };
         // Whoever was killed here left parts behind.

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 /// written, complete or not at all, while the next one is lit.
 #[derive(Args)]
 #[command(after_help = "\
-The JSON of --json: without_points, the share of fragments that have no point near them and no indirect light (bake
+The JSON of --json: time_unit, that of all times (ms); without_points, the share of fragments that have no point near them and no indirect light (bake
 --viewpoint adds points); frames, an array of {frame, total, direct_points, bounces, transfer, flatten, direct_pixels,
 reconstruct, resolve, write} in milliseconds (brute and path: {frame, total, render, write}); total is what the frame adds
 to the run, which is less than its parts where the frame before is written beside it; once_per_shot, what
@@ -49,7 +49,7 @@ pub struct PlayArgs {
     pub output: Pattern,
     /// How to make light: transfer (the asset's operators), cuts (as the asset's visibility cuts were baked: direct
     /// light of environments, or one bounce of indirect light; other direct light by shadow rays), brute (every light
-    /// with its own shadow rays; direct light only, or, with --area-samples or --vpls, all light of these points), lightcuts
+    /// with its own shadow rays; direct light only, or, with --area-samples, --vpls and their like, all light of these points), lightcuts
     /// (the same points with a bounded error, by clusters of lights), pixelcuts (the same points, each sent to clusters of
     /// pixels: fast and without sharp shadows of many lights), path (a path tracer, the reference), or auto (cuts where the asset
     /// has them: environments, or the first bounce at surfaces that are not matt; transfer for other indirect light;
@@ -168,6 +168,15 @@ pub struct PointArgs {
     /// light, for emissive surfaces of more triangles one each, up to 4096].
     #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 16_777_216))]
     pub area_samples: Option<u32>,
+    /// Directions for each environment map [default: 3000].
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 16_777_216))]
+    pub environment_samples: Option<u32>,
+    /// Directions for the disc of each sun [default: 64].
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 16_777_216))]
+    pub sun_samples: Option<u32>,
+    /// Directions for the sky of each sun [default: 5000].
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 16_777_216))]
+    pub sky_samples: Option<u32>,
     /// Virtual lights, which make indirect light.
     #[arg(long, value_name = "N", value_parser = whole::<u32>(0, 16_777_216))]
     pub vpls: Option<u32>,
@@ -219,7 +228,7 @@ pub struct PixelcutsArgs {
     /// Clusters of pixels that each light is sent to, before refinement (pixelcuts) [default: 2048].
     #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 1_048_576))]
     pub clusters: Option<u32>,
-    /// Trees of pixels, each for a random part of the lights (pixelcuts) [default: 16].
+    /// Trees of pixels, each for a random part of the lights (pixelcuts) [default: 4].
     #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 1024))]
     pub trees: Option<u32>,
     /// Highest degree of the spherical harmonics that incident light is kept in (pixelcuts) [default: 3].
@@ -299,7 +308,10 @@ impl PlayArgs {
             );
         }
         if self.points.given() && !tracer.is_some_and(|tracer| !matches!(tracer, Tracer::Path { .. })) {
-            return usage("--area-samples and --vpls belong to --integrator brute, lightcuts and pixelcuts");
+            return usage(
+                "--area-samples, --environment-samples, --sun-samples, --sky-samples and --vpls belong to --integrator brute, \
+                 lightcuts and pixelcuts",
+            );
         }
         if self.pixelcuts.given() && !matches!(tracer, Some(Tracer::Pixelcuts { .. })) {
             return usage("--clusters, --trees and --sh-degree belong to --integrator pixelcuts");
@@ -311,15 +323,26 @@ impl PlayArgs {
 impl PointArgs {
     /// Whether points were asked for.
     fn given(&self) -> bool {
-        self.area_samples.is_some() || self.vpls.is_some()
+        let samples = [
+            self.area_samples,
+            self.environment_samples,
+            self.sun_samples,
+            self.sky_samples,
+            self.vpls,
+        ];
+        samples.iter().any(Option::is_some)
     }
 
     fn settings(&self) -> PointSettings {
+        let defaults = PointSettings::default();
         PointSettings {
             area_samples: self.area_samples,
+            environment: self.environment_samples.unwrap_or(defaults.environment),
+            sun: self.sun_samples.unwrap_or(defaults.sun),
+            sky: self.sky_samples.unwrap_or(defaults.sky),
             vpls: self.vpls.unwrap_or(0),
             clamp: self.clamp,
-            ..PointSettings::default()
+            ..defaults
         }
     }
 }

@@ -33,6 +33,8 @@ pub struct PlayReport {
     /// Largest share of a frame's fragments that have no point near them, and no indirect light; nothing where no points are used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub without_points: Option<f64>,
+    /// That of all times: `ms`.
+    pub time_unit: &'static str,
     /// What was done once.
     pub once_per_shot: OncePerShot,
     /// What was done for each frame, in order.

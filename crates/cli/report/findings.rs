@@ -33,6 +33,13 @@ pub fn sentences(
     skipped: usize,
     estimates: Option<&Estimates>,
 ) -> Vec<String> {
+    if references.iter().all(is_dark) {
+        return vec![
+            "No light reaches the camera in any frame that was measured, so that no setting can be told from another: take frames or \
+             lights with --frames or --lights that shine."
+                .into(),
+        ];
+    }
     let mut all: Vec<String> = WANTED.iter().map(|&wanted| advice(measured, wanted)).collect();
     all.extend(asset_itself(measured, references, estimates));
     let own = references.iter().map(|r| r.floor_of(BEAUTY)).sum::<f64>() / references.len().max(1) as f64;
@@ -54,6 +61,12 @@ pub fn sentences(
         ));
     }
     all
+}
+
+/// Whether a reference has no light.
+fn is_dark(reference: &Reference) -> bool {
+    let beauty = reference.layers.rgb(BEAUTY).unwrap_or_default();
+    beauty.pixels.iter().all(|pixel| *pixel == [0.0; 3])
 }
 
 /// What the asset's indirect light errs by, and what its bake expected.

@@ -12,6 +12,7 @@
 //! above zero wherever the map is.
 
 use crate::image::{BEAUTY, FloatImage, ImageError, Limits, read_exr, read_hdr};
+use crate::json::quantity::MAX_FACTOR;
 use crate::light::EnvironmentMap;
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
@@ -62,13 +63,13 @@ fn environment_from_image(file: &str, image: FloatImage) -> Result<EnvironmentMa
     if image.width == 0 || image.height == 0 {
         return invalid("an environment map must have at least one pixel".into());
     }
-    let bad = |p: &[f32; 3]| p.iter().any(|v| !v.is_finite() || *v < 0.0);
+    let bad = |p: &[f32; 3]| (p.iter()).any(|v| !v.is_finite() || *v < 0.0 || f64::from(*v) > MAX_FACTOR);
     if let Some(first) = image.pixels.iter().position(bad) {
         let count = image.pixels.iter().filter(|p| bad(p)).count();
         let (x, y, value) = (first % image.width, first / image.width, image.pixels[first]);
         return invalid(format!(
-            "{count} of {} pixels are negative, infinite or NaN, the first at column {x}, row {y}: {value:?}; \
-             radiance is finite and not negative: repair or re-export the map",
+            "{count} of {} pixels are negative, infinite, NaN or beyond {MAX_FACTOR:e}, the first at column {x}, row {y}: {value:?}; \
+             radiance is from 0 to {MAX_FACTOR:e}: repair or re-export the map",
             image.pixels.len()
         ));
     }

@@ -39,7 +39,7 @@
 //! let error = parse_sequence(&text.replace("[4, 2, 1]", "[4, -2, 1]"), Path::new("."), "lamp.json").unwrap_err();
 //! assert_eq!(
 //!     error.to_string(),
-//!     "lamp.json: lights[0].intensity[1]: expected a number of at least 0, found -2 (line 2, column 55)"
+//!     "lamp.json: lights[0].intensity[1]: expected a number from 0 to 1e30, found -2 (line 2, column 55)"
 //! );
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

@@ -43,7 +43,7 @@ pub enum LightKind {
     /// A point that shines the same in all directions.
     Point {
         /// World space, metres.
-        #[serde(with = "Keyed::<Position>")]
+        #[serde(with = "Keyed::<Position>", alias = "center")]
         position: Animated<Vec3>,
         /// Radiant intensity, RGB in W/sr.
         #[serde(with = "Keyed::<Color>")]
@@ -52,7 +52,7 @@ pub enum LightKind {
     /// As a point light, with the angular fall-off of KHR_lights_punctual.
     Spot {
         /// World space, metres.
-        #[serde(with = "Keyed::<Position>")]
+        #[serde(with = "Keyed::<Position>", alias = "center")]
         position: Animated<Vec3>,
         /// The way the light points; need not be of unit length.
         #[serde(with = "Keyed::<Direction>")]
@@ -77,9 +77,10 @@ pub enum LightKind {
         irradiance: Animated<Vec3>,
     },
     /// A rectangle that emits towards `edge_u × edge_v`, not backwards. It casts no shadow.
+    #[serde(alias = "rectangle")]
     Rect {
         /// Its middle, world space, metres.
-        #[serde(with = "Keyed::<Position>")]
+        #[serde(with = "Keyed::<Position>", alias = "position")]
         center: Animated<Vec3>,
         /// One full side, metres.
         #[serde(with = "Keyed::<Edge>")]
@@ -94,7 +95,7 @@ pub enum LightKind {
     /// A sphere that emits outwards. It casts no shadow.
     Sphere {
         /// Its middle, world space, metres.
-        #[serde(with = "Keyed::<Position>")]
+        #[serde(with = "Keyed::<Position>", alias = "position")]
         center: Animated<Vec3>,
         /// Metres.
         #[serde(with = "Keyed::<Length>")]

@@ -10,12 +10,12 @@ use crate::environment::read_environment;
 use crate::json::decode::{Document, Object, read_text};
 use crate::json::error::JsonError;
 use crate::json::path::JsonPath;
-use crate::json::quantity::{Above0, Version1, given, positive};
+use crate::json::quantity::{Above0, Number, Range, Version1, given, positive};
 use crate::light::{EnvironmentMap, LightKind, LightTrack};
 use glam::DVec3;
 use schemars::JsonSchema;
-use serde::de::IgnoredAny;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::de::{Error as _, IgnoredAny};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 use serde_json::value::RawValue;
 use std::collections::{HashMap, HashSet};
@@ -87,7 +87,8 @@ pub(crate) struct SequenceFile<C, L> {
     /// The version of this form.
     relight_sequence: Version1,
     /// Number of frames.
-    #[serde(default = "one_frame")]
+    #[serde(default = "one_frame", deserialize_with = "frame_count")]
+    #[schemars(range(min = 1, max = MAX_FRAMES))]
     frames: NonZeroU32,
     /// Frames per second.
     #[serde(default = "film_rate", deserialize_with = "positive")]
@@ -103,6 +104,15 @@ pub(crate) struct SequenceFile<C, L> {
     camera: Option<C>,
     /// All lights; those of the scene itself do not shine beside them. No two have the same name.
     lights: Vec<L>,
+}
+
+/// Most frames of a sequence: four days of film.
+const MAX_FRAMES: u32 = 10_000_000;
+
+fn frame_count<'de, D: Deserializer<'de>>(deserializer: D) -> Result<NonZeroU32, D::Error> {
+    let number = deserializer.deserialize_f64(Number(Range::Within(1.0, f64::from(MAX_FRAMES))))?;
+    (NonZeroU32::new(number as u32).filter(|_| number.fract() == 0.0))
+        .ok_or_else(|| D::Error::custom(format_args!("expected a whole number, found {number}")))
 }
 
 fn one_frame() -> NonZeroU32 {

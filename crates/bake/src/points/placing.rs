@@ -103,7 +103,7 @@ pub fn placed<'a>(
     progress: &dyn Progress,
 ) -> Result<Placed<'a>, BakeError> {
     let params = request.params;
-    check_memory(traced, request)?;
+    progress.expects_points(check_memory(traced, request)?);
     let Spread {
         mut points,
         relevance,
@@ -126,8 +126,8 @@ pub fn placed<'a>(
     })
 }
 
-/// Whether the points that settings ask for fit into the machine's memory, before there are any.
-fn check_memory(traced: &TracedScene, request: &Request) -> Result<(), BakeError> {
+/// Whether the points that settings ask for fit into the machine's memory, before there are any; how many they are at most, about.
+fn check_memory(traced: &TracedScene, request: &Request) -> Result<f64, BakeError> {
     let params = request.params;
     // What a radius of our own gives, whatever the scene.
     let automatic = f64::from(poisson::expected(RADIUS_LEVELS, params.levels));
@@ -137,8 +137,8 @@ fn check_memory(traced: &TracedScene, request: &Request) -> Result<(), BakeError
     let finest = f64::from(radius) * 0.5f64.powi(params.levels as i32 - 1);
     let triangles = 0..traced.triangle_count() as u32;
     let area: f64 = triangles.map(|t| f64::from(traced.triangle_area(t))).sum();
-    if memory::check(2.0 * area * poisson::DENSITY / (finest * finest), request).is_ok() {
-        return Ok(());
+    if let Ok(points) = memory::check(2.0 * area * poisson::DENSITY / (finest * finest), request) {
+        return Ok(points);
     }
     // Not all of it may be reached.
     let (viewpoints, _, _) = chosen_viewpoints(traced, request)?;

@@ -161,7 +161,7 @@ fn measured(
         checked: false,
     };
     let start = Instant::now();
-    let baked = bake_job(&job, &params, scene.clone(), None, &console.silent())?;
+    let baked = bake_job(&job, &params, scene.clone(), None, None, &console.silent())?;
     trial.bake_seconds = start.elapsed().as_secs_f64();
     trial.points = baked.asset.points.iter().map(|level| level.positions.len()).sum();
     let bytes = format::write_asset(&baked.asset)?;

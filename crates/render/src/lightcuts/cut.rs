@@ -184,7 +184,7 @@ impl Cut {
                 largest = self.total.max_element();
             }
         }
-        self.look_closer(lit, receiver, sights);
+        self.look_closer(lit, receiver, sights, shadow_rays);
         self.total = self
             .nodes()
             .map(|n| lit.estimate(n.node, n.term).as_dvec3())
@@ -192,11 +192,17 @@ impl Cut {
     }
 
     /// How much is seen of the nodes whose sight is closed.
-    fn look_closer(&mut self, lit: &Lit<'_>, receiver: &Receiver<'_>, sights: &Sights) {
+    fn look_closer(
+        &mut self,
+        lit: &Lit<'_>,
+        receiver: &Receiver<'_>,
+        sights: &Sights,
+        shadow_rays: &mut u64,
+    ) {
         let mut nodes = std::mem::take(&mut self.heap).into_vec();
         for n in &mut nodes {
             if n.sight.closed {
-                n.term.radiance = lit.mean_among(n.node, receiver, sights.parts(n.sight));
+                n.term.radiance = lit.mean_among(n.node, receiver, sights.parts(n.sight), shadow_rays);
             }
         }
         self.heap = nodes.into();

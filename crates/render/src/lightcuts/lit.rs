@@ -146,7 +146,13 @@ impl Lit<'_> {
     }
 
     /// As [`Lit::term`], where nothing but `parts` may be in between.
-    pub fn term_among(&self, i: u32, receiver: &Receiver<'_>, parts: &[BvhPart]) -> Term {
+    pub fn term_among(
+        &self,
+        i: u32,
+        receiver: &Receiver<'_>,
+        parts: &[BvhPart],
+        shadow_rays: &mut u64,
+    ) -> Term {
         let unshadowed = self.unshadowed(i, receiver);
         if self.is_clear(parts) {
             return Term {
@@ -155,7 +161,10 @@ impl Lit<'_> {
                 hidden_by: None,
             };
         }
-        self.shadowed(i, unshadowed, receiver, |ray| self.scene.stop_among(ray, parts))
+        self.shadowed(i, unshadowed, receiver, |ray| {
+            *shadow_rays += 1;
+            self.scene.stop_among(ray, parts)
+        })
     }
 
     /// Whether a light is seen for sure: one with a sphere is not from inside of it.
@@ -165,13 +174,20 @@ impl Lit<'_> {
 
     /// M G V of the paper's equation 1, where nothing but `parts` may be in between. Visibility is asked first, since most
     /// parts of a cluster in the dark are hidden, and shading takes longer.
-    fn radiance_among(&self, i: u32, receiver: &Receiver<'_>, parts: &[BvhPart]) -> Option<Vec3> {
+    fn radiance_among(
+        &self,
+        i: u32,
+        receiver: &Receiver<'_>,
+        parts: &[BvhPart],
+        shadow_rays: &mut u64,
+    ) -> Option<Vec3> {
         let arrival = self.points.lights[i as usize].arrival(receiver.hit.position)?;
         if receiver.point.shading_normal.dot(arrival.direction) <= 0.0 {
             return None;
         }
         if !self.is_clear(parts) {
             let ray = self.points.shadow_ray(i as usize, &ray_end(receiver.hit))?;
+            *shadow_rays += 1;
             if self.scene.stop_among(&ray, parts).is_some() {
                 return None;
             }
@@ -229,7 +245,13 @@ impl Lit<'_> {
 
     /// A node's radiance per unit of its intensity, where nothing but `parts` may be in between: the mean over the
     /// representatives of the clusters that it consists of, up to [`PARTS_OF_CLUSTER`].
-    pub fn mean_among(&self, node: u32, receiver: &Receiver<'_>, parts: &[BvhPart]) -> Vec3 {
+    pub fn mean_among(
+        &self,
+        node: u32,
+        receiver: &Receiver<'_>,
+        parts: &[BvhPart],
+        shadow_rays: &mut u64,
+    ) -> Vec3 {
         let most = if parts.is_empty() {
             PARTS_OF_SEEN
         } else {
@@ -253,7 +275,7 @@ impl Lit<'_> {
         let mut sum = Vec3::ZERO;
         for &cluster in &clusters[..count] {
             let representative = self.clusters.nodes[cluster as usize].representative;
-            if let Some(radiance) = self.radiance_among(representative, receiver, parts) {
+            if let Some(radiance) = self.radiance_among(representative, receiver, parts, shadow_rays) {
                 sum += self.estimate(cluster, Term::DARK.with(radiance));
             }
         }

@@ -258,7 +258,12 @@ impl Traversal {
                 let representative = lit.clusters.nodes[at.node as usize].representative;
                 let sight = sights.of(lit, at.place, at.node);
                 let term = if sight.closed && children.is_some() {
-                    Term::DARK.with(lit.mean_among(at.node, &receiver, sights.parts(sight)))
+                    Term::DARK.with(lit.mean_among(
+                        at.node,
+                        &receiver,
+                        sights.parts(sight),
+                        &mut stats.shadow_rays,
+                    ))
                 } else {
                     (at.known).unwrap_or_else(|| {
                         lit.seen_from(representative, &receiver, sights, sight, &mut stats.shadow_rays)

@@ -160,7 +160,7 @@ impl Lit<'_> {
         shadow_rays: &mut u64,
     ) -> Term {
         if sight.closed {
-            self.term_among(i, receiver, sights.parts(sight))
+            self.term_among(i, receiver, sights.parts(sight), shadow_rays)
         } else {
             self.term(i, receiver, shadow_rays)
         }

@@ -11,6 +11,7 @@ use super::json::{At, Faults};
 use super::list::List;
 use super::notes::Notes;
 use super::uri;
+use crate::json::quantity::MAX_FACTOR;
 use crate::material::{AlphaMode, Material, Texture, TextureUse, Wrap};
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::collections::BTreeMap;
@@ -204,7 +205,7 @@ fn parse_material(at: &At, textures: usize, notes: &mut Notes) -> Material {
     let emission = Vec3::from(
         emission
             .to_array()
-            .map(|x| clamp(x, f32::MAX, "emissive factors")),
+            .map(|x| clamp(x, MAX_FACTOR as f32, "emissive factors")),
     );
     let cutoff = at.float("alphaCutoff").unwrap_or(0.5);
     let alpha_mode = match at.text("alphaMode") {

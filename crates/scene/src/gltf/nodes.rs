@@ -9,6 +9,7 @@ use super::instancing::{self, Instancing};
 use super::json::At;
 use super::list::List;
 use super::notes::Notes;
+use crate::json::quantity::MAX_LIGHT;
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
 use serde_json::Value;
 use std::collections::HashSet;
@@ -277,6 +278,12 @@ fn parse_light(at: &At, notes: &mut Notes) -> Punctual {
     }
     if intensity < 0.0 {
         at.fault_at("intensity", "must not be negative");
+    }
+    if f64::from(intensity) * f64::from(color.max_element()) > MAX_LIGHT {
+        at.fault_at(
+            "intensity",
+            format!("is {intensity:e} (colour times intensity may be up to {MAX_LIGHT:e})"),
+        );
     }
     if at.get("range").is_some() {
         notes.say("the range of lights is ignored: their light falls off with the squared distance");

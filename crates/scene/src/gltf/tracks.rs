@@ -11,6 +11,7 @@ use super::notes::Notes;
 use super::units::{EMISSIVE, FPS, LightUnits};
 use crate::animated::{Animated, Interpolation};
 use crate::camera::CameraTrack;
+use crate::json::quantity::MAX_LIGHT;
 use crate::light::{LightKind, LightTrack};
 use glam::{DAffine3, DVec3, Vec3};
 use std::collections::{BTreeMap, BTreeSet};
@@ -231,7 +232,7 @@ impl Sampler<'_> {
                 .map_or(light.color.as_dvec3(), |curve| curve.at(t).truncate());
             // Cubic splines can swing below 0, and nothing may leave f32's range.
             let scale = self.value(intensity, light.intensity, t).max(0.0) * factor;
-            (rgb.max(DVec3::ZERO) * scale).min(DVec3::splat(f64::from(f32::MAX)))
+            (rgb.max(DVec3::ZERO) * scale).min(DVec3::splat(MAX_LIGHT))
         });
         Some(match light.kind {
             PunctualKind::Point => LightKind::Point {

@@ -32,11 +32,30 @@ pub(crate) fn read_text(path: &Path, what: &'static str) -> Result<String, JsonE
         file: path.to_owned(),
         source,
     };
-    let text = std::fs::read_to_string(path).map_err(fail)?;
-    if is_lfs_pointer(text.as_bytes()) {
+    let bytes = std::fs::read(path).map_err(fail)?;
+    if is_lfs_pointer(&bytes) {
         return Err(fail(std::io::Error::other(format!("this {LFS_ADVICE}"))));
     }
-    Ok(text)
+    decoded(bytes).ok_or_else(|| {
+        fail(std::io::Error::other(
+            "it is no text in UTF-8, nor in UTF-16 with a byte-order mark",
+        ))
+    })
+}
+
+/// Text of UTF-8 with or without a byte-order mark, or of UTF-16 with one.
+fn decoded(bytes: Vec<u8>) -> Option<String> {
+    let utf16 = |bytes: &[u8], unit: fn([u8; 2]) -> u16| {
+        let (units, rest) = bytes.as_chunks::<2>();
+        let units: Vec<u16> = units.iter().map(|pair| unit(*pair)).collect();
+        String::from_utf16(&units).ok().filter(|_| rest.is_empty())
+    };
+    match bytes.as_slice() {
+        [0xff, 0xfe, text @ ..] => utf16(text, u16::from_le_bytes),
+        [0xfe, 0xff, text @ ..] => utf16(text, u16::from_be_bytes),
+        [0xef, 0xbb, 0xbf, text @ ..] => String::from_utf8(text.to_vec()).ok(),
+        _ => String::from_utf8(bytes).ok(),
+    }
 }
 
 impl<'a> Document<'a> {

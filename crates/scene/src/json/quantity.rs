@@ -28,6 +28,7 @@ impl fmt::Display for Range {
             Range::Any => write!(f, "a finite number"),
             Range::NonNegative => write!(f, "a number of at least 0"),
             Range::Positive => write!(f, "a number above 0"),
+            Range::Within(low, high) if *high >= 1e9 => write!(f, "a number from {low} to {high:e}"),
             Range::Within(low, high) => write!(f, "a number from {low} to {high}"),
             Range::Between(low, high) => write!(f, "a number above {low} and below {high}"),
         }
@@ -49,6 +50,9 @@ impl Range {
     pub(crate) fn check<E: Error>(self, number: f64) -> Result<f64, E> {
         if number.is_finite() && self.contains(number) {
             return Ok(number);
+        }
+        if number.abs() >= 1e9 {
+            return Err(E::custom(format_args!("expected {self}, found {number:e}")));
         }
         Err(E::custom(format_args!("expected {self}, found {number}")))
     }
@@ -148,6 +152,12 @@ pub(crate) trait Quantity {
     const RANGE: Range;
 }
 
+/// Most intensity, irradiance or radiance of a light, in its unit: the product with 4π, an area and the inverse of a squared distance is
+/// within 32-bit numbers.
+pub(crate) const MAX_LIGHT: f64 = 1e30;
+/// Most emission of a material, and most by which a light's or material's own is multiplied: both together are [`MAX_LIGHT`].
+pub(crate) const MAX_FACTOR: f64 = 1e15;
+
 macro_rules! quantities {
     ($($(#[doc = $doc:literal])+ $name:ident: $value:ty, $form:ident, $range:expr;)+) => {$(
         $(#[doc = $doc])+
@@ -188,16 +198,16 @@ quantities! {
     Direction: glam::Vec3, Direction, Range::Any;
     #[doc = "A way from one point to another: x, y and z in metres, not all 0."]
     Edge: glam::Vec3, Direction, Range::Any;
-    #[doc = "Linear RGB, each at least 0."]
-    Color: glam::Vec3, Triple, Range::NonNegative;
-    #[doc = "A factor, at least 0: one number for all channels, or linear RGB."]
-    Factor: glam::Vec3, NumberOrRgb, Range::NonNegative;
+    #[doc = "Linear RGB, each from 0 to 1e30."]
+    Color: glam::Vec3, Triple, Range::Within(0.0, MAX_LIGHT);
+    #[doc = "A factor, from 0 to 1e15: one number for all channels, or linear RGB."]
+    Factor: glam::Vec3, NumberOrRgb, Range::Within(0.0, MAX_FACTOR);
     #[doc = "How much is reflected, from 0 to 1: one number for all channels, or linear RGB."]
     Reflectance: glam::Vec3, NumberOrRgb, Range::Within(0.0, 1.0);
     #[doc = "How much is reflected: linear RGB, each from 0 to 1."]
     Albedo: glam::Vec3, Triple, Range::Within(0.0, 1.0);
-    #[doc = "Emitted radiance in W/(m² sr), at least 0: one number for all channels, or linear RGB."]
-    Radiance: glam::Vec3, NumberOrRgb, Range::NonNegative;
+    #[doc = "Emitted radiance in W/(m² sr), from 0 to 1e15: one number for all channels, or linear RGB."]
+    Radiance: glam::Vec3, NumberOrRgb, Range::Within(0.0, MAX_FACTOR);
 }
 
 /// Reads one value of a quantity.

@@ -235,7 +235,7 @@ fn complaints_say_where_what_and_what_there_is() {
         ),
         (
             r#"{"material": "Wood", "emission": -1}"#,
-            "edits[0].emission: expected a number of at least 0",
+            "edits[0].emission: expected a number from 0 to 1e15",
         ),
         ("3", "edits[0]: invalid type: integer `3`, expected an object"),
     ];

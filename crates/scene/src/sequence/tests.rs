@@ -79,10 +79,10 @@ fn messages_name_the_path_and_what_was_found() {
     let point = r#""type": "point", "position": [0,0,0]"#;
     let cases = [
         (light(&format!(r#"{point}, "intensity": "red""#)), "lights[0].intensity: invalid type: string \"red\", expected 3 numbers"),
-        (light(&format!(r#"{point}, "intensity": [1,-2,1]"#)), "lights[0].intensity[1]: expected a number of at least 0, found -2"),
+        (light(&format!(r#"{point}, "intensity": [1,-2,1]"#)), "lights[0].intensity[1]: expected a number from 0 to 1e30, found -2"),
         (light(&format!(r#"{point}, "intensity": [1,2]"#)), "lights[0].intensity: invalid length 2, expected 3 numbers"),
         (light(&format!(r#"{point}, "intensity": "NaN""#)), "lights[0].intensity"),
-        (light(&format!(r#"{point}, "intensity": [1e300,1,1]"#)), "lights[0].intensity[0]: expected a number of at most"),
+        (light(&format!(r#"{point}, "intensity": [1e300,1,1]"#)), "lights[0].intensity[0]: expected a number from 0 to 1e30, found 1e300"),
         (light(&format!(r#"{point}, "intensity": [1,1,1], "color": 3"#)), "lights[0].color: unknown field `color`, expected `position` or `intensity`"),
         (light(point), "lights[0]: missing field `intensity` (line 1, column 36)"),
         (light(r#""type": "laser""#), "lights[0].type: unknown variant `laser`, expected one of `point`, `spot`, `directional`, `rect`, `sphere`, `environment`, `sun_sky`, `emissive`"),
@@ -95,7 +95,7 @@ fn messages_name_the_path_and_what_was_found() {
         (light(r#""type": "environment", "file": "no/such.hdr""#), "lights[0].file: "),
         (light(&format!(r#"{point}, "intensity": {{"keys": [[1,[1,1,1]],[1,[2,2,2]]]}}"#)), "lights[0].intensity.keys[1][0]: frames of keys must rise"),
         (light(&format!(r#"{point}, "intensity": {{"keys": []}}"#)), "lights[0].intensity.keys: invalid length 0, expected a list of at least one [frame, value]"),
-        (light(&format!(r#"{point}, "intensity": {{"keys": [[0,[1,1,"b"]]]}}"#)), "lights[0].intensity.keys[0][1][2]: invalid type: string \"b\", expected a number of at least 0"),
+        (light(&format!(r#"{point}, "intensity": {{"keys": [[0,[1,1,"b"]]]}}"#)), "lights[0].intensity.keys[0][1][2]: invalid type: string \"b\", expected a number from 0 to 1e30"),
         (light(&format!(r#"{point}, "intensity": {{"keys": [[0,[1,1,1]]], "interpolation": "bezier"}}"#)), "lights[0].intensity.interpolation: unknown variant `bezier`, expected one of `step`, `linear`, `cubic`"),
         (r#"{"relight_sequence": 2, "lights": []}"#.into(), "relight_sequence: expected 1"),
         (r#"{"lights": []}"#.into(), "the whole text: missing field `relight_sequence`"),
@@ -162,7 +162,7 @@ fn hostile_json_is_refused_with_a_place() {
         ),
         (
             light(r#""type": "emissive", "scale": -0.5"#),
-            "lights[0].scale: expected a number of at least 0, found -0.5",
+            "lights[0].scale: expected a number from 0 to 1e15, found -0.5",
         ),
         (
             light(r#""type": "emissive", "material": null"#),
