@@ -30,7 +30,7 @@ use std::time::Instant;
 #[derive(Args)]
 pub struct DemoArgs {
     /// Folder for everything that is written.
-    #[arg(short, long, value_name = "DIR", default_value = "out/demo")]
+    #[arg(short, long, value_name = "DIR", default_value = FOLDER)]
     pub output: PathBuf,
     #[command(flatten)]
     pub replace: ReplaceArgs,
@@ -39,6 +39,9 @@ pub struct DemoArgs {
 /// The demo's scene and sequence in `data/`.
 const SCENE: &str = "atrium.glb";
 const SEQUENCE: &str = "atrium.lights.json";
+/// Where its outputs go, and what its asset is called there.
+const FOLDER: &str = "out/demo";
+const ASSET: &str = "atrium.relight";
 /// Frames side by side on the contact sheet, and how much smaller each is.
 const SHEET_COLUMNS: usize = 6;
 const SHEET_SHRINK: usize = 2;
@@ -53,7 +56,7 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     let start = Instant::now();
     let data = find_data()?;
     let folder = args.output.as_path();
-    let asset = folder.join("atrium.relight");
+    let asset = folder.join(ASSET);
     let inputs = [data.join(SCENE), data.join(SEQUENCE)];
     let guard = Guard::new(args.replace.force).reads(inputs.iter().map(PathBuf::as_path));
     for (file, kind) in [
@@ -65,22 +68,7 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     }
     output::prepare_output(&asset)?;
 
-    let params = BakeParams {
-        seed,
-        ..BakeParams::preset(Preset::Draft)
-    };
-    let reading = Instant::now();
-    let lights = read_sequence(&data.join(SEQUENCE))?;
-    let (scene, source_hash) = bake::read_scene(&data.join(SCENE), LightUnitsName::Spec)?;
-    let job = Job {
-        params: &params,
-        shading: Shading::Full,
-        lights: Some(&lights),
-        source_hash,
-        kept: None,
-        checked: true,
-    };
-    let result = bake::run_job(&job, scene, &asset, reading.elapsed().as_secs_f64(), console)?;
+    let result = bake_scene(&data, &asset, seed, console)?;
     output::print_text(&format!("{}\n\n", result.text))?;
 
     let mut thumbnails = Vec::new();
@@ -111,6 +99,45 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
         start.elapsed().as_secs_f64()
     ));
     Ok(Outcome::Done)
+}
+
+/// Bakes the demo's scene.
+fn bake_scene(
+    data: &Path,
+    asset: &Path,
+    seed: u64,
+    console: &Console,
+) -> Result<bake::job::JobResult, Failure> {
+    let params = BakeParams {
+        seed,
+        ..BakeParams::preset(Preset::Draft)
+    };
+    let reading = Instant::now();
+    let lights = read_sequence(&data.join(SEQUENCE))?;
+    let (scene, source_hash) = bake::read_scene(&data.join(SCENE), LightUnitsName::Spec)?;
+    let job = Job {
+        params: &params,
+        shading: Shading::Full,
+        lights: Some(&lights),
+        source_hash,
+        kept: None,
+        checked: true,
+    };
+    bake::run_job(&job, scene, asset, reading.elapsed().as_secs_f64(), console)
+}
+
+/// The demo's asset, baked if it wasn't yet, and its lights.
+///
+/// # Errors
+/// There is no data folder, or the bake failed.
+pub fn asset(seed: u64, console: &Console) -> Result<(PathBuf, PathBuf), Failure> {
+    let data = find_data()?;
+    let asset = Path::new(FOLDER).join(ASSET);
+    if !asset.is_file() {
+        output::prepare_output(&asset)?;
+        bake_scene(&data, &asset, seed, console)?;
+    }
+    Ok((asset, data.join(SEQUENCE)))
 }
 
 /// The data folder of the clone that we run in, or of the one that the program was built in.

@@ -6,7 +6,7 @@ use std::any::TypeId;
 use std::time::Duration;
 
 /// Headings and the options under them, of all commands.
-const HEADINGS: [(&str, &[&str]); 8] = [
+const HEADINGS: [(&str, &[&str]); 9] = [
     (
         "Input",
         &["lights", "materials", "lambert", "light_units", "reference"],
@@ -81,6 +81,7 @@ const HEADINGS: [(&str, &[&str]); 8] = [
             "max_relmse",
         ],
     ),
+    ("Server", &["port", "listen", "open", "demo"]),
     (
         "Output",
         &[
@@ -99,7 +100,7 @@ const HEADINGS: [(&str, &[&str]); 8] = [
 ];
 
 /// Per command three examples.
-const EXAMPLES: [(&str, [&str; 3]); 9] = [
+const EXAMPLES: [(&str, [&str; 3]); 10] = [
     (
         "bake",
         [
@@ -114,6 +115,14 @@ const EXAMPLES: [(&str, [&str; 3]); 9] = [
             "relight play hall.relight --lights evening.json -o 'out/frame_####.exr' --png",
             "relight play hall.relight --lights evening.json -o still.exr --frames 12-12 --size 1280x720 --layers beauty,lights",
             "relight play hall.relight --lights evening.json -o path.exr --frames 12-12 --integrator path --spp 256",
+        ],
+    ),
+    (
+        "view",
+        [
+            "relight view hall.relight",
+            "relight view hall.relight --lights evening.json --open",
+            "relight view --demo",
         ],
     ),
     (

@@ -29,6 +29,7 @@ mod schema;
 mod signals;
 mod statistics;
 mod target;
+mod view;
 mod words;
 
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -78,6 +79,7 @@ struct Global {
 enum Command {
     Bake(bake::BakeArgs),
     Play(play::PlayArgs),
+    View(view::ViewArgs),
     Inspect(inspect::InspectArgs),
     Check(check::CheckArgs),
     Export(export::ExportArgs),
@@ -165,6 +167,7 @@ fn run(cli: &Cli, console: &Console) -> Result<Outcome, Failure> {
     match &cli.command {
         Command::Bake(args) => bake::run(args, seed, console),
         Command::Play(args) => play::run(args, seed, console),
+        Command::View(args) => view::run(args, seed, console),
         Command::Inspect(args) => inspect::run(args, console),
         Command::Check(args) => check::run(args, seed, console),
         Command::Export(args) => export::run(args, console),

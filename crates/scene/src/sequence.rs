@@ -219,6 +219,24 @@ pub fn parse_sequence(text: &str, base_dir: &Path, name: &str) -> Result<Sequenc
     .sequence(text, &JsonPath::default())
 }
 
+/// Reads a lighting sequence from its text, without files: `maps` are the environment maps that it may name. `name` stands
+/// for the sequence in messages.
+///
+/// # Errors
+/// See [`JsonError`].
+pub fn parse_sequence_with(
+    text: &str,
+    maps: &HashMap<PathBuf, Arc<EnvironmentMap>>,
+    name: &str,
+) -> Result<Sequence, JsonError> {
+    Reader {
+        document: Document { name, text },
+        base_dir: None,
+        maps: maps.clone(),
+    }
+    .sequence(text, &JsonPath::default())
+}
+
 /// Reads what [`stage_to_json`] wrote: the scene's cameras and its own lights. Environment maps are
 /// not part of a scene and are refused.
 ///
@@ -385,8 +403,11 @@ impl<'a> Reader<'a> {
     }
 
     fn map(&mut self, file: &str, path: &JsonPath) -> Result<Arc<EnvironmentMap>, JsonError> {
+        if let (None, Some(map)) = (self.base_dir, self.maps.get(Path::new(file))) {
+            return Ok(map.clone());
+        }
         let Some(base) = self.base_dir else {
-            let message = "an asset holds no environment maps; use a sequence file";
+            let message = "no map of this name is here: assets hold none, use a sequence file";
             return Err(self.document.error(path, message));
         };
         let file = base.join(file);

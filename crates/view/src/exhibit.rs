@@ -1,0 +1,77 @@
+//! What is shown, and what tabs are told of it.
+
+use relight_play::Player;
+use relight_play::scene::light::{EnvironmentMap, LightKind};
+use relight_play::scene::sequence::{Sequence, stage_to_json};
+use relight_play::scene::surface::Surfaces;
+use serde_json::{Value, json};
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Environment maps by the names that lights give them.
+pub type Maps = HashMap<PathBuf, Arc<EnvironmentMap>>;
+
+/// An asset and the lights it is shown under at first.
+pub struct Exhibit {
+    /// The asset, ready to be lit.
+    pub player: Player,
+    /// The first lights.
+    pub sequence: Sequence,
+    /// The asset's file as the user calls it, for command lines.
+    pub asset: String,
+    /// The sequence's file as the user calls it, if the lights come from one.
+    pub lights_file: Option<String>,
+    /// Seed of all random numbers.
+    pub seed: u64,
+}
+
+impl Exhibit {
+    /// The environment maps of the first lights.
+    pub fn maps(&self) -> Maps {
+        let maps = self.sequence.lights.iter().filter_map(|light| match &light.kind {
+            LightKind::Environment { map, file, .. } => Some((PathBuf::from(file), map.clone())),
+            _ => None,
+        });
+        maps.collect()
+    }
+
+    /// What a tab is told first, as JSON: cameras, lights, size, materials (`docs/view.md` has the fields).
+    pub fn hello(&self) -> Value {
+        let scene = self.player.scene();
+        let stage: Value =
+            serde_json::from_str(&stage_to_json(&scene.cameras, &self.sequence)).unwrap_or(Value::Null);
+        let bounds = self.player.prepared.scene.bounds();
+        let materials: Vec<Value> = (scene.materials.iter())
+            .map(|material| {
+                json!({
+                    "name": material.name,
+                    "base_color": material.base_color.to_array(),
+                    "emission": material.emission.to_array(),
+                    "roughness": material.roughness,
+                    "metallic": material.metallic,
+                })
+            })
+            .collect();
+        let estimates: Option<HashMap<&str, f64>> = (self.player.estimates.as_ref()).map(|e| {
+            e.values
+                .iter()
+                .map(|(name, value)| (name.as_str(), *value))
+                .collect()
+        });
+        json!({ "hello": {
+            "version": env!("CARGO_PKG_VERSION"),
+            "asset": self.asset,
+            "hash": format!("{:016x}", self.player.hash),
+            "lights_file": self.lights_file,
+            "cameras": stage["cameras"],
+            "sequence": stage["sequence"],
+            "offset": scene.offset.to_array(),
+            "bounds": bounds.map(|(low, high)| [low.to_array(), high.to_array()]),
+            "triangles": self.player.prepared.scene.triangle_count(),
+            "points": self.player.prepared.points.len(),
+            "materials": materials,
+            "estimates": estimates,
+        }})
+    }
+}

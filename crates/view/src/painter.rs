@@ -1,0 +1,278 @@
+//! What is kept of one tab, and its pictures.
+
+use crate::desk::Stage;
+use crate::exhibit::Maps;
+use crate::wish::{By, Eye, Wish};
+use relight_play::choice::CutUse;
+use relight_play::frame::stats::Figure;
+use relight_play::player::FrameError;
+use relight_play::render::watch::Watch;
+use relight_play::scene::image::Layers;
+use relight_play::scene::sequence::{Sequence, parse_sequence_with};
+use relight_play::{Choice, CutSites, FrameSettings, Integrator, Lights, Player, Shot, ShotSettings, Tracer};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Milliseconds that a coarse picture may take: 15 a second.
+const COARSE_TARGET: f64 = 60.0;
+/// How many times narrower a coarse picture may be where all it takes are a few rays, and where it is path-traced.
+const MOST_DIVISOR: (u32, u32) = (4, 8);
+/// Rays to each light with extent, of a fragment and of a point, of coarse pictures.
+const COARSE_RAYS: (u32, u32) = (2, 1);
+
+/// What pictures are made of, as it is now.
+pub struct Room<'a> {
+    /// The asset, its materials as the wish has them.
+    pub player: &'a Player,
+    /// The lights of wishes that bring none.
+    pub sequence: &'a Sequence,
+    /// What lights may name.
+    pub maps: Maps,
+    /// Of all random numbers.
+    pub seed: u64,
+    /// Counts edits of materials: shots of before are stale.
+    pub edition: u64,
+}
+
+/// Why there is no picture.
+#[derive(Debug, PartialEq, Eq)]
+pub enum NoPicture {
+    /// Something else came first.
+    Interrupted,
+    /// It can't be made, in words.
+    Refused(String),
+}
+
+/// A picture in linear light.
+pub struct Painted {
+    /// All layers of the frame.
+    pub layers: Layers,
+    /// How its light was made.
+    pub choice: Choice,
+    /// Milliseconds by stage, of what was done for this picture.
+    pub times: Vec<(&'static str, f64)>,
+    /// Frames per second of its sequence.
+    pub fps: f64,
+}
+
+struct KeptLights {
+    /// What they were read from.
+    text: Option<Arc<str>>,
+    /// Materials that shine are those of then.
+    edition: u64,
+    fps: f64,
+    lights: Lights,
+}
+
+#[derive(PartialEq)]
+struct ShotKey {
+    eye: Eye,
+    settings: ShotSettings,
+    edition: u64,
+}
+
+/// What is kept of a tab from picture to picture: its lights, and a shot of each stage.
+pub struct Painter {
+    lights: Option<KeptLights>,
+    shots: [Option<(ShotKey, Shot)>; 3],
+    /// How many times narrower coarse pictures are.
+    divisor: u32,
+    /// The last coarse picture had a shot of its own.
+    turned: bool,
+}
+
+impl Default for Painter {
+    fn default() -> Painter {
+        Painter {
+            lights: None,
+            shots: [None, None, None],
+            divisor: 2,
+            turned: false,
+        }
+    }
+}
+
+/// Milliseconds since `start`.
+fn milliseconds(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
+
+fn refused(error: impl std::fmt::Display) -> NoPicture {
+    NoPicture::Refused(error.to_string())
+}
+
+impl Painter {
+    /// Makes a picture.
+    ///
+    /// # Errors
+    /// [`NoPicture`].
+    pub fn paint(
+        &mut self,
+        room: &Room<'_>,
+        wish: &Wish,
+        stage: Stage,
+        watch: &dyn Watch,
+    ) -> Result<Painted, NoPicture> {
+        let mut times = Vec::new();
+        let start = Instant::now();
+        if self.light(room, wish)? {
+            times.push(("lights", milliseconds(start)));
+        }
+        let Some(kept) = &self.lights else {
+            return Err(NoPicture::Interrupted);
+        };
+        let fps = kept.fps;
+        let integrator = match wish.by {
+            By::Asset => Integrator::Auto,
+            By::Path => Tracer::default().into(),
+        };
+        let settings = frame_settings(wish, stage, room.seed);
+        let choice = (room.player)
+            .choose(&integrator, &kept.lights, wish.time, &settings)
+            .map_err(refused)?;
+        let traced = matches!(choice.integrator, Integrator::Traced(_));
+        let shot_settings = self.shot_settings(wish, stage, &choice, integrator);
+        let key = ShotKey {
+            eye: wish.eye,
+            settings: shot_settings,
+            edition: room.edition,
+        };
+        let slot = &mut self.shots[stage as usize];
+        let turned = slot.as_ref().is_none_or(|(of, _)| *of != key);
+        if turned {
+            *slot = None;
+            let shot = room
+                .player
+                .shot(&key.eye.camera(), &key.settings)
+                .map_err(refused)?;
+            if let Shot::Relit(shot) = &shot {
+                times.extend([("expose", shot.times.expose), ("weigh", shot.times.weigh)]);
+            }
+            *slot = Some((key, shot));
+        }
+        let Some((_, shot)) = slot else {
+            return Err(NoPicture::Interrupted);
+        };
+        let frame = (room.player)
+            .frame_watched(shot, &kept.lights, wish.time, &settings, watch)
+            .map_err(|error| match error {
+                FrameError::Cancelled(_) => NoPicture::Interrupted,
+                FrameError::Stale => refused(error),
+            })?;
+        for (name, figure) in frame.stats.figures() {
+            if let Figure::Milliseconds(time) = figure {
+                times.push((name, time));
+            }
+        }
+        if stage == Stage::Coarse {
+            // The first shot of a place tells nothing about the pictures that follow it.
+            if turned == self.turned {
+                self.adapt(&times, traced);
+            }
+            self.turned = turned;
+        }
+        Ok(Painted {
+            layers: frame.layers,
+            choice: frame.choice,
+            times,
+            fps,
+        })
+    }
+
+    /// Prepares the wish's lights, unless they are those of before; whether it did.
+    fn light(&mut self, room: &Room<'_>, wish: &Wish) -> Result<bool, NoPicture> {
+        let same = |kept: &KeptLights| {
+            kept.edition == room.edition
+                && match (&kept.text, &wish.lights) {
+                    (Some(old), Some(new)) => Arc::ptr_eq(old, new),
+                    (None, None) => true,
+                    _ => false,
+                }
+        };
+        if self.lights.as_ref().is_some_and(same) {
+            return Ok(false);
+        }
+        let read = match &wish.lights {
+            Some(text) => Some(parse_sequence_with(text, &room.maps, "the lights").map_err(refused)?),
+            None => None,
+        };
+        let sequence = read.as_ref().unwrap_or(room.sequence);
+        let lights = room.player.lights(&sequence.lights).map_err(refused)?;
+        self.lights = Some(KeptLights {
+            text: wish.lights.clone(),
+            edition: room.edition,
+            fps: sequence.fps,
+            lights,
+        });
+        Ok(true)
+    }
+
+    fn shot_settings(
+        &self,
+        wish: &Wish,
+        stage: Stage,
+        choice: &Choice,
+        integrator: Integrator,
+    ) -> ShotSettings {
+        let still = stage == Stage::Final;
+        let divisor = if stage == Stage::Coarse { self.divisor } else { 1 };
+        let side = |pixels: u32| pixels.div_ceil(divisor) as usize;
+        ShotSettings {
+            integrator,
+            width: side(wish.size.0),
+            height: side(wish.size.1),
+            samples: (!still).then_some(1),
+            moving: !still,
+            sites: match choice.cuts {
+                CutUse::Nothing => None,
+                _ if still => Some(CutSites::Own),
+                _ => Some(CutSites::Around),
+            },
+        }
+    }
+
+    /// Makes coarse pictures smaller where they take too long for their pixels, and larger where time is left.
+    fn adapt(&mut self, times: &[(&'static str, f64)], traced: bool) {
+        const OF_PIXELS: [&str; 7] = [
+            "expose",
+            "weigh",
+            "direct_pixels",
+            "reconstruct",
+            "shade",
+            "resolve",
+            "render",
+        ];
+        let all: f64 = times.iter().map(|(_, time)| time).sum();
+        let of_pixels: f64 = times
+            .iter()
+            .filter(|(name, _)| OF_PIXELS.contains(name))
+            .map(|(_, time)| time)
+            .sum();
+        let most = if traced { MOST_DIVISOR.1 } else { MOST_DIVISOR.0 };
+        if all > COARSE_TARGET && of_pixels > 0.4 * all {
+            self.divisor = (self.divisor + 1).min(most);
+        } else if self.divisor > 1 {
+            let larger = f64::from(self.divisor) / f64::from(self.divisor - 1);
+            if all + of_pixels * (larger * larger - 1.0) < 0.6 * COARSE_TARGET {
+                self.divisor -= 1;
+            }
+        }
+    }
+}
+
+fn frame_settings(wish: &Wish, stage: Stage, seed: u64) -> FrameSettings {
+    let settings = FrameSettings {
+        seed,
+        light_layers: wish.layer.starts_with("light."),
+        surface_layers: ["albedo", "normal", "depth"].contains(&wish.layer.as_str()),
+        ..FrameSettings::default()
+    };
+    if stage == Stage::Coarse {
+        return FrameSettings {
+            pixel_samples: COARSE_RAYS.0,
+            point_samples: COARSE_RAYS.1,
+            ..settings
+        };
+    }
+    settings
+}

@@ -1,0 +1,247 @@
+//! The thread that owns the player.
+
+use crate::desk::{Desk, Outbox, Save, Stage, Task};
+use crate::encode::{encoded, shown};
+use crate::exhibit::Exhibit;
+use crate::painter::{NoPicture, Painted, Painter, Room};
+use crate::wish::{Pick, Wish};
+use relight_play::glam::Vec2;
+use relight_play::render::watch::Watch;
+use relight_play::scene::image::{ExrHeader, Layers, encode_exr};
+use relight_play::scene::material_edits::parse_material_edits;
+use relight_play::scene::rays::Ray;
+use relight_play::scene::surface::Surfaces;
+use serde_json::json;
+use std::collections::HashMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The layers that `relight play` writes by default.
+const SAVED: [&str; 3] = ["beauty", "direct", "indirect"];
+
+/// Materials as they were baked.
+const NO_EDITS: &str = r#"{ "relight_materials": 1, "edits": [] }"#;
+
+/// Paints what the desk wants until it closes.
+pub fn work(exhibit: Exhibit, desk: &Desk) {
+    let mut worker = Worker {
+        exhibit,
+        painters: HashMap::new(),
+        edits: None,
+        edition: 0,
+    };
+    loop {
+        let task = desk.next();
+        if matches!(task, Task::End) {
+            return;
+        }
+        worker.forget(&desk.tabs());
+        // Whatever is wrong with one picture, the next tab gets its own.
+        let done = catch_unwind(AssertUnwindSafe(|| worker.one(task, desk)));
+        if done.is_err() {
+            worker.painters.clear();
+            desk.give_up(
+                "this picture failed inside relight, which is a bug; what stands in the terminal tells more",
+            );
+        }
+    }
+}
+
+/// Refinements give way to what moves.
+struct Patience<'a> {
+    desk: &'a Desk,
+    /// Goes on whatever comes.
+    firm: bool,
+}
+
+impl Watch for Patience<'_> {
+    fn stopped(&self) -> bool {
+        self.desk.closed() || (!self.firm && self.desk.urgent())
+    }
+}
+
+struct Worker {
+    exhibit: Exhibit,
+    painters: HashMap<u64, Painter>,
+    /// The material edits that the player has.
+    edits: Option<Arc<str>>,
+    edition: u64,
+}
+
+impl Worker {
+    fn forget(&mut self, tabs: &[u64]) {
+        self.painters.retain(|tab, _| tabs.contains(tab));
+    }
+
+    fn one(&mut self, task: Task, desk: &Desk) {
+        match task {
+            Task::Paint {
+                tab,
+                wish,
+                stage,
+                outbox,
+            } => {
+                let mut painter = self.painters.remove(&tab).unwrap_or_default();
+                let painted = self.picture(&mut painter, &wish, stage, desk);
+                self.painters.insert(tab, painter);
+                match painted {
+                    Ok(picture) => {
+                        outbox.show(picture);
+                        desk.painted(tab, &wish, stage);
+                    }
+                    Err(NoPicture::Interrupted) => {}
+                    Err(NoPicture::Refused(what)) => {
+                        say_refused(&outbox, Some(wish.id), &what);
+                        desk.painted(tab, &wish, Stage::Final);
+                    }
+                }
+            }
+            Task::Pick { wish, pick, outbox } => outbox.say(self.picked(&wish, pick)),
+            Task::Save(Save { wish, float, answer }) => {
+                // Whoever asked may have gone.
+                let _ = answer.send(self.saved(&wish, float, desk));
+            }
+            Task::End => {}
+        }
+    }
+
+    /// Gives the player the wish's materials.
+    fn dress(&mut self, wish: &Wish) -> Result<(), NoPicture> {
+        let refused = |error: String| NoPicture::Refused(error);
+        if self.edits != wish.materials {
+            let player = &mut self.exhibit.player;
+            let text = wish.materials.as_deref().unwrap_or(NO_EDITS);
+            let edits = parse_material_edits(text, player.scene(), "the materials")
+                .map_err(|error| refused(error.to_string()))?;
+            (player.edit_materials(edits, wish.time)).map_err(|error| refused(error.to_string()))?;
+            self.edits = wish.materials.clone();
+            self.edition += 1;
+        }
+        Ok(())
+    }
+
+    fn paint(
+        &mut self,
+        painter: &mut Painter,
+        wish: &Wish,
+        stage: Stage,
+        desk: &Desk,
+        firm: bool,
+    ) -> Result<Painted, NoPicture> {
+        self.dress(wish)?;
+        let room = Room {
+            player: &self.exhibit.player,
+            sequence: &self.exhibit.sequence,
+            maps: desk.maps(),
+            seed: self.exhibit.seed,
+            edition: self.edition,
+        };
+        painter.paint(&room, wish, stage, &Patience { desk, firm })
+    }
+
+    /// A picture as it is sent: the length of its JSON head in four bytes (little endian), the head, the file.
+    fn picture(
+        &mut self,
+        painter: &mut Painter,
+        wish: &Wish,
+        stage: Stage,
+        desk: &Desk,
+    ) -> Result<Vec<u8>, NoPicture> {
+        let start = Instant::now();
+        let painted = self.paint(painter, wish, stage, desk, stage == Stage::Coarse)?;
+        let encoding = Instant::now();
+        let layers = &painted.layers;
+        let picture = shown(layers, &wish.layer, wish.exposure).ok_or_else(|| {
+            let known: Vec<&str> = layers.layers.iter().map(|layer| layer.name.as_str()).collect();
+            NoPicture::Refused(format!(
+                "no layer {:?}; there are {}",
+                wish.layer,
+                known.join(", ")
+            ))
+        })?;
+        let file = encoded(&picture, stage == Stage::Final)
+            .map_err(|error| NoPicture::Refused(error.to_string()))?;
+        let mut times: serde_json::Map<String, serde_json::Value> = (painted.times.iter())
+            .map(|(name, time)| ((*name).to_owned(), json!(time)))
+            .collect();
+        times.insert("encode".into(), json!(encoding.elapsed().as_secs_f64() * 1e3));
+        let head = json!({
+            "id": wish.id,
+            "stage": stage.name(),
+            "width": layers.width,
+            "height": layers.height,
+            "format": file.format,
+            "layer": wish.layer,
+            "times": times,
+            "total": start.elapsed().as_secs_f64() * 1e3,
+            "choice": painted.choice.to_string(),
+        })
+        .to_string();
+        let mut message = (head.len() as u32).to_le_bytes().to_vec();
+        message.extend(head.into_bytes());
+        message.extend(file.bytes);
+        Ok(message)
+    }
+
+    fn picked(&self, wish: &Wish, pick: Pick) -> String {
+        let scene = &self.exhibit.player.prepared.scene;
+        let size = Vec2::new(wish.size.0 as f32, wish.size.1 as f32);
+        let camera = wish.eye.camera();
+        let direction = camera.direction(Vec2::new(pick.x, pick.y) * size, size);
+        let ray = Ray {
+            origin: camera.position,
+            direction,
+            t_min: 0.0,
+            t_max: f32::INFINITY,
+        };
+        let hit = scene
+            .closest_hit(&ray)
+            .filter(|_| pick.x.is_finite() && pick.y.is_finite());
+        let found = hit.map(|hit| {
+            let material = scene.material_of(hit.primitive);
+            json!({
+                "position": hit.position.to_array(),
+                "normal": hit.normal.to_array(),
+                "distance": hit.t,
+                "material": material,
+                "name": scene.material(hit.primitive).name,
+            })
+        });
+        json!({ "picked": { "id": pick.id, "hit": found } }).to_string()
+    }
+
+    /// The file that `relight play` would write.
+    fn saved(&mut self, wish: &Wish, float: bool, desk: &Desk) -> Result<Vec<u8>, String> {
+        let wish = Wish {
+            layer: "beauty".into(),
+            ..wish.clone()
+        };
+        let painted = (self.paint(&mut Painter::default(), &wish, Stage::Final, desk, true)).map_err(
+            |none| match none {
+                NoPicture::Interrupted => "the server ends".into(),
+                NoPicture::Refused(what) => what,
+            },
+        )?;
+        let mut layers = Layers::new(painted.layers.width, painted.layers.height);
+        for name in SAVED {
+            layers.layers.extend(painted.layers.layer(name).cloned());
+        }
+        let header = ExrHeader {
+            asset_hash: Some(format!("{:016x}", self.exhibit.player.hash)),
+            seed: Some(self.exhibit.seed),
+            frames_per_second: Some(painted.fps),
+            frame: Some(wish.time as u32),
+            ..ExrHeader::new()
+        };
+        match encode_exr("the picture", &layers, &header, float) {
+            Ok((bytes, _)) => Ok(bytes),
+            Err(error) => Err(error.to_string()),
+        }
+    }
+}
+
+/// Tells a tab what can't be done.
+pub fn say_refused(outbox: &Outbox, id: Option<u64>, what: &str) {
+    outbox.say(json!({ "refused": { "id": id, "what": what } }).to_string());
+}

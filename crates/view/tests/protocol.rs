@@ -1,0 +1,374 @@
+//! What the server promises to whoever speaks to it, through a socket as a browser's.
+
+mod served;
+
+use relight_play::glam::Vec3;
+use relight_play::scene::animated::Animated;
+use relight_play::scene::camera::CameraTrack;
+use relight_play::scene::image::{Limits, decode_exr};
+use relight_play::scene::sequence::parse_sequence;
+use relight_play::{FrameSettings, ShotSettings};
+use relight_view::{Exhibit, View, ViewError};
+use serde_json::{Value, json};
+use served::{Served, Tab, exhibit, get, player, post};
+use std::path::Path;
+
+const LAMP: [f64; 3] = [0.2, 0.4, 0.1];
+
+fn lights(intensity: f64) -> Value {
+    json!({ "relight_sequence": 1, "lights": [
+        { "name": "lamp", "type": "point", "position": LAMP, "intensity": [intensity, intensity, intensity] } ] })
+}
+
+fn eye() -> Value {
+    json!({ "position": [0.28, 0.28, -0.7], "look_at": [0.28, 0.28, 0.2], "up": [0, 1, 0], "vfov_deg": 40 })
+}
+
+fn show(id: u64, moving: bool) -> Value {
+    json!({ "id": id, "moving": moving, "width": 32, "height": 18, "camera": eye(), "lights": lights(1.0) })
+}
+
+#[test]
+fn without_the_token_nothing_is_served() {
+    let served = Served::new();
+    let url = served.url.clone();
+    assert_eq!(get(&url).0, 200);
+    assert!(get(&url).1.contains("relight view"));
+    assert_eq!(get(&format!("{url}main.js")).0, 200);
+    let root = url.rsplitn(3, '/').last().unwrap();
+    let wrong = format!("{root}/{}/", "0".repeat(32));
+    for refused in [
+        wrong.clone(),
+        format!("{wrong}main.js"),
+        format!("{wrong}socket"),
+        format!("{root}/x/"),
+    ] {
+        // A socket is refused as no socket (400, 426) or for its token.
+        let (status, text) = get(&refused);
+        assert!([400, 403, 426].contains(&status), "{refused}: {status} {text}");
+        assert!(!text.contains("<html"), "{refused}");
+    }
+    assert_eq!(get(&format!("{root}/")).0, 404);
+    assert!(tungstenite::connect(format!("{wrong}socket").replace("http", "ws")).is_err());
+    for outside in [
+        "..%2f..%2fCargo.toml",
+        "%2fetc%2fpasswd",
+        "Cargo.toml",
+        "..",
+        ".%2e",
+    ] {
+        let (status, text) = get(&format!("{url}{outside}"));
+        assert_ne!(status, 200, "{outside}: {text}");
+    }
+}
+
+#[test]
+fn a_page_of_another_site_gets_no_socket() {
+    use tungstenite::client::IntoClientRequest;
+    let served = Served::new();
+    let address = format!("{}socket", served.url).replace("http", "ws");
+    let mut request = address.as_str().into_client_request().unwrap();
+    request
+        .headers_mut()
+        .insert("Origin", "http://example.com".parse().unwrap());
+    assert!(tungstenite::connect(request).is_err());
+}
+
+/// Truth: the player of the library, asked as `relight play` asks it.
+#[test]
+fn what_is_saved_is_what_play_writes_bit_by_bit() {
+    let served = Served::new();
+    let (status, bytes) = post(
+        &format!("{}render.exr?float", served.url),
+        &show(0, false).to_string(),
+    );
+    assert_eq!(status, 200, "{}", String::from_utf8_lossy(&bytes));
+    let saved = decode_exr("saved", &bytes, &Limits::default()).unwrap();
+
+    let player = player();
+    let fixed = |xyz: [f32; 3]| Animated::Constant(Vec3::from_array(xyz));
+    let camera = CameraTrack {
+        name: String::new(),
+        position: fixed([0.28, 0.28, -0.7]),
+        look_at: fixed([0.28, 0.28, 0.2]),
+        up: fixed([0.0, 1.0, 0.0]),
+        vfov_deg: Animated::Constant(40.0),
+        aspect: None,
+    };
+    let sequence = parse_sequence(&lights(1.0).to_string(), Path::new(""), "lights").unwrap();
+    let lights = player.lights(&sequence.lights).unwrap();
+    let settings = ShotSettings {
+        width: 32,
+        height: 18,
+        ..ShotSettings::default()
+    };
+    let shot = player.shot(&camera.at(0.0), &settings).unwrap();
+    let frame = player
+        .frame(&shot, &lights, 0.0, &FrameSettings::default())
+        .unwrap();
+    for layer in ["beauty", "direct", "indirect"] {
+        let (mine, theirs) = (frame.layers.rgb(layer).unwrap(), saved.rgb(layer).unwrap());
+        assert_eq!(mine, theirs, "{layer}");
+        assert!(mine.pixels.iter().any(|p| p[1] > 0.0), "{layer} is black");
+    }
+}
+
+/// Truth: the same frame, encoded by the library.
+#[test]
+fn at_rest_the_picture_is_refined_to_the_end_without_loss() {
+    use relight_play::scene::image::decode_ldr;
+    use relight_play::scene::image::preview::tone_mapped;
+    let served = Served::new();
+    let mut tab = Tab::open(&served.url);
+    tab.send(&json!({ "show": show(7, false) }));
+    let (head, file) = tab.picture_at("final");
+    assert_eq!(
+        (head["id"].as_u64(), &head["format"]),
+        (Some(7), &json!("image/png"))
+    );
+    let shown = decode_ldr("shown", &file, &Limits::default()).unwrap();
+    let (_, bytes) = post(
+        &format!("{}render.exr?float", served.url),
+        &show(0, false).to_string(),
+    );
+    let saved = decode_exr("saved", &bytes, &Limits::default()).unwrap();
+    assert_eq!(shown.rgba8, tone_mapped(&saved.rgb("beauty").unwrap(), 0.0).rgba8);
+}
+
+#[test]
+fn the_newest_wish_wins_and_what_moves_is_coarse() {
+    let served = Served::new();
+    let mut tab = Tab::open(&served.url);
+    for id in 1..=300 {
+        tab.send(&json!({ "show": show(id, true) }));
+    }
+    let mut pictures = 0;
+    loop {
+        let (head, _) = tab.picture();
+        pictures += 1;
+        assert_eq!(
+            (&head["stage"], &head["format"]),
+            (&json!("coarse"), &json!("image/jpeg"))
+        );
+        assert!(head["width"].as_u64().unwrap() <= 32);
+        if head["id"] == 300 {
+            break;
+        }
+    }
+    assert!(pictures < 300, "{pictures} pictures of 300 wishes");
+    assert!(tab.silent(), "a wish that moves is not refined");
+}
+
+#[test]
+fn garbage_is_answered_in_words_and_ends_only_who_sends_nothing_else() {
+    let served = Served::new();
+    let mut tab = Tab::open(&served.url);
+    let mut wrong = vec![
+        json!("{").to_string(),
+        "{".into(),
+        "null".into(),
+        json!({ "show": { "id": 1 } }).to_string(),
+        json!({ "open": "/etc/passwd" }).to_string(),
+    ];
+    for (key, value) in [
+        ("width", json!(0)),
+        ("width", json!(1_000_000)),
+        ("height", json!(-3)),
+        ("time", json!(-1)),
+        ("exposure", json!(1e9)),
+        ("by", json!("magic")),
+        (
+            "camera",
+            json!({ "position": [1e300, 0, 0], "look_at": [0, 0, 0], "up": [0, 1, 0], "vfov_deg": 40 }),
+        ),
+        (
+            "camera",
+            json!({ "position": [0, 0, 0], "look_at": [0, 0, 0], "up": [0, 1, 0], "vfov_deg": 360 }),
+        ),
+    ] {
+        let mut broken = show(1, false);
+        broken[key] = value;
+        wrong.push(json!({ "show": broken }).to_string());
+    }
+    for text in wrong {
+        tab.send_text(&text);
+        assert!(!tab.refused().is_empty(), "{text}");
+    }
+    // These are wishes, but none that there could be a picture of.
+    for lights in [
+        json!({ "relight_sequence": 1, "lights": [ { "name": "sky", "type": "environment", "file": "/etc/passwd" } ] }),
+        json!({ "relight_sequence": 1, "lights": [ { "name": "a", "type": "lamp" } ] }),
+        json!([]),
+    ] {
+        let mut broken = show(2, false);
+        broken["lights"] = lights;
+        tab.send(&json!({ "show": broken }));
+        assert!(!tab.refused().is_empty(), "{broken}");
+    }
+    let mut nothing = show(3, false);
+    nothing["layer"] = json!("nonsense");
+    tab.send(&json!({ "show": nothing }));
+    assert!(tab.refused().contains("nonsense"));
+    // Dark, blinding, and with the eye on its target.
+    for intensity in [0.0, 1e20] {
+        let mut odd = show(4, false);
+        odd["lights"] = lights(intensity);
+        odd["camera"]["look_at"] = odd["camera"]["position"].clone();
+        tab.send(&json!({ "show": odd }));
+        tab.picture_at("final");
+    }
+    tab.send(&json!({ "show": show(5, false) }));
+    assert_eq!(tab.picture_at("final").0["id"], 5);
+
+    for _ in 0..100 {
+        // It may be sent away before the end.
+        let _ = tab.socket.send("nonsense".into());
+    }
+    assert!(tab.closes());
+    let mut other = Tab::open(&served.url);
+    other.send(&json!({ "show": show(6, false) }));
+    other.picture_at("final");
+}
+
+#[test]
+fn a_message_beyond_the_bound_closes_the_socket_and_nothing_else() {
+    let served = Served::new();
+    let mut tab = Tab::open(&served.url);
+    let huge = " ".repeat(relight_view::server::MOST_MESSAGE + 1);
+    let _ = tab.socket.send(huge.into());
+    assert!(tab.closes());
+    let (status, _) = post(
+        &format!("{}render.exr", served.url),
+        &" ".repeat(relight_view::server::MOST_MESSAGE + 1),
+    );
+    assert_eq!(status, 413);
+    let mut other = Tab::open(&served.url);
+    other.send(&json!({ "show": show(1, false) }));
+    other.picture_at("final");
+}
+
+#[test]
+fn tabs_share_the_player_and_too_many_are_sent_away() {
+    let served = Served::new();
+    let mut tabs: Vec<Tab> = (0..relight_view::desk::MOST_TABS)
+        .map(|_| Tab::open(&served.url))
+        .collect();
+    let mut late = Tab::connect(&served.url);
+    assert!(late.closes());
+    for (i, tab) in tabs.iter_mut().enumerate() {
+        let mut own = show(i as u64, false);
+        own["lights"] = lights(1.0 + i as f64);
+        tab.send(&json!({ "show": own }));
+    }
+    let mut files: Vec<Vec<u8>> = Vec::new();
+    for (i, tab) in tabs.iter_mut().enumerate() {
+        let (head, file) = tab.picture_at("final");
+        assert_eq!(head["id"].as_u64(), Some(i as u64));
+        assert!(!files.contains(&file), "tab {i} sees another's lights");
+        files.push(file);
+    }
+    drop(tabs);
+    // Their places are free again, as soon as the server has heard of it.
+    let again = (0..100).any(|_| {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        Tab::connect(&served.url).hello().is_some()
+    });
+    assert!(again);
+}
+
+#[test]
+fn a_pixel_tells_its_material_and_edits_of_it_show() {
+    let served = Served::new();
+    let mut tab = Tab::open(&served.url);
+    tab.send(&json!({ "show": show(1, false) }));
+    let (_, before) = tab.picture_at("final");
+    tab.send(&json!({ "pick": { "id": 2, "x": 0.5, "y": 0.5 } }));
+    let hit = tab.words("picked")["hit"].clone();
+    let material = hit["material"].as_u64().expect("a wall is there");
+    assert!(hit["distance"].as_f64().unwrap() > 0.0);
+    let mut edited = show(3, false);
+    edited["materials"] = json!({ "relight_materials": 1, "edits": [ { "material": material, "base_color": [0.9, 0.1, 0.1] } ] });
+    tab.send(&json!({ "show": edited }));
+    let (_, red) = tab.picture_at("final");
+    assert_ne!(before, red);
+    let mut back = show(4, false);
+    back["materials"] = json!({ "relight_materials": 1, "edits": [] });
+    tab.send(&json!({ "show": back }));
+    assert_eq!(tab.picture_at("final").0["id"], 4);
+}
+
+#[test]
+fn a_map_that_was_dropped_is_a_light() {
+    let served = Served::new();
+    let hdr = std::fs::read("../../data/window.hdr").unwrap();
+    let (status, told) = post(&format!("{}maps/w%20w.hdr", served.url), hdr);
+    let told: Value = serde_json::from_slice(&told).unwrap();
+    assert_eq!((status, &told["file"]), (200, &json!("w w.hdr")));
+    let (status, text) = post(&format!("{}maps/x.hdr", served.url), "no map");
+    assert_eq!(status, 422, "{}", String::from_utf8_lossy(&text));
+    let mut tab = Tab::open(&served.url);
+    let mut lit = show(1, false);
+    lit["lights"] = json!({ "relight_sequence": 1, "lights": [ { "name": "sky", "type": "environment", "file": "w w.hdr" } ] });
+    tab.send(&json!({ "show": lit }));
+    tab.picture_at("final");
+}
+
+#[test]
+fn layers_are_shown_by_name() {
+    let served = Served::new();
+    let mut tab = Tab::open(&served.url);
+    let mut files: Vec<Vec<u8>> = Vec::new();
+    for layer in ["beauty", "direct", "indirect", "albedo", "normal", "depth"] {
+        let mut wish = show(1, false);
+        wish["layer"] = json!(layer);
+        tab.send(&json!({ "show": wish }));
+        let (head, file) = tab.picture_at("final");
+        assert_eq!(head["layer"], layer);
+        assert!(!files.contains(&file), "{layer}");
+        files.push(file);
+    }
+}
+
+#[test]
+fn a_port_in_use_is_said_in_words() {
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap();
+    let error = View::bind(address, exhibit(player())).err().unwrap();
+    assert!(matches!(error, ViewError::InUse(_)));
+    let text = error.to_string();
+    assert!(
+        text.contains(&address.port().to_string()) && text.contains("--port"),
+        "{text}"
+    );
+}
+
+#[test]
+fn an_asset_without_points_is_path_traced() {
+    use relight_play::{
+        PreparedScene,
+        scene::traced::{Shading, TracedScene},
+    };
+    let scene = player().scene().clone();
+    let scene = TracedScene::new(scene, Shading::Full).unwrap();
+    let bare = relight_play::Player::new(PreparedScene::new(scene, None, None));
+    let served = Served::of(Exhibit {
+        sequence: bare.scene().sequence.clone(),
+        ..exhibit(bare)
+    });
+    let mut tab = Tab::connect(&served.url);
+    assert_eq!(tab.hello().unwrap()["points"], 0);
+    tab.send(&json!({ "show": show(1, false) }));
+    let (head, _) = tab.picture_at("final");
+    assert!(
+        head["choice"].as_str().unwrap().contains("path tracing"),
+        "{head}"
+    );
+}
+
+#[test]
+fn who_looks_is_told_when_the_server_ends() {
+    let mut served = Served::new();
+    let mut tab = Tab::open(&served.url);
+    served.end();
+    assert!(tab.closes());
+}
