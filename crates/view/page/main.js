@@ -36,6 +36,8 @@ function send() {
   const moving = wanted;
   wanted = null;
   link.show(state, moving);
+  // For whoever waits for the picture of the newest wish.
+  document.body.dataset.wanted = link.id;
 }
 
 state.on((what) => {

@@ -80,7 +80,7 @@ fn what_is_saved_is_what_play_writes_bit_by_bit() {
     let served = Served::new();
     let (status, bytes) = post(
         &format!("{}render.exr?float", served.url),
-        &show(0, false).to_string(),
+        show(0, false).to_string(),
     );
     assert_eq!(status, 200, "{}", String::from_utf8_lossy(&bytes));
     let saved = decode_exr("saved", &bytes, &Limits::default()).unwrap();
@@ -129,7 +129,7 @@ fn at_rest_the_picture_is_refined_to_the_end_without_loss() {
     let shown = decode_ldr("shown", &file, &Limits::default()).unwrap();
     let (_, bytes) = post(
         &format!("{}render.exr?float", served.url),
-        &show(0, false).to_string(),
+        show(0, false).to_string(),
     );
     let saved = decode_exr("saved", &bytes, &Limits::default()).unwrap();
     assert_eq!(shown.rgba8, tone_mapped(&saved.rgb("beauty").unwrap(), 0.0).rgba8);
@@ -239,7 +239,7 @@ fn a_message_beyond_the_bound_closes_the_socket_and_nothing_else() {
     assert!(tab.closes());
     let (status, _) = post(
         &format!("{}render.exr", served.url),
-        &" ".repeat(relight_view::server::MOST_MESSAGE + 1),
+        " ".repeat(relight_view::server::MOST_MESSAGE + 1),
     );
     assert_eq!(status, 413);
     let mut other = Tab::open(&served.url);
