@@ -10,6 +10,7 @@ use crate::kinds::Kind;
 use crate::options::ReplaceArgs;
 use crate::output::{self, log_path};
 use crate::play::{self, IntegratorName, Pace, PlayArgs, PlayReport};
+use crate::signals;
 use crate::statistics::median;
 use crate::words;
 use clap::Args;
@@ -81,8 +82,10 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
         thumbnails.push(shrunk(&layers.rgb(BEAUTY).unwrap_or_default(), SHEET_SHRINK));
     })?;
     let sheet = contact_sheet(&thumbnails, SHEET_COLUMNS)?;
+    let whole = signals::whole();
     write_png(&folder.join("contact_sheet.png"), &tone_mapped(&sheet, 0.0))?;
 
+    drop(whole);
     let errors = check(&asset, &data, folder, seed, console)?;
     output::print_text(&format!("{errors}\n"))?;
     output::print_text(&format!(

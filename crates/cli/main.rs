@@ -122,11 +122,11 @@ fn main() -> ExitCode {
 /// Says how a command failed.
 fn say(failure: &Failure, cli: &Cli, console: &Console) {
     console.close();
-    output::tidy();
     let left = match failure {
         Failure::Stopped(_) => cli.command.left_behind(),
         _ => String::new(),
     };
+    output::tidy();
     console.fail(&failure.text(&left));
 }
 
@@ -134,9 +134,9 @@ impl Command {
     /// Whether nothing would be left behind if it ended anywhere but where it writes files.
     fn leaves_soon(&self) -> bool {
         match self {
-            Command::Play(_) | Command::Inspect(_) | Command::Export(_) | Command::Compare(_) => true,
+            // It has folders of its own for a while.
             Command::Check(args) => args.asset.is_some(),
-            _ => false,
+            _ => true,
         }
     }
 

@@ -58,6 +58,14 @@ pub fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> St
 /// Folders that this process has made.
 static MADE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
+/// Removes a lock that is held, while it is.
+pub fn releases(lock: &Path) {
+    let mut locks = LOCKS.lock().unwrap_or_else(PoisonError::into_inner);
+    // What another process makes there from now on is not ours.
+    locks.retain(|held| held != lock);
+    let _ = std::fs::remove_file(lock);
+}
+
 /// Makes a folder and those above it; [`tidy`] removes those in which nothing is.
 ///
 /// # Errors
@@ -78,8 +86,22 @@ pub fn make_folder(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Removes folders that were made and stayed empty, because the command failed or was stopped.
+/// Files that hold locks of this process.
+static LOCKS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Lets [`tidy`] remove a lock, wherever the process ends.
+pub fn holds(lock: &Path) {
+    LOCKS
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .push(lock.to_owned());
+}
+
+/// Removes locks that are still held, and folders that were made and stayed empty, because the command failed or was stopped.
 pub fn tidy() {
+    for lock in LOCKS.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
+        let _ = std::fs::remove_file(lock);
+    }
     let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
     for folder in made.drain(..).rev() {
         // Only if it is empty.

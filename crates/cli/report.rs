@@ -24,6 +24,7 @@ use crate::kinds::{self, Kind, Wanted};
 use crate::options::ReplaceArgs;
 use crate::output::{self, SCHEMA};
 use crate::play;
+use crate::signals;
 use crate::words;
 use anyhow::Context;
 use clap::Args;
@@ -329,6 +330,7 @@ fn write_report(
         Ok(write_atomically(&path, text.as_bytes())?)
     };
     let plots = plot::all(measured, references)?;
+    let _whole = signals::whole();
     for plot in &plots {
         write(&format!("plots/{}.svg", plot.name), Kind::Svg, &plot.svg)?;
         let picture = task.folder.join(format!("plots/{}.png", plot.name));

@@ -8,18 +8,19 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::sync::{Arc, LazyLock, PoisonError, RwLock, RwLockReadGuard};
+use std::sync::{Arc, Condvar, LazyLock, Mutex, PoisonError};
 use std::time::Duration;
 
 static STOP: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 static SIGNAL: LazyLock<Arc<AtomicUsize>> = LazyLock::new(Arc::default);
 
-/// Held by who has files half written.
-static WHOLE: RwLock<()> = RwLock::new(());
+/// How many have files half written, and who waits for none.
+static HALF_WRITTEN: Mutex<usize> = Mutex::new(0);
+static ALL_WHOLE: Condvar = Condvar::new();
 
 /// How often it is looked for a signal, and how long a stage has to stop by itself.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-const PATIENCE: Duration = Duration::from_millis(500);
+const PATIENCE: Duration = Duration::from_millis(800);
 
 /// Starts to listen.
 ///
@@ -35,9 +36,20 @@ pub fn install() -> std::io::Result<()> {
     system::limits_are_errors()
 }
 
-/// While this is held, files are half written, and [`leave_soon`] waits.
-pub fn whole() -> RwLockReadGuard<'static, ()> {
-    WHOLE.read().unwrap_or_else(PoisonError::into_inner)
+/// While this is kept, files are half written, and [`leave_soon`] waits.
+pub struct Whole;
+
+/// Says that files will be half written. May be said by who has said so already.
+pub fn whole() -> Whole {
+    *HALF_WRITTEN.lock().unwrap_or_else(PoisonError::into_inner) += 1;
+    Whole
+}
+
+impl Drop for Whole {
+    fn drop(&mut self) {
+        *HALF_WRITTEN.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
+        ALL_WHOLE.notify_all();
+    }
 }
 
 /// Ends the process soon after a signal, whatever is being computed, once no file is half written; `last_words` are said before.
@@ -53,7 +65,9 @@ pub fn leave_soon(running: &Receiver<()>, last_words: impl FnOnce(&Failure)) {
         return;
     }
     // Kept to the end: nobody begins another file.
-    let _all = WHOLE.write().unwrap_or_else(PoisonError::into_inner);
+    let half_written = HALF_WRITTEN.lock().unwrap_or_else(PoisonError::into_inner);
+    let _none =
+        (ALL_WHOLE.wait_while(half_written, |count| *count > 0)).unwrap_or_else(PoisonError::into_inner);
     let failure = failure();
     last_words(&failure);
     std::process::exit(128 + SIGNAL.load(Ordering::Relaxed) as i32);

@@ -1,6 +1,6 @@
 //! A file of the wrong kind is named, with the command that takes it; and where a stream is enough, pipes are read.
 
-use crate::stage::{TINY_LIGHT, complaint, cornell, data, folder, relight};
+use crate::stage::{TINY_LIGHT, complaint, cornell, data, folder, relight, sequence};
 
 /// What is given to which command, and what must be said.
 #[test]
@@ -139,4 +139,19 @@ fn sequences_with_byte_order_marks_are_read() {
     play.arg("play").arg(cornell()).arg("--lights").arg(&lights);
     let text = complaint(play.arg("-o").arg(&frame), 1);
     assert!(text.contains("l.json") && text.contains("UTF-8"), "{text}");
+}
+
+/// A map is read from front to back, once.
+#[cfg(unix)]
+#[test]
+fn environment_maps_come_through_pipes() {
+    let room = folder();
+    let text = r#"{ "relight_sequence": 1, "lights": [ { "name": "sky", "type": "environment", "file": "/dev/stdin" } ] }"#;
+    let lights = sequence(room.path(), "l.json", text);
+    let mut play = relight();
+    play.arg("play").arg(cornell()).arg("--lights").arg(&lights);
+    play.args(["--size", "8x8", "-o"]).arg(room.path().join("f.exr"));
+    play.write_stdin(std::fs::read(data("sky.hdr")).unwrap())
+        .assert()
+        .success();
 }

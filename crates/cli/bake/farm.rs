@@ -43,7 +43,7 @@ pub fn plan(args: &BakeArgs, seed: u64, folder: &Path, console: &Console) -> Res
     for script in slurm::NAMES.iter().filter(|_| args.long.slurm) {
         guard.check(&folder.join("slurm").join(script), Kind::Script)?;
     }
-    output::make_folder(&folder.join("done"))?;
+    output::make_folder(folder)?;
     let folder = std::path::absolute(folder)?;
     let read = read(args, console)?;
     // Before the work: a path may be one that no plan can hold.
@@ -105,6 +105,7 @@ pub fn unit(piece: &Path, folder: &Path, json: bool, console: &Console) -> Resul
             of: plan.units,
         };
         compute(&plan.folder, &read, &params, &plan.args, part, console)?;
+        output::make_folder(&plan.folder.join("done"))?;
         write_durably(&done, b"").with_context(|| format!("{}: cannot be written", done.display()))?;
         console.close();
         console.note(format!("Unit {number} of {} is done.", plan.units));

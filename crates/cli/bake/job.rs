@@ -260,6 +260,7 @@ pub fn store(
 ) -> Result<JobResult, Failure> {
     signals::go_on()?;
     console.begin("Writing the asset", None);
+    let whole = signals::whole();
     let encode = Instant::now();
     format::write_file(target, &baked.asset)?;
     let mut stats = baked.stats;
@@ -275,6 +276,7 @@ pub fn store(
     };
     let inspection = Inspection::of_asset(target, &baked.asset)?.with_run(run);
     write_atomically(&log_path(target), output::json_text(&log)?.as_bytes())?;
+    drop(whole);
     console.close();
     let expected = Expected::of(baked.asset.estimates.as_ref());
     Ok(JobResult {

@@ -2,6 +2,7 @@
 
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::output;
 use anyhow::Context;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -49,6 +50,7 @@ pub fn lock(output: &Path, console: &Console) -> Result<Lock, Failure> {
         }
         // Who held it before may have removed it between our opening and locking it.
         if is_at(&file, &path) {
+            output::holds(&path);
             return Ok(Lock { path, _file: file });
         }
     }
@@ -69,6 +71,6 @@ fn is_at(_: &File, _: &Path) -> bool {
 impl Drop for Lock {
     fn drop(&mut self) {
         // Still locked: nobody else can take what is removed for theirs.
-        let _ = fs::remove_file(&self.path);
+        output::releases(&self.path);
     }
 }

@@ -6,6 +6,7 @@ use super::kept::this_program;
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::output;
+use crate::signals;
 use anyhow::{Context, anyhow};
 use clap::Parser;
 use relight_bake::units::key;
@@ -91,6 +92,7 @@ pub fn write(
         files: FileHashes::of(read),
         units: NonZeroUsize::new(units).context("a plan has a unit or more")?,
     };
+    let _whole = signals::whole();
     write_durably(&folder.join(NAME), output::json_text(&file)?.as_bytes())
         .with_context(|| format!("{}: the plan cannot be written", folder.display()))?;
     Ok(())

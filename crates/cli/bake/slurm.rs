@@ -1,6 +1,7 @@
 //! Job scripts for Slurm: an array of units, and the merge after it.
 
 use crate::failure::Failure;
+use crate::signals;
 use anyhow::Context;
 use relight_format::unit::write_durably;
 use std::path::Path;
@@ -15,6 +16,7 @@ pub const NAMES: [&str; 3] = ["unit.sh", "merge.sh", "submit.sh"];
 pub fn write(folder: &Path, units: usize) -> Result<(), Failure> {
     let program = std::env::current_exe().context("cannot find the program itself")?;
     let (program, plan) = (quoted(&program)?, quoted(folder)?);
+    let _whole = signals::whole();
     let scripts = folder.join("slurm");
     let place = quoted(&scripts)?;
     std::fs::create_dir_all(&scripts).with_context(|| format!("{}: cannot be made", scripts.display()))?;

@@ -14,6 +14,7 @@ use crate::kinds::Kind;
 use crate::options::parsed;
 use crate::output;
 use crate::play::{self, FrameReport, Pace};
+use crate::signals;
 use crate::statistics::median;
 use relight_scene::image::Layers;
 use relight_scene::image::metrics::{Comparison, compare};
@@ -359,6 +360,7 @@ fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf,
     };
     let result = bake::run_job(&job, runs.scene.clone(), &asset, 0.0, &console.silent())?;
     let known = result.report.inspection;
+    let _whole = signals::whole();
     write_atomically(&said, output::json_text(&known)?.as_bytes())?;
     Ok((asset, known))
 }

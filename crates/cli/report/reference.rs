@@ -7,6 +7,7 @@ use crate::failure::Failure;
 use crate::frames::FrameRange;
 use crate::output;
 use crate::play::{self, Pace};
+use crate::signals;
 use relight_scene::image::metrics::compare;
 use relight_scene::image::{
     BEAUTY, ExrHeader, FloatImage, ImageError, Layers, Limits, read_exr, write_atomically, write_exr,
@@ -263,6 +264,7 @@ impl Growing {
 
     /// Writes it down; the count last, so that a stop between leaves an older count, which only wastes samples' weight.
     fn keep(&self) -> Result<(), Failure> {
+        let _whole = signals::whole();
         for (half, name) in self.halves.iter().zip(half_names(self.frame)) {
             write_exr(&self.folder.join(name), half, &ExrHeader::new(), true)?;
         }

@@ -11,12 +11,12 @@
 //! of weighted tents is the bilinear interpolation of the weights, so the density is known exactly and is
 //! above zero wherever the map is.
 
-use crate::image::{BEAUTY, FloatImage, ImageError, Limits, read_exr, read_hdr};
+use crate::image::error::read_file;
+use crate::image::{BEAUTY, FloatImage, ImageError, Limits, decode_exr, decode_hdr};
 use crate::json::quantity::MAX_FACTOR;
 use crate::light::EnvironmentMap;
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
-use std::io::Read;
 use std::path::Path;
 
 /// The first bytes of every OpenEXR file.
@@ -30,17 +30,10 @@ const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// names the first. They are not repaired here, because a repaired sun is a wrong sun.
 pub fn read_environment(path: &Path) -> Result<EnvironmentMap, ImageError> {
     let file = path.display().to_string();
-    let io = |source| ImageError::Io {
-        file: file.clone(),
-        action: "opening",
-        source,
-    };
-    let mut magic = Vec::new();
-    std::fs::File::open(path)
-        .and_then(|f| f.take(4).read_to_end(&mut magic))
-        .map_err(io)?;
-    let image = if magic == EXR_MAGIC {
-        let layers = read_exr(path, &Limits::default())?;
+    // Once: it may come through a pipe.
+    let bytes = read_file(path, &Limits::default())?;
+    let image = if bytes.starts_with(&EXR_MAGIC) {
+        let layers = decode_exr(&file, &bytes, &Limits::default())?;
         let only = (layers.layers.len() == 1).then(|| layers.layers[0].name.clone());
         let image = layers.rgb(BEAUTY).or_else(|| layers.rgb(&only?));
         image.ok_or_else(|| ImageError::Invalid {
@@ -48,7 +41,7 @@ pub fn read_environment(path: &Path) -> Result<EnvironmentMap, ImageError> {
             detail: "holds several layers and no plain R, G, B; save one layer of it".into(),
         })?
     } else {
-        read_hdr(path, &Limits::default())?
+        decode_hdr(&file, &bytes, &Limits::default())?
     };
     environment_from_image(&file, image)
 }
