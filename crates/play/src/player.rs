@@ -17,7 +17,7 @@ use crate::shot::{
     Edition, MOVING_SAMPLES, RelitShot, STANDING_SAMPLES, Shot, ShotSettings, ShotTimes, TracedShot,
 };
 use relight_format::{Asset, Estimates, Provenance};
-use relight_render::expose::expose;
+use relight_render::expose::expose_watched;
 use relight_render::exposure::Exposure;
 use relight_render::layers::RenderSize;
 use relight_render::lightcuts::{AT_PIXELS, worthwhile};
@@ -89,6 +89,17 @@ pub enum PlayCameraError {
     /// The asset was baked for others.
     #[error(transparent)]
     LeftOut(#[from] LeftOutError),
+}
+
+/// Why there is no shot.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ShotError {
+    /// The asset lacks what the integrator takes.
+    #[error(transparent)]
+    Choice(#[from] ChoiceError),
+    /// It was stopped from outside.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 /// Why there is no frame.
@@ -256,6 +267,23 @@ impl Player {
     /// # Errors
     /// The asset lacks what the integrator takes.
     pub fn shot(&self, camera: &Camera, settings: &ShotSettings) -> Result<Shot, ChoiceError> {
+        match self.shot_watched(camera, settings, &()) {
+            Ok(shot) => Ok(shot),
+            Err(ShotError::Choice(error)) => Err(error),
+            Err(ShotError::Cancelled(_)) => unreachable!("nobody stops it"),
+        }
+    }
+
+    /// [`Player::shot`] under the eyes of someone who may stop it.
+    ///
+    /// # Errors
+    /// [`ShotError`].
+    pub fn shot_watched(
+        &self,
+        camera: &Camera,
+        settings: &ShotSettings,
+        watch: &dyn Watch,
+    ) -> Result<Shot, ShotError> {
         let (width, height) = (settings.width, settings.height);
         let transfers = match self.decided(&settings.integrator)? {
             Integrator::Traced(tracer) => {
@@ -275,16 +303,28 @@ impl Player {
             STANDING_SAMPLES
         });
         let start = Instant::now();
-        let seen = expose(&self.prepared.scene, camera, width, height, samples);
+        let seen = expose_watched(&self.prepared.scene, camera, (width, height), samples, watch)?;
         let exposed = milliseconds(start);
-        let mut shot = self.shot_of(seen, settings);
+        let mut shot = self.relit(seen, settings, watch)?;
         shot.transfers = transfers;
         shot.times.expose = exposed;
         Ok(Shot::Relit(Box::new(shot)))
     }
 
     /// A shot of fragments that were exposed already, of one camera or several.
-    pub fn shot_of(&self, mut seen: Exposure, settings: &ShotSettings) -> RelitShot {
+    pub fn shot_of(&self, seen: Exposure, settings: &ShotSettings) -> RelitShot {
+        match self.relit(seen, settings, &()) {
+            Ok(shot) => shot,
+            Err(Cancelled) => unreachable!("nobody stops it"),
+        }
+    }
+
+    fn relit(
+        &self,
+        mut seen: Exposure,
+        settings: &ShotSettings,
+        watch: &dyn Watch,
+    ) -> Result<RelitShot, Cancelled> {
         let start = Instant::now();
         // Before lobes are followed, which depends on what surfaces are like.
         let edited = self.edited.as_ref().filter(|edited| edited.moves());
@@ -300,15 +340,15 @@ impl Player {
             Integrator::Auto | Integrator::Cuts => settings.sites,
             _ => None,
         };
-        let shot = RelitShot::new(&self.prepared, seen, rays, sites);
-        RelitShot {
+        let shot = RelitShot::new(&self.prepared, seen, rays, sites, watch)?;
+        Ok(RelitShot {
             times: ShotTimes {
                 expose: 0.0,
                 weigh: milliseconds(start),
             },
             edition: self.edition,
             ..shot
-        }
+        })
     }
 
     /// A frame of a shot under some lights, `time` in frames of their sequence.

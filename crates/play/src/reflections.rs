@@ -16,6 +16,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use relight_render::exposure::Sighted;
 use relight_render::sampler::Sampler;
+use relight_render::watch::{Cancelled, Watch, go_on};
 use relight_scene::bsdf;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
@@ -131,16 +132,20 @@ impl Lobes {
 impl Reflections {
     /// Follows the lobes of fragments. `rays`: of each lobe ([`rays`]), `most` for the widest; `starts_of`: where a fragment's
     /// rays start, one or more places in turn.
+    ///
+    /// # Errors
+    /// It was stopped.
     pub fn new(
         scene: &TracedScene,
         transfer: &Transfer,
         rays: &[u32],
         most: u32,
         starts_of: impl Fn(usize) -> Vec<Sighted> + Sync,
-    ) -> Reflections {
+        watch: &dyn Watch,
+    ) -> Result<Reflections, Cancelled> {
         let fragments: Vec<u32> = (0u32..).zip(rays).filter(|f| *f.1 > 0).map(|f| f.0).collect();
         if fragments.is_empty() {
-            return Reflections::default();
+            return Ok(Reflections::default());
         }
         let nearest = NearestPoint::new(&transfer.finest);
         let follower = || Follower {
@@ -154,6 +159,7 @@ impl Reflections {
         let lobes = fragments
             .par_chunks(TASK)
             .map_init(follower, |follower, fragments| {
+                go_on(watch)?;
                 let mut lobes = Lobes::default();
                 for &f in fragments {
                     let starts = starts_of(f as usize);
@@ -161,14 +167,14 @@ impl Reflections {
                 }
                 lobes.entries.shrink_to_fit();
                 lobes.sky.shrink_to_fit();
-                lobes
+                Ok(lobes)
             });
-        let lobes: Vec<Lobes> = lobes.collect();
+        let lobes: Vec<Lobes> = lobes.collect::<Result<_, Cancelled>>()?;
         let mut narrow = vec![false; rays.len()];
         for &fragment in lobes.iter().flat_map(|lobes| &lobes.narrow) {
             narrow[fragment as usize] = true;
         }
-        Reflections { lobes, narrow }
+        Ok(Reflections { lobes, narrow })
     }
 
     /// Adds what narrow lobes show of the sky, whose `radiance(direction)` is asked for, to the radiance of the fragments.

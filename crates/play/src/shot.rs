@@ -11,6 +11,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use relight_render::exposure::Exposure;
 use relight_render::layers::RenderSize;
+use relight_render::watch::{Cancelled, Watch, go_on};
 use relight_scene::bsdf;
 use relight_scene::camera::Camera;
 use relight_scene::traced::TracedScene;
@@ -132,17 +133,22 @@ pub struct Functions {
 
 impl RelitShot {
     /// Finds what lighting needs of some fragments. `lobe_rays`: of the widest lobe ([`reflections::FIXED_RAYS`]).
+    ///
+    /// # Errors
+    /// It was stopped.
     pub fn new(
         prepared: &PreparedScene,
         seen: Exposure,
         lobe_rays: u32,
         sites: Option<CutSites>,
-    ) -> RelitShot {
+        watch: &dyn Watch,
+    ) -> Result<RelitShot, Cancelled> {
         let scene = &prepared.scene;
         let (functions, reflections) = match &prepared.transfer {
             Some(transfer) => {
                 let weights = weights(transfer, scene, &seen);
-                let (albedo, reflections) = lobes(transfer, scene, &seen, lobe_rays);
+                go_on(watch)?;
+                let (albedo, reflections) = lobes(transfer, scene, &seen, lobe_rays, watch)?;
                 let functions = Functions {
                     components: components(&transfer.finest, &seen, &weights),
                     weights,
@@ -152,6 +158,7 @@ impl RelitShot {
             }
             None => (None, Reflections::default()),
         };
+        go_on(watch)?;
         let sites = match (&prepared.cuts, &functions, sites) {
             (Some(cuts), Some(functions), Some(wanted)) => {
                 let around = FragmentSites::new(&functions.weights);
@@ -162,7 +169,7 @@ impl RelitShot {
             }
             _ => None,
         };
-        RelitShot {
+        Ok(RelitShot {
             seen,
             functions,
             sites,
@@ -170,7 +177,7 @@ impl RelitShot {
             transfers: true,
             times: ShotTimes::default(),
             edition: Edition::default(),
-        }
+        })
     }
 
     /// Fragments that lie on a surface which no function covers.
@@ -185,8 +192,11 @@ impl RelitShot {
 
     /// Finds again what depends on how surfaces reflect: what `seen` has of it was changed.
     pub(crate) fn weigh_lobes(&mut self, transfer: &Transfer, scene: &TracedScene, rays: u32) {
-        if let Some(functions) = &mut self.functions {
-            (functions.albedo, self.reflections) = lobes(transfer, scene, &self.seen, rays);
+        // Nobody stops it.
+        if let (Some(functions), Ok(lobes)) =
+            (&mut self.functions, lobes(transfer, scene, &self.seen, rays, &()))
+        {
+            (functions.albedo, self.reflections) = lobes;
         }
     }
 
@@ -211,7 +221,13 @@ fn weights(transfer: &Transfer, scene: &TracedScene, seen: &Exposure) -> SparseM
 }
 
 /// Reflectances for what is spread like something matt, and what lobes see.
-fn lobes(transfer: &Transfer, scene: &TracedScene, seen: &Exposure, rays: u32) -> (Vec<Vec3>, Reflections) {
+fn lobes(
+    transfer: &Transfer,
+    scene: &TracedScene,
+    seen: &Exposure,
+    rays: u32,
+    watch: &dyn Watch,
+) -> Result<(Vec<Vec3>, Reflections), Cancelled> {
     let (albedo, lobes): (Vec<Vec3>, Vec<u32>) = (seen.points.par_iter().zip(&seen.directions))
         .with_min_len(256)
         .map(|(point, direction)| {
@@ -227,8 +243,8 @@ fn lobes(transfer: &Transfer, scene: &TracedScene, seen: &Exposure, rays: u32) -
             }
         })
         .unzip();
-    let reflections = Reflections::new(scene, transfer, &lobes, rays, |f| seen.sighted(scene, f));
-    (albedo, reflections)
+    let reflections = Reflections::new(scene, transfer, &lobes, rays, |f| seen.sighted(scene, f), watch)?;
+    Ok((albedo, reflections))
 }
 
 fn components(finest: &Level, seen: &Exposure, weights: &SparseMatrix) -> Vec<Vec3> {

@@ -2,7 +2,7 @@
 
 use relight_play::frame::stats::FrameStats;
 use relight_play::glam::Vec3;
-use relight_play::player::FrameError;
+use relight_play::player::{FrameError, ShotError};
 use relight_play::render::watch::{Cancelled, Watch};
 use relight_play::scene::animated::Animated;
 use relight_play::scene::light::{LightKind, LightTrack};
@@ -167,4 +167,23 @@ fn a_refreshed_shot_shows_materials_as_they_move() {
     let kept = player.frame(&kept, &lights, 10.0, &settings).unwrap();
     let fresh = player.frame(&shot(&player), &lights, 10.0, &settings).unwrap();
     assert_eq!(kept.layers.rgb("beauty"), fresh.layers.rgb("beauty"));
+}
+
+#[test]
+fn a_shot_can_be_stopped() {
+    struct Impatient;
+    impl Watch for Impatient {
+        fn stopped(&self) -> bool {
+            true
+        }
+    }
+    let player = player();
+    let camera = player.scene().cameras[0].at(0.0);
+    let size = ShotSettings {
+        width: 32,
+        height: 18,
+        ..ShotSettings::default()
+    };
+    let stopped = player.shot_watched(&camera, &size, &Impatient);
+    assert!(matches!(stopped, Err(ShotError::Cancelled(Cancelled))));
 }

@@ -5,6 +5,7 @@
 
 use crate::exposure::{Exposure, RayEnd};
 use crate::slender::passed_by_slender;
+use crate::watch::{Cancelled, Watch, go_on};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::bsdf;
@@ -55,8 +56,23 @@ type Seen = Option<(SurfaceHit, ShadingPoint)>;
 /// Casts `samples` primary rays per pixel and groups them; [`FINER`] times as many where a pixel, or one beside it, sees several
 /// things. Deterministic: the same sub-pixel pattern in every pixel.
 pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize, samples: u32) -> Exposure {
+    // Nobody stops it.
+    expose_watched(scene, camera, (width, height), samples, &()).unwrap_or_default()
+}
+
+/// [`expose`] of an image of a width and a height under the eyes of someone who may stop it.
+///
+/// # Errors
+/// It was stopped.
+pub fn expose_watched(
+    scene: &TracedScene,
+    camera: &Camera,
+    (width, height): (usize, usize),
+    samples: u32,
+    watch: &dyn Watch,
+) -> Result<Exposure, Cancelled> {
     if samples <= 1 {
-        return expose_centres(scene, camera, width, height);
+        return Ok(expose_centres(scene, camera, width, height));
     }
     let exposing = Exposing {
         scene,
@@ -68,10 +84,11 @@ pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize,
         footprint: 2.0 * camera.tan_half_vfov / height as f32,
         slender: passed_by_slender(scene, camera, width, height),
     };
-    let bands: Vec<Exposure> = (0..height.div_ceil(BAND))
-        .into_par_iter()
-        .map(|band| exposing.band(band * BAND..height.min((band + 1) * BAND)))
-        .collect();
+    let bands = (0..height.div_ceil(BAND)).into_par_iter().map(|band| {
+        go_on(watch)?;
+        Ok(exposing.band(band * BAND..height.min((band + 1) * BAND)))
+    });
+    let bands: Vec<Exposure> = bands.collect::<Result<_, Cancelled>>()?;
     let mut whole = Exposure {
         eye: camera.position,
         ..exposing.empty(height)
@@ -80,7 +97,7 @@ pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize,
         whole.push_pixels(&band, 0..width * band.height);
     }
     whole.offsets.push(whole.coverage.len() as u32);
-    whole
+    Ok(whole)
 }
 
 /// What pixels are exposed with.

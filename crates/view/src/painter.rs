@@ -5,7 +5,7 @@ use crate::exhibit::Maps;
 use crate::wish::{By, Eye, Wish};
 use relight_play::choice::CutUse;
 use relight_play::frame::stats::Figure;
-use relight_play::player::FrameError;
+use relight_play::player::{FrameError, ShotError};
 use relight_play::render::watch::Watch;
 use relight_play::scene::image::Layers;
 use relight_play::scene::sequence::{Sequence, parse_sequence_with};
@@ -141,10 +141,12 @@ impl Painter {
         let turned = slot.as_ref().is_none_or(|(of, _)| *of != key);
         if turned {
             *slot = None;
-            let shot = room
-                .player
-                .shot(&key.eye.camera(), &key.settings)
-                .map_err(refused)?;
+            let shot = (room.player)
+                .shot_watched(&key.eye.camera(), &key.settings, watch)
+                .map_err(|error| match error {
+                    ShotError::Cancelled(_) => NoPicture::Interrupted,
+                    ShotError::Choice(error) => refused(error),
+                })?;
             if let Shot::Relit(shot) = &shot {
                 times.extend([("expose", shot.times.expose), ("weigh", shot.times.weigh)]);
             }
