@@ -24,6 +24,7 @@ export class Link {
     socket.onopen = () => {
       this.wait = FIRST_WAIT;
       this.lightsSent = this.materialsSent = -1;
+      this.asked = null;
       this.state(true, "Connected");
     };
     socket.onmessage = ({ data }) => (typeof data === "string" ? this.words(data) : this.picture(data));
@@ -63,6 +64,10 @@ export class Link {
     if (!this.ready || !state.hello) return;
     // A server that can't keep up is not buried.
     if (moving && this.socket.bufferedAmount > 1 << 20) return;
+    // What is shown at rest needs no picture again.
+    const picture = moving ? null : JSON.stringify([wishOf(state, 0, false), state.lightsVersion, state.materialsVersion]);
+    if (picture !== null && picture === this.asked) return;
+    this.asked = picture;
     const show = wishOf(state, ++this.id, moving);
     if (this.lightsSent !== state.lightsVersion) {
       show.lights = state.shining();

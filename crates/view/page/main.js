@@ -11,6 +11,8 @@ const $ = (id) => document.getElementById(id);
 const LAYERS = { beauty: "Beauty", direct: "Direct light", indirect: "Indirect light", emission: "Light seen itself", albedo: "Reflectance", normal: "Normals", depth: "Distance" };
 // How long nothing may change before the picture is refined, milliseconds.
 const REST = 140;
+// Frames of a still that gets keys.
+const NEW_FRAMES = 48;
 
 const state = new State();
 new Panel(state, $("panel"));
@@ -132,14 +134,16 @@ function refresh(what) {
   $("redo").disabled = !state.future.length;
   if (what.eye) $("camera").value = "";
   const { frames: count, fps } = state.sequence;
-  $("time").max = Math.max(1, count - 1);
+  // A still has room for keys.
+  const last = (count > 1 ? count : NEW_FRAMES) - 1;
+  $("time").max = last;
   $("time").value = state.time;
-  $("frame").textContent = `${Math.round(state.time)} / ${count - 1} · ${fps} fps`;
+  $("frame").textContent = count > 1 ? `${Math.round(state.time)} / ${last} · ${fps} fps` : "still";
   const light = state.light(state.selected);
   const keys = [...new Set(light ? Object.values(light).flatMap((value) => keysOf(value)) : [])];
   $("ticks").replaceChildren(...keys.map((key) => {
     const tick = document.createElement("span");
-    tick.style.left = `calc(8px + (100% - 16px) * ${key / Math.max(1, count - 1)})`;
+    tick.style.left = `calc(8px + (100% - 16px) * ${key / Math.max(1, last)})`;
     return tick;
   }));
   $("key").disabled = !light;
@@ -185,13 +189,13 @@ $("play").onclick = play;
 $("time").oninput = ({ target }) => {
   const frame = Number(target.value);
   // A still becomes a sequence when time is first used.
-  if (state.sequence.frames < 2) state.sequence = { ...state.sequence, frames: 48 };
+  if (state.sequence.frames < 2) state.sequence = { ...state.sequence, frames: NEW_FRAMES };
   state.view({ time: frame }, { moving: true });
 };
 const keyed = (light) => [kind(light).strength, kind(light).place, kind(light).aim].filter((name) => name && light[name] !== undefined);
 const withEach = (how) => (light) => keyed(light).reduce((done, name) => ({ ...done, [name]: how(done[name], Math.round(state.time)) }), light);
 $("key").onclick = () => {
-  if (state.sequence.frames < 2) state.sequence = { ...state.sequence, frames: 48 };
+  if (state.sequence.frames < 2) state.sequence = { ...state.sequence, frames: NEW_FRAMES };
   state.change(state.selected, withEach(withKey));
 };
 $("unkey").onclick = () => state.change(state.selected, withEach(withoutKey));

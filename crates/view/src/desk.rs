@@ -209,8 +209,13 @@ impl Desk {
         let Some(tab) = state.tabs.get_mut(&tab) else {
             return Ok(());
         };
-        tab.wish = Some(Arc::new(show.wish(tab.wish.as_deref())?));
-        tab.stage = Some(Stage::Coarse);
+        let wish = show.wish(tab.wish.as_deref())?;
+        // What has stopped moving is refined where it was coarse already.
+        let refine = !wish.moving
+            && tab.stage.is_none()
+            && (tab.wish.as_ref()).is_some_and(|before| before.moving && before.is_like(&wish));
+        tab.stage = Some(if refine { Stage::Middle } else { Stage::Coarse });
+        tab.wish = Some(Arc::new(wish));
         drop(state);
         self.ring();
         Ok(())

@@ -143,6 +143,25 @@ pub struct Wish {
     pub materials: Option<Arc<str>>,
 }
 
+impl Wish {
+    /// Whether the other one is of the same picture.
+    pub fn is_like(&self, other: &Wish) -> bool {
+        let same = |a: &Option<Arc<str>>, b: &Option<Arc<str>>| match (a, b) {
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+            (None, None) => true,
+            _ => false,
+        };
+        self.size == other.size
+            && self.time == other.time
+            && self.exposure == other.exposure
+            && self.layer == other.layer
+            && self.by == other.by
+            && self.eye == other.eye
+            && same(&self.lights, &other.lights)
+            && same(&self.materials, &other.materials)
+    }
+}
+
 impl Show {
     /// What of it no picture can be made of, in words.
     fn fault(&self) -> Option<String> {
