@@ -83,7 +83,8 @@ pub fn run(args: &DemoArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     })?;
     let sheet = contact_sheet(&thumbnails, SHEET_COLUMNS)?;
     let whole = signals::whole();
-    write_png(&folder.join("contact_sheet.png"), &tone_mapped(&sheet, 0.0))?;
+    let shown = tone_mapped(&sheet, played.exposure_ev.unwrap_or_default());
+    write_png(&folder.join("contact_sheet.png"), &shown)?;
 
     drop(whole);
     let errors = check(&asset, &data, folder, seed, console)?;

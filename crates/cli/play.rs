@@ -3,7 +3,7 @@
 mod args;
 mod report;
 
-use args::LayerName;
+use args::{Exposure, LayerName};
 pub use args::{IntegratorName, PlayArgs};
 pub use report::{FrameReport, PlayReport};
 
@@ -21,7 +21,7 @@ use relight_play::choice::CutUse;
 use relight_play::player::FrameError;
 use relight_play::{CutSites, Player, Shot, ShotSettings};
 use relight_scene::camera::CameraTrack;
-use relight_scene::image::preview::tone_mapped;
+use relight_scene::image::preview::{auto_exposure, tone_mapped};
 use relight_scene::image::{
     BEAUTY, ExrHeader, ExrWarning, ImageError, Layers, light_layer_names, write_exr, write_png,
 };
@@ -120,6 +120,7 @@ pub fn play(
         threads: rayon::current_num_threads(),
         fixed_camera: !moving,
         without_points: None,
+        exposure_ev: None,
         time_unit: "ms",
         once_per_shot: OncePerShot { load, shot: None },
         frames: Vec::new(),
@@ -170,10 +171,14 @@ pub fn play(
                 frame: Some(frame),
                 ..ExrHeader::new()
             };
+            if args.png && report.exposure_ev.is_none() {
+                report.exposure_ev = exposure(args, &lit.layers, console);
+            }
+            let exposure = report.exposure_ev.unwrap_or_default();
             let file = args.output.file(frame);
             let figures = Figures::from(&lit.stats);
             let layers = lit.layers;
-            let handle = scope.spawn(move || write(args, file, &layers, &header));
+            let handle = scope.spawn(move || write(args, file, &layers, &header, exposure));
             let wait = pace == Pace::OneByOne || Some(frame) == last_frame;
             let written = if wait {
                 Some(joined(handle)?)
@@ -275,6 +280,20 @@ pub enum Pace {
     OneByOne,
 }
 
+/// Stops for the previews of this frame and all later ones; `None` while there is no light to choose by.
+fn exposure(args: &PlayArgs, layers: &Layers, console: &Console) -> Option<f32> {
+    match args.exposure {
+        Exposure::Stops(stops) => Some(stops),
+        Exposure::Auto => {
+            let stops = auto_exposure(&layers.rgb(BEAUTY)?)?;
+            // No finer than an eye tells, and as the option takes it.
+            let stops = ((10.0 * stops).round() / 10.0).clamp(-100.0, 100.0);
+            console.note(format!("Exposure of the previews: --exposure {stops}"));
+            Some(stops)
+        }
+    }
+}
+
 /// A frame's files.
 struct Written {
     file: PathBuf,
@@ -283,13 +302,19 @@ struct Written {
 }
 
 /// Writes the layers of a frame that are asked for.
-fn write(args: &PlayArgs, file: PathBuf, all: &Layers, header: &ExrHeader) -> Result<Written, ImageError> {
+fn write(
+    args: &PlayArgs,
+    file: PathBuf,
+    all: &Layers,
+    header: &ExrHeader,
+    exposure_ev: f32,
+) -> Result<Written, ImageError> {
     let _whole = signals::whole();
     let start = Instant::now();
     let warnings = write_exr(&file, &chosen(all, &args.layers), header, args.float)?;
     if args.png {
         let beauty = all.rgb(BEAUTY).unwrap_or_default();
-        write_png(&file.with_extension("png"), &tone_mapped(&beauty, args.exposure))?;
+        write_png(&file.with_extension("png"), &tone_mapped(&beauty, exposure_ev))?;
     }
     Ok(Written {
         file,

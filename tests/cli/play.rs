@@ -5,7 +5,7 @@ use crate::stage::{
     sequence,
 };
 use assert_cmd::Command;
-use relight_scene::image::{FloatImage, Layers, read_exr};
+use relight_scene::image::{FloatImage, Layers, decode_ldr, read_exr};
 use std::path::Path;
 
 const SIZE: [&str; 2] = ["--size", "32x32"];
@@ -93,6 +93,44 @@ fn frames_are_named_by_number_and_written_with_their_layers() {
     found.sort_unstable();
     assert_eq!(found, ["beauty", "direct", "indirect"]);
     assert_eq!((read.width, read.height), (32, 32));
+}
+
+/// A lamp that is off in the first frame, in some unit: previews of both frames are exposed by the second, so that both units look
+/// alike to a tenth of a stop, and what was chosen is said.
+#[test]
+fn previews_expose_themselves_once_for_all_frames() {
+    let folder = folder();
+    let stops = |unit: f64| {
+        let lights = folder.path().join("lights.json");
+        let text = format!(
+            r#"{{"relight_sequence": 1, "frames": 2, "lights": [{{"name": "lamp", "type": "point", "position": [0.3, 0.4, 0.3],
+                "intensity": {{"keys": [[0, [0, 0, 0]], [1, [{unit}, {unit}, {unit}]]], "interpolation": "step"}}}}]}}"#
+        );
+        std::fs::write(&lights, text).unwrap();
+        let output = play(&folder.path().join("f_####.exr"))
+            .arg("--lights")
+            .arg(&lights)
+            .args(["--png", "--json"])
+            .assert()
+            .success()
+            .get_output()
+            .clone();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(said.matches("--exposure").count(), 1, "{said}");
+        let stops = json(&output.stdout)["exposure_ev"].as_f64().unwrap();
+        (stops, std::fs::read(folder.path().join("f_0001.png")).unwrap())
+    };
+    let ((small, first), (large, second)) = (stops(0.01), stops(0.01 * 4096.0));
+    assert!((small - large - 12.0).abs() < 0.11, "{small} {large}");
+    let mean = |png: &[u8]| {
+        let shown = decode_ldr("preview", png, &Default::default()).unwrap().rgba8;
+        shown.iter().map(|p| f64::from(p[1])).sum::<f64>() / shown.len() as f64
+    };
+    let (first, second) = (mean(&first), mean(&second));
+    assert!(
+        (first - second).abs() < 4.0 && (60.0..180.0).contains(&first),
+        "{first} {second}"
+    );
 }
 
 #[test]

@@ -7,7 +7,7 @@ use relight_bake::params::{BakeParams, Preset};
 use relight_data_generate::furnace::{VARYING_INTENSITY, VARYING_LIGHT, varying_albedo};
 use relight_data_generate::glb::Glb;
 use relight_data_generate::{furnace_box, furnace_sphere, furnace_varying};
-use relight_render::lighting::irradiance_at;
+use relight_render::irradiance::irradiance_at;
 use relight_scene::light_set::{LightSet, SceneEmitters};
 
 /// What a furnace shows, as relative errors.
@@ -148,8 +148,7 @@ fn varying(params: &BakeParams) -> DVec3 {
     let emitters = SceneEmitters::new(&player.prepared.scene);
     let lamp = LightSet::new(&emitters, &tracks, 0.0).unwrap();
     let transfer = player.prepared.transfer.as_ref().unwrap();
-    let mut direct = vec![Vec3::ZERO; transfer.finest.len()];
-    irradiance_at(
+    let direct = irradiance_at(
         &player.prepared.scene,
         &lamp,
         0,
@@ -157,7 +156,6 @@ fn varying(params: &BakeParams) -> DVec3 {
         player.prepared.footprint(),
         1,
         0,
-        &mut direct,
     );
     let (values, _) = transfer.indirect_from_direct(&direct);
     let found: Vec<Vec3> = (values.iter().zip(&transfer.finest.normals))

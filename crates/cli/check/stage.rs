@@ -231,8 +231,7 @@ pub fn at_points(stage: &Stage, player: &Player, tracks: &[LightTrack]) -> Resul
     let mut direct = vec![Vec3::ZERO; transfer.finest.len()];
     let places = &player.prepared.places;
     for light in 0..lights.len() {
-        let mut own = vec![Vec3::ZERO; places.hits.len()];
-        relight_render::lighting::irradiance_at(
+        let own = relight_render::irradiance::irradiance_at(
             &player.prepared.scene,
             &lights,
             light,
@@ -240,7 +239,6 @@ pub fn at_points(stage: &Stage, player: &Player, tracks: &[LightTrack]) -> Resul
             player.prepared.footprint(),
             4,
             0,
-            &mut own,
         );
         (direct.iter_mut().zip(places.means(own))).for_each(|(sum, own)| *sum += own);
     }

@@ -72,9 +72,10 @@ pub struct PlayArgs {
     /// Write a PNG preview of the beauty beside each frame (Khronos PBR Neutral).
     #[arg(long)]
     pub png: bool,
-    /// Exposure of the previews, -100 to 100: 2^EV times the image.
-    #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = real(-100.0, 100.0))]
-    pub exposure: f32,
+    /// Exposure of the previews, -100 to 100: 2^EV times the image. auto: the EV that makes the middle of the first frame with
+    /// light a middle grey, the same for all frames; it is printed.
+    #[arg(long, value_name = "EV", default_value = "auto", value_parser = exposure)]
+    pub exposure: Exposure,
     /// Write 32-bit floats instead of half precision.
     #[arg(long)]
     pub float: bool,
@@ -377,5 +378,21 @@ impl PixelcutsArgs {
 
     fn given(&self) -> bool {
         self.clusters.is_some() || self.trees.is_some() || self.sh_degree.is_some()
+    }
+}
+
+/// Exposure of previews.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Exposure {
+    /// Chosen by the first frame that has light.
+    Auto,
+    /// In stops.
+    Stops(f32),
+}
+
+fn exposure(text: &str) -> Result<Exposure, String> {
+    match text {
+        "auto" => Ok(Exposure::Auto),
+        _ => real(-100.0, 100.0)(text).map(Exposure::Stops),
     }
 }

@@ -10,8 +10,9 @@ use crate::failure::Failure;
 use crate::statistics::median;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use relight_scene::image::preview::auto_exposure;
 use relight_scene::image::{
-    BEAUTY, FloatImage, Image8, Limits, display_encoded, error_map, read_exr, tone_mapped, write_png,
+    BEAUTY, Image8, Limits, display_encoded, error_map, read_exr, tone_mapped, write_png,
 };
 use std::fmt::Write;
 use std::path::Path;
@@ -311,7 +312,7 @@ fn strip(
         let (Some(image), Some(truth)) = (image, reference.layers.rgb(layer)) else {
             continue;
         };
-        let exposure = exposure(&truth);
+        let exposure = auto_exposure(&truth).unwrap_or_default();
         let save = |kind: &str, image: &Image8| embedded(&folder.join(format!("{i:02}_{kind}.png")), image);
         let _ = writeln!(
             page,
@@ -327,18 +328,6 @@ fn strip(
     }
     *page += "</div>\n";
     Ok(())
-}
-
-/// Exposure (EV) that brings the mean to middle grey.
-fn exposure(image: &FloatImage) -> f32 {
-    const MIDDLE_GREY: f64 = 0.18;
-    let sum: f64 = image.pixels.as_flattened().iter().map(|&v| f64::from(v)).sum();
-    let mean = sum / (3 * image.pixels.len()).max(1) as f64;
-    if mean > 0.0 {
-        (MIDDLE_GREY / mean).log2() as f32
-    } else {
-        0.0
-    }
 }
 
 /// Writes a PNG and returns it as a data URL.

@@ -4,7 +4,7 @@ use crate::cuts::VisibilityCuts;
 use crate::snap::snapped;
 use crate::spread::PointPlaces;
 use crate::transfer::Transfer;
-use relight_render::lighting;
+use relight_render::irradiance;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
 
@@ -53,7 +53,7 @@ impl PreparedScene {
     /// Surface that each place of the finest points stands for, m².
     pub fn footprint(&self) -> f32 {
         let radius = self.transfer.as_ref().map_or(0.0, |t| t.finest.disk_radius);
-        lighting::FOOTPRINT * radius * radius
+        irradiance::FOOTPRINT * radius * radius
     }
 
     /// Even directions that its cuts know of; 0 where they know of none.

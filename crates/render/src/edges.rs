@@ -7,8 +7,9 @@
 
 use crate::expose::ENDS;
 use crate::exposure::Exposure;
-use crate::lighting::{DARK, LIT, Met, Samples};
+use crate::lighting::{DARK, LIT, Met};
 use crate::refine::lit_at_ends;
+use crate::samples::Samples;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::traced::TracedScene;
@@ -92,7 +93,7 @@ mod tests {
         let mut out = vec![Vec3::ZERO; seen.len()];
         let samples = Samples::of_pixels(&lights, 0, seen.len(), 1, 0);
         let receivers = Receivers::of(&seen, &views);
-        let met = reflected_at(&scene, &samples, &receivers, own_run, &mut out);
+        let met = reflected_at(&scene, &samples, &receivers, own_run, &mut out).met;
         let full = out.iter().map(|v| v.x).fold(0.0, f32::max);
         smooth(&scene, &seen, &samples, &met, &mut out);
         let found = seen.resolve(&out);
@@ -149,7 +150,7 @@ mod tests {
         let lit = |samples: u32| {
             let samples = Samples::of_pixels(&lights, 0, seen.len(), samples, 0);
             let mut out = vec![Vec3::ZERO; seen.len()];
-            let met = reflected_at(&scene, &samples, &receivers, own_run, &mut out);
+            let met = reflected_at(&scene, &samples, &receivers, own_run, &mut out).met;
             let rough = out.clone();
             smooth(&scene, &seen, &samples, &met, &mut out);
             (met, rough, out)

@@ -51,7 +51,7 @@
 //!
 //! All render a [`picture`]. The references: [`path`] traces paths, [`brute`] casts a shadow ray per light. [`many_lights`] makes points of all
 //! lights; [`lightcuts`] cluster those for each place, [`pixelcuts`] send their light to clusters of pixels.
-//! [`mod@expose`] finds what a camera sees, and [`lighting`] direct light at many places at once, from which `relight_play` starts;
+//! [`mod@expose`] finds what a camera sees; [`lighting`] and [`irradiance`] find direct light at many places at once, from which `relight_play` starts;
 //! [`edges`] makes its shadows' edges smooth, [`refine`] light with extent as clean as is wanted. All share [`layers`], and [`watch`] for progress and an early end.
 //!
 //! Radiance is in W/(m² sr), linear RGB; lengths are in metres, world space. Images depend on scene, lights, settings and seed, not on
@@ -64,6 +64,8 @@ pub mod direct;
 pub mod edges;
 pub mod expose;
 pub mod exposure;
+mod guide;
+pub mod irradiance;
 pub mod layers;
 pub mod lightcuts;
 pub mod lighting;
@@ -71,8 +73,10 @@ pub mod many_lights;
 pub mod path;
 pub mod picture;
 pub mod pixelcuts;
+mod rare;
 pub mod refine;
 pub mod sampler;
+pub mod samples;
 mod slender;
 pub mod sum;
 #[cfg(test)]

@@ -1,27 +1,20 @@
-//! Direct light at many places at once, light by light: points of the basis and fragments of a shot.
+//! Light that many places reflect, light by light: fragments of a shot.
 //!
 //! Lobes that are narrower than an emissive surface find it by rays drawn by the reflection, which join in, weighted by
 //! the balance heuristic (Veach 1997, 9.2.2).
 
 use crate::direct::{light_met, shadow_ray};
 use crate::exposure::Exposure;
-use glam::{Vec2, Vec3};
+use crate::samples::Samples;
+use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::bsdf;
-use relight_scene::light_set::{LightSample, LightSet};
+use relight_scene::environment::luminance;
+use relight_scene::light_set::LightSample;
 use relight_scene::rays::Ray;
 use relight_scene::shading::{Gloss, ShadingPoint};
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::TracedScene;
-use relight_transport::random::Stream;
-use relight_transport::sampling::r2;
-use std::sync::Arc;
-
-/// Stage numbers of the random streams.
-const STAGE_POINTS: u32 = 0x10;
-const STAGE_PIXELS: u32 = 0x11;
-/// Added to a stage: its rays drawn by the reflection.
-const STAGE_REFLECTED: u32 = 0x02;
 
 /// Places per parallel task and per packet of shadow rays.
 const PACKET: usize = 256;
@@ -33,118 +26,14 @@ const PER_REFLECTED: u32 = 4;
 const WIDE: f32 = 0.5;
 
 /// How places reflect: two densities per steradian of the same distribution.
-struct Reflection<D, P> {
+pub(crate) struct Reflection<D, P> {
     /// Whether any place draws directions.
-    any: bool,
+    pub any: bool,
     /// Direction and its density, from a place and three random numbers in [0, 1); `None`: no light is reflected, or
     /// the place draws none.
-    draw: D,
+    pub draw: D,
     /// Density with which `draw` gives a place this direction.
-    density: P,
-}
-
-/// The `index`-th random triple of a place: evenly spread over a place's samples, shifted from place to place.
-fn random_triple(stage: u32, seed: u64, place: usize, light: usize, index: u32) -> [f32; 3] {
-    let mut stream = random_stream(stage, seed, place, light);
-    let start = Vec2::new(stream.uniform(), stream.uniform());
-    let point = r2(index, start);
-    // The third number picks a triangle or the sun: the golden ratio's own sequence.
-    let third = (f64::from(stream.uniform()) + f64::from(index) * 0.618_033_988_749_894_8).fract();
-    [point.x, point.y, third as f32]
-}
-
-fn random_stream(stage: u32, seed: u64, place: usize, light: usize) -> Stream {
-    Stream::new(seed, stage ^ ((light as u32) << 8), place as u64)
-}
-
-/// Samples that are drawn beforehand of a light that comes from all around. A map's bright part of some hundred
-/// pixels has each of them some dozens of times.
-const DRAWN: usize = 1 << 14;
-
-/// Samples of one light for many places.
-#[derive(Clone)]
-pub struct Samples<'a> {
-    lights: &'a LightSet<'a>,
-    light: usize,
-    /// Samples of each place: one for lights without extent.
-    pub count: u32,
-    stage: u32,
-    seed: u64,
-    /// What is drawn once for all places: each takes a run of its own of the sequence, which is evenly spread like all runs
-    /// of it. Drawing from a map costs more than a shadow ray.
-    drawn: Arc<[Option<LightSample>]>,
-}
-
-impl<'a> Samples<'a> {
-    /// Prepares `samples` of them for each of some `places` that fragments are lit at.
-    pub fn of_pixels(
-        lights: &'a LightSet<'a>,
-        light: usize,
-        places: usize,
-        samples: u32,
-        seed: u64,
-    ) -> Samples<'a> {
-        Samples::new(lights, light, places, samples, STAGE_PIXELS, seed)
-    }
-
-    /// So many for each place; one of lights without extent.
-    pub fn of_each(&self, samples: u32) -> Samples<'a> {
-        let count = if self.is_delta() { 1 } else { samples.max(1) };
-        Samples {
-            count,
-            ..self.clone()
-        }
-    }
-
-    /// Whether the light has no extent.
-    pub fn is_delta(&self) -> bool {
-        self.lights.is_delta(self.light)
-    }
-
-    /// Prepares `samples` of them for each of `places`.
-    fn new(
-        lights: &'a LightSet<'a>,
-        light: usize,
-        places: usize,
-        samples: u32,
-        stage: u32,
-        seed: u64,
-    ) -> Samples<'a> {
-        let worthwhile = places.saturating_mul(samples as usize) > 2 * DRAWN;
-        let drawn = if lights.is_distant(light) && worthwhile {
-            (0..DRAWN)
-                .into_par_iter()
-                .map(|index| random_triple(stage, seed, 0, light, index as u32))
-                .map(|random| lights.sample(light, Vec3::ZERO, random))
-                .collect()
-        } else {
-            Arc::default()
-        };
-        Samples {
-            lights,
-            light,
-            count: 1,
-            stage,
-            seed,
-            drawn,
-        }
-        .of_each(samples)
-    }
-
-    /// The `index`-th sample of a place at `hit`.
-    fn at(&self, place: usize, hit: &SurfaceHit, index: u32) -> Option<LightSample> {
-        let (stage, seed, light) = (self.stage, self.seed, self.light);
-        if self.lights.is_delta(light) {
-            return self.lights.sample(light, hit, [0.0; 3]);
-        }
-        if self.drawn.is_empty() {
-            let random = random_triple(stage, seed, place, light, index);
-            return self.lights.sample(light, hit, random);
-        }
-        let mut stream = random_stream(stage, seed, place, light);
-        let start = (stream.uniform() * DRAWN as f32) as usize;
-        self.drawn[(start + index as usize) % DRAWN]
-    }
+    pub density: P,
 }
 
 /// What samples of a light met on their way to a place: bits of how some of them fared.
@@ -154,10 +43,28 @@ pub const LIT: Met = 1;
 /// It was occluded.
 pub const DARK: Met = 2;
 
+/// How samples of a light fared.
+#[derive(Clone, Debug, Default)]
+pub struct Told {
+    /// What those of each place met that had anything to add.
+    pub met: Vec<Met>,
+    /// Luminance that each alone would give, place by place; empty if not asked for ([`Samples::told`]).
+    pub light: Vec<f32>,
+}
+
+impl Told {
+    /// Luminance of the `count` samples of a place; none if it was not asked for.
+    pub(crate) fn of(&self, place: usize, count: u32) -> &[f32] {
+        let count = count as usize;
+        self.light
+            .get(place * count..(place + 1) * count)
+            .unwrap_or_default()
+    }
+}
+
 /// Adds `contribution(place, sample)` of one light, where its direction `is_above` the place and not occluded, to
-/// `out[place]`, averaged over the place's samples. Places without a hit get nothing. `run_of`: see [`reflected_at`]. Returns
-/// what those of each place's samples met that had anything to add.
-fn add_light<D, P>(
+/// `out[place]`, averaged over the place's samples. Places without a hit get nothing. `run_of`: see [`reflected_at`].
+pub(crate) fn add_light<D, P>(
     scene: &TracedScene,
     samples: &Samples,
     hits: &[Option<SurfaceHit>],
@@ -166,20 +73,15 @@ fn add_light<D, P>(
     contribution: impl Fn(usize, &LightSample) -> Vec3 + Sync,
     reflection: &Reflection<D, P>,
     out: &mut [Vec3],
-) -> Vec<Met>
+) -> Told
 where
     D: Fn(usize, [f32; 3]) -> Option<(Vec3, f32)> + Sync,
     P: Fn(usize, Vec3) -> f32 + Sync,
 {
     let Samples {
-        lights,
-        light,
-        count,
-        stage,
-        seed,
-        ..
+        lights, light, count, ..
     } = *samples;
-    let reflected = if reflection.any && lights.is_emissive(light) {
+    let reflected = if reflection.any && !lights.is_delta(light) {
         count.div_ceil(PER_REFLECTED)
     } else {
         0
@@ -187,13 +89,18 @@ where
     // Expected samples per steradian of both kinds, over those of the light's own.
     let (own, other) = (count as f32, reflected as f32);
     let mut met = vec![0; out.len()];
+    let told = if samples.is_told { count as usize } else { 0 };
+    let mut light_of = vec![0.0; told * out.len()];
+    let mut told_chunks: Vec<&mut [f32]> = light_of.chunks_mut((told * PACKET).max(1)).collect();
+    told_chunks.resize_with(out.len().div_ceil(PACKET), Default::default);
     (out.par_chunks_mut(PACKET)
         .zip(met.par_chunks_mut(PACKET))
+        .zip(told_chunks)
         .enumerate())
     .for_each_init(
         || (Vec::new(), Vec::new(), Vec::new()),
         |(rays, targets, occluded): &mut (Vec<Ray>, Vec<(usize, LightSample)>, Vec<bool>),
-         (chunk, (out, met))| {
+         (chunk, ((out, met), light_of))| {
             for index in 0..count {
                 rays.clear();
                 targets.clear();
@@ -224,7 +131,11 @@ where
                     } else {
                         1.0
                     };
-                    out[*local] += contribution(place, sample) * (weight / own);
+                    let light = contribution(place, sample);
+                    out[*local] += light * (weight / own);
+                    if told > 0 {
+                        light_of[*local * told + index as usize] = luminance(light) * weight;
+                    }
                 }
             }
             for index in 0..reflected {
@@ -233,7 +144,7 @@ where
                     let Some(hit) = &hits[place] else { continue };
                     let (owner, start) = run_of(place);
                     let start = start.div_ceil(PER_REFLECTED);
-                    let random = random_triple(stage + STAGE_REFLECTED, seed, owner, light, start + index);
+                    let random = samples.of_reflection(owner, start + index);
                     let Some((direction, density)) = (reflection.draw)(place, random) else {
                         continue;
                     };
@@ -266,73 +177,7 @@ where
             }
         },
     );
-    met
-}
-
-/// Surface that each point of a maximal Poisson-disk set stands for, over its squared disk radius: disks of half that
-/// radius cover 0.7 of a plane.
-pub const FOOTPRINT: f32 = std::f32::consts::FRAC_PI_4 / 0.7;
-
-/// Cosine under which a lamp at `distance` lights a place, for the mean over the `footprint` (m²) that the place stands
-/// for, where `cosine` is that of its middle.
-///
-/// A lamp nearer than the next point would light its own point like a sun, and give the scene a thousand times the
-/// light that it has. It is seen as if it hung √(h² + A/2π) above the place instead of h: then it sends half of its
-/// light down whatever h is (∫ h/(x² + h²)^{3/2} dA = 2π), right above a place the 2π/A that half of its light is on
-/// the footprint, and from some footprints away what the middle gets. docs/notebook/stability.md has the figures.
-pub(crate) fn cosine_over(footprint: f32, distance: f32, cosine: f32) -> f32 {
-    let squared = f64::from(distance) * f64::from(distance);
-    let lifted = f64::from(footprint) * std::f64::consts::FRAC_1_PI / 2.0 / squared;
-    let cosine = f64::from(cosine);
-    ((cosine * cosine + lifted).sqrt() / (1.0 + lifted).powf(1.5)) as f32
-}
-
-/// Irradiance of one light on the geometric side of each place, for its smooth normal. `samples` per place
-/// for lights with extent. `footprint`: the surface, m², that a place stands for, over which light of lamps without
-/// extent is averaged; 0 for the place alone.
-pub fn irradiance_at(
-    scene: &TracedScene,
-    lights: &LightSet,
-    light: usize,
-    hits: &[Option<SurfaceHit>],
-    footprint: f32,
-    samples: u32,
-    seed: u64,
-    out: &mut [Vec3],
-) {
-    let spread = lights.is_delta(light) && footprint > 0.0;
-    let is_above = |place: usize, direction: Vec3| {
-        hits[place]
-            .as_ref()
-            .is_some_and(|hit| hit.normal.dot(direction) > 0.0 && hit.geometric_normal.dot(direction) > 0.0)
-    };
-    let contribution = |place: usize, sample: &LightSample| {
-        hits[place].as_ref().map_or(Vec3::ZERO, |hit| {
-            let cosine = hit.normal.dot(sample.direction);
-            if spread && sample.distance.is_finite() {
-                sample.radiance_over_pdf * cosine_over(footprint, sample.distance, cosine)
-            } else {
-                sample.radiance_over_pdf * cosine
-            }
-        })
-    };
-    // A cosine is wider than what samples of a light miss.
-    let reflection = Reflection {
-        any: false,
-        draw: |_: usize, _: [f32; 3]| None,
-        density: |_: usize, _: Vec3| 0.0,
-    };
-    let samples = Samples::new(lights, light, hits.len(), samples, STAGE_POINTS, seed);
-    add_light(
-        scene,
-        &samples,
-        hits,
-        own_run,
-        is_above,
-        contribution,
-        &reflection,
-        out,
-    );
+    Told { met, light: light_of }
 }
 
 /// Every place has a sequence of samples of its own.
@@ -368,14 +213,14 @@ fn is_narrow(point: &ShadingPoint) -> bool {
 }
 
 /// Adds to `out` the radiance that each receiver sends towards its viewer after one reflection of one light. `run_of` says whose sequence a place's samples are taken from ([`own_run`] for its own), and
-/// from which on. Returns what they met on their way to each.
+/// from which on.
 pub fn reflected_at(
     scene: &TracedScene,
     samples: &Samples,
     receivers: &Receivers,
     run_of: impl Fn(usize) -> (usize, u32) + Sync,
     out: &mut [Vec3],
-) -> Vec<Met> {
+) -> Told {
     let Receivers { hits, points, views } = *receivers;
     let is_above = |place: usize, direction: Vec3| {
         points[place].as_ref().is_some_and(|point| {
@@ -414,100 +259,43 @@ pub fn reflected_at(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_scenes::{level, matt, sky, traced};
-    use relight_scene::light::LightKind;
+    use crate::expose::expose;
+    use crate::test_scenes::{camera, day, level, matt, traced_with};
     use relight_scene::light_set::{LightRig, NoEmitters};
+    use relight_scene::material::Material;
+    use relight_scene::traced::Shading;
 
-    /// Truth: the integral of radiance times cosine over the map, pixel by pixel. Tolerance: three standard errors of the few
-    /// places' mean, from their own spread. Samples drawn for all places together must spread no more than a place's own.
+    /// A polished floor under a sky: most of what it reflects comes from a few degrees, where samples of the sky hardly ever are. Truth:
+    /// two thousand samples. Tolerance: without rays drawn by the reflection the mean square error is above 1.
     #[test]
-    fn a_sky_lights_a_floor_alike_whether_samples_are_drawn_for_each_place_or_for_all() {
-        let scene = traced(vec![level(1.0, 0.0, 0)], vec![matt(0.5, 0.0)]);
-        let tracks = [sky()];
+    fn a_polished_floor_shows_the_sky_and_not_its_noise() {
+        let polished = Material {
+            metallic: 1.0,
+            roughness: 0.2,
+            ..matt(0.8, 0.0)
+        };
+        let scene = traced_with(vec![level(1.0, 0.0, 0)], vec![polished], Shading::Full);
+        let tracks = [day()];
         let rig = LightRig::new(&NoEmitters, &tracks).unwrap();
         let lights = rig.at(0.0);
-        let samples = 8;
-        let lit = |side: usize| -> Vec<f64> {
-            let at = |k: usize| 1.8 * ((k as f32 + 0.5) / side as f32 - 0.5);
-            let down = |i: usize| Ray::endless(Vec3::new(at(i % side), 1.0, at(i / side)), Vec3::NEG_Y);
-            let hits: Vec<_> = (0..side * side).map(|i| scene.closest_hit(&down(i))).collect();
-            let mut out = vec![Vec3::ZERO; hits.len()];
-            irradiance_at(&scene, &lights, 0, &hits, 0.0, samples, 1, &mut out);
-            out.iter().map(|e| f64::from(e.x)).collect()
-        };
-        let LightKind::Environment { map, .. } = &tracks[0].kind else {
-            unreachable!("a sky is an environment")
-        };
-        // Far finer than the map's pixels.
-        let (columns, rows) = (512, 256);
-        let mut truth = 0.0;
-        for row in 0..rows / 2 {
-            let v = (f64::from(row) + 0.5) / f64::from(rows);
-            let (sin, cos) = (std::f64::consts::PI * v).sin_cos();
-            let angle =
-                sin * std::f64::consts::PI / f64::from(rows) * std::f64::consts::TAU / f64::from(columns);
-            for column in 0..columns {
-                let u = (column as f32 + 0.5) / columns as f32;
-                truth += f64::from(map.at([u, v as f32]).x) * cos * angle;
-            }
-        }
-        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-        let spread =
-            |values: &[f64]| mean(&values.iter().map(|e| (e - truth).powi(2)).collect::<Vec<_>>()).sqrt();
-        let (few, many) = (lit(40), lit(100));
-        assert!(few.len() * 8 <= 2 * DRAWN && many.len() * 8 > 2 * DRAWN);
-        let tolerance = 3.0 * spread(&few) / (few.len() as f64).sqrt();
-        assert!(tolerance < 0.03 * truth, "{tolerance} of {truth}");
-        assert!((mean(&few) - truth).abs() < tolerance, "{} {truth}", mean(&few));
-        assert!((mean(&many) - truth).abs() < tolerance, "{} {truth}", mean(&many));
-        assert!(
-            spread(&many) < 1.2 * spread(&few),
-            "{} {}",
-            spread(&many),
-            spread(&few)
+        let seen = expose(
+            &scene,
+            &camera(Vec3::new(0.0, 0.3, 1.5), Vec3::ZERO, 20.0),
+            16,
+            16,
+            1,
         );
-    }
-
-    /// Truth: a lamp of 1 W/sr above a plane sends 2π down, however near it hangs. A square lattice of points, each for its
-    /// square; the mean over places of the lamp between them is the integral over the plane. Tolerance: what lies beyond
-    /// the lattice, a share of height/reach, and as much again for the lift. Single places: right above a point
-    /// the lift leaves 1.5 times the light, in the middle between four the least.
-    #[test]
-    fn a_lamp_upon_a_plane_of_points_gives_half_of_its_light_on_average() {
-        let flux = |height: f64, offset: [f64; 2], footprint: f32| -> f64 {
-            let reach = 150;
-            let mut sum = 0.0;
-            for i in -reach..=reach {
-                for j in -reach..=reach {
-                    let (x, z) = (f64::from(i) + offset[0], f64::from(j) + offset[1]);
-                    let squared = x * x + z * z + height * height;
-                    let cosine = height / squared.sqrt();
-                    let spread = if footprint > 0.0 {
-                        f64::from(cosine_over(footprint, squared.sqrt() as f32, cosine as f32))
-                    } else {
-                        cosine
-                    };
-                    sum += spread / squared;
-                }
-            }
-            sum / (2.0 * std::f64::consts::PI)
+        let views = seen.views();
+        let lit = |samples: u32, seed: u64| {
+            let mut out = vec![Vec3::ZERO; seen.len()];
+            let samples = Samples::of_pixels(&lights, 0, seen.len(), samples, seed);
+            reflected_at(&scene, &samples, &Receivers::of(&seen, &views), own_run, &mut out);
+            out
         };
-        for height in [1e-3, 1e-2, 0.1, 0.5, 2.0] {
-            let steps = 6;
-            let mut mean = 0.0;
-            for k in 0..steps * steps {
-                let offset = [k % steps, k / steps].map(|at| f64::from(at) / f64::from(steps));
-                let found = flux(height, offset, 1.0);
-                assert!((0.6..1.6).contains(&found), "{height} {offset:?}: {found}");
-                mean += found / f64::from(steps * steps);
-            }
-            assert!((mean - 1.0).abs() < 0.02, "{height}: {mean}");
-        }
-        assert!(
-            flux(1e-3, [0.0; 2], 0.0) > 1e5,
-            "the middle alone takes it for a sun"
-        );
-        // Ten footprints away it is the cosine: A/2π in 100 A is a six-hundredth, 1.5 of them at normal incidence.
-        assert!((cosine_over(1.0, 10.0, 1.0) - 1.0).abs() < 3e-3);
+        let (found, truth) = (lit(8, 1), lit(2048, 2));
+        let places: Vec<usize> = (0..seen.len()).filter(|&f| seen.hits[f].is_some()).collect();
+        let square = |&f: &usize| f64::from((found[f].y - truth[f].y) / truth[f].y).powi(2);
+        let error = places.iter().map(square).sum::<f64>() / places.len() as f64;
+        assert!(places.len() > 100 && error < 0.1, "{} {error}", places.len());
     }
 }

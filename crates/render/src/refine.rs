@@ -1,15 +1,22 @@
-//! Light with extent: where pixels side by side disagree about it, more samples are cast.
+//! Light with extent: where pixels side by side disagree about it, or hardly any sample finds it, more samples are cast.
 //!
 //! A pixel's samples are an estimate, whose error shows in the pixels around it: they see about the same light, by other
 //! random numbers. How many samples a pixel needs is decided by those around it alone, never by its own, or pixels whose
 //! samples happened to miss a lamp would be believed, and the image too dark. What is lit anew is lit at the ends of the
 //! pixel's rays, so that edges of shadows are smooth, too.
+//!
+//! Of light that is rarely seen ([`crate::rare`]), pixels side by side mostly agree that there is none. There the samples of a
+//! whole square of pixels decide, and teach where others are drawn.
 
 use crate::exposure::{Exposure, Sighted};
-use crate::lighting::{Receivers, Samples, reflected_at};
+use crate::guide::{Guide, Guides};
+use crate::lighting::{Receivers, Told, reflected_at};
+use crate::rare::Rare;
+use crate::samples::Samples;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::environment::luminance;
+use relight_scene::shading::ShadingPoint;
 use relight_scene::traced::TracedScene;
 use std::collections::BTreeMap;
 
@@ -33,10 +40,25 @@ const SAME_FACING: f32 = 0.97;
 /// Fragments that are lit together: what they take stays in fast memory.
 const TASK: usize = 64;
 
+/// Pixels along each side of a square whose first samples teach where its others are drawn: some eight thousand of them.
+const SQUARE: usize = 32;
+
+/// Samples of each pixel of such a square by which it learns once more: what the first found a trace of, these find.
+const SECOND: u32 = 16;
+
 /// Lights the pixels anew that need more samples of a light with extent than the `samples` that made `reflected`: what each
-/// fragment sends towards the eye. Returns how many samples were cast.
-pub fn refine(scene: &TracedScene, seen: &Exposure, samples: &Samples, reflected: &mut [Vec3]) -> u64 {
-    let wanted = wanted(seen, samples.count, reflected);
+/// fragment sends towards the eye. `told`: what those samples gave. Returns how many were cast.
+pub fn refine(
+    scene: &TracedScene,
+    seen: &Exposure,
+    samples: &Samples,
+    told: &Told,
+    reflected: &mut [Vec3],
+) -> u64 {
+    let shown = shown(seen, reflected);
+    let needs = Needs::new(samples.count, &shown);
+    let mut wanted = needs.by_neighbours(seen, &shown);
+    let samples = needs.by_squares(scene, seen, samples, told, &mut wanted);
     let mut rays = 0;
     // Fragments that send as many to each of their ends are lit together.
     let mut groups: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
@@ -97,48 +119,171 @@ pub(crate) fn lit_at_ends(
         .collect()
 }
 
-/// What a pixel tells those around it: its largest fragment, and the light there, over what the surface reflects.
+/// What a pixel shows those around it: its largest fragment, and the light there, over what the surface reflects.
 #[derive(Clone, Copy)]
-struct Told {
+struct Shown {
     fragment: usize,
     light: f32,
 }
 
-/// Samples that each pixel needs; 0 where those that it had will do.
-fn wanted(seen: &Exposure, count: u32, reflected: &[Vec3]) -> Vec<u32> {
-    let (width, height) = (seen.width, seen.height);
-    let told: Vec<Option<Told>> = (0..width * height)
+/// What all pixels show; `None`: nothing.
+fn shown(seen: &Exposure, reflected: &[Vec3]) -> Vec<Option<Shown>> {
+    (0..seen.width * seen.height)
         .into_par_iter()
         .with_min_len(1024)
-        .map(|pixel| told_by(seen, pixel, reflected))
-        .collect();
-    let (sum, told_all) = (told.iter().flatten()).fold((0.0, 0), |(sum, count), told| {
-        (sum + f64::from(told.light), count + 1)
-    });
-    let dark = DARK * (sum / f64::from(told_all.max(1))) as f32;
-    let error = ERROR * (USUAL_SAMPLES / count as f32).sqrt();
-    (0..width * height)
-        .into_par_iter()
-        .with_min_len(1024)
-        .map(|pixel| {
-            if told[pixel].is_none() {
-                return 0;
-            }
-            let (x, y) = ((pixel % width) as isize, (pixel / width) as isize);
-            let at = |(dx, dy): (isize, isize)| {
-                let (x, y) = (x + dx, y + dy);
-                let inside = x >= 0 && y >= 0 && x < width as isize && y < height as isize;
-                inside.then(|| told[y as usize * width + x as usize]).flatten()
-            };
-            let relative = disagreement(seen, &AROUND.map(at), dark);
-            let needed = count as f32 * relative / (error * error);
-            if relative > error * error {
-                (needed.ceil() as u32).min(MOST.max(count.saturating_mul(MORE)))
-            } else {
-                0
-            }
-        })
+        .map(|pixel| shown_by(seen, pixel, reflected))
         .collect()
+}
+
+/// How many samples are needed for some variance.
+struct Needs {
+    /// Samples that pixels had.
+    count: u32,
+    /// Square of the wanted standard error, as a share of the light.
+    error: f32,
+    /// Light below which errors need not be as small.
+    dark: f32,
+}
+
+impl Needs {
+    fn new(count: u32, shown: &[Option<Shown>]) -> Needs {
+        let (sum, shining) = (shown.iter().flatten()).fold((0.0, 0), |(sum, count), shown| {
+            (sum + f64::from(shown.light), count + 1)
+        });
+        Needs {
+            count,
+            error: ERROR * ERROR * USUAL_SAMPLES / count as f32,
+            dark: DARK * (sum / f64::from(shining.max(1))) as f32,
+        }
+    }
+
+    /// Samples for a pixel whose light has so much variance, over the square of the light; 0 where those that it had will do.
+    fn of_variance(&self, relative: f32) -> u32 {
+        if relative > self.error {
+            let needed = self.count as f32 * relative / self.error;
+            (needed.ceil() as u32).min(MOST.max(self.count.saturating_mul(MORE)))
+        } else {
+            0
+        }
+    }
+
+    /// Samples that each pixel needs by what those around it disagree.
+    fn by_neighbours(&self, seen: &Exposure, shown: &[Option<Shown>]) -> Vec<u32> {
+        let (width, height) = (seen.width, seen.height);
+        (0..width * height)
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|pixel| {
+                if shown[pixel].is_none() {
+                    return 0;
+                }
+                let (x, y) = ((pixel % width) as isize, (pixel / width) as isize);
+                let at = |(dx, dy): (isize, isize)| {
+                    let (x, y) = (x + dx, y + dy);
+                    let inside = x >= 0 && y >= 0 && x < width as isize && y < height as isize;
+                    inside.then(|| shown[y as usize * width + x as usize]).flatten()
+                };
+                self.of_variance(disagreement(seen, &AROUND.map(at), self.dark))
+            })
+            .collect()
+    }
+
+    /// Raises what is wanted in squares of pixels where light is rare; returns samples that are drawn there by what two rounds of
+    /// others taught.
+    fn by_squares<'a>(
+        &self,
+        scene: &TracedScene,
+        seen: &Exposure,
+        samples: &Samples<'a>,
+        told: &Told,
+        wanted: &mut [u32],
+    ) -> Samples<'a> {
+        let squares = Squares::of(seen);
+        let scale = |f: usize| seen.points[f].as_ref().map_or(1.0, |point| 1.0 / albedo(point));
+        let found: Vec<Option<Rare>> = (squares.fragments.par_iter())
+            .map(|lit| Rare::found(samples, told, lit, scale, self.dark))
+            .collect();
+        if found.iter().all(Option::is_none) {
+            return samples.guided(Guides::default());
+        }
+        let again = samples
+            .guided(squares.guides(found.iter().map(rare_guide)))
+            .of_each(SECOND)
+            .told();
+        let rare: Vec<Option<Rare>> = (found.into_par_iter().zip(&squares.fragments))
+            .map(|(found, lit)| {
+                let first = found?;
+                let told = told_by(scene, seen, &again, lit);
+                let second = Rare::learned(&again, &told, lit, |k| k, scale, self.dark);
+                Some(second.unwrap_or(first))
+            })
+            .collect();
+        for (pixel, wanted) in wanted.iter_mut().enumerate() {
+            let square = squares.of_fragment[seen.offsets[pixel] as usize];
+            if let Some(rare) = &rare[square as usize] {
+                *wanted = self.of_variance(rare.variance / self.count as f32);
+            }
+        }
+        again.guided(squares.guides(rare.iter().map(rare_guide)))
+    }
+}
+
+fn rare_guide(rare: &Option<Rare>) -> Option<Guide> {
+    rare.as_ref().map(|rare| rare.guide.clone())
+}
+
+/// What samples give at some fragments.
+fn told_by(scene: &TracedScene, seen: &Exposure, samples: &Samples, fragments: &[usize]) -> Told {
+    let hits: Vec<_> = fragments.iter().map(|&f| seen.hits[f]).collect();
+    let points: Vec<_> = fragments.iter().map(|&f| seen.points[f]).collect();
+    let views: Vec<Vec3> = fragments.iter().map(|&f| -seen.directions[f]).collect();
+    let receivers = Receivers {
+        hits: &hits,
+        points: &points,
+        views: &views,
+    };
+    let mut lit = vec![Vec3::ZERO; fragments.len()];
+    reflected_at(scene, samples, &receivers, |k| (fragments[k], 0), &mut lit)
+}
+
+/// Squares of pixels.
+struct Squares {
+    /// Of each square the fragments that can be lit.
+    fragments: Vec<Vec<usize>>,
+    /// The square of each fragment.
+    of_fragment: Vec<u32>,
+}
+
+impl Squares {
+    fn of(seen: &Exposure) -> Squares {
+        let across = seen.width.div_ceil(SQUARE);
+        let mut squares = Squares {
+            fragments: vec![Vec::new(); across * seen.height.div_ceil(SQUARE)],
+            of_fragment: vec![0; seen.len()],
+        };
+        for pixel in 0..seen.width * seen.height {
+            let (x, y) = (pixel % seen.width, pixel / seen.width);
+            let square = y / SQUARE * across + x / SQUARE;
+            for f in seen.fragments_of(pixel) {
+                squares.of_fragment[f] = square as u32;
+                if seen.hits[f].is_some() {
+                    squares.fragments[square].push(f);
+                }
+            }
+        }
+        squares
+    }
+
+    fn guides(&self, guides: impl Iterator<Item = Option<Guide>>) -> Guides {
+        Guides {
+            of_place: self.of_fragment.clone(),
+            guides: guides.collect(),
+        }
+    }
+}
+
+fn albedo(point: &ShadingPoint) -> f32 {
+    luminance(point.diffuse + point.f0).max(1e-3)
 }
 
 /// The pixels around one, one beside the other.
@@ -154,13 +299,13 @@ const AROUND: [(isize, isize); 8] = [
 ];
 
 /// Variance of one of these pixels' light, over the square of their mean: from pairs side by side that see one surface.
-fn disagreement(seen: &Exposure, around: &[Option<Told>; 8], dark: f32) -> f32 {
+fn disagreement(seen: &Exposure, around: &[Option<Shown>; 8], dark: f32) -> f32 {
     let (mut squares, mut pairs, mut sum) = (0.0, 0.0, 0.0);
     for (k, first) in around.iter().enumerate() {
         let (Some(first), Some(second)) = (first, &around[(k + 1) % 8]) else {
             continue;
         };
-        let surface = |told: &Told| seen.hits[told.fragment].zip(seen.points[told.fragment]);
+        let surface = |shown: &Shown| seen.hits[shown.fragment].zip(seen.points[shown.fragment]);
         let (Some((hit, point)), Some((other, beside))) = (surface(first), surface(second)) else {
             continue;
         };
@@ -183,13 +328,12 @@ fn disagreement(seen: &Exposure, around: &[Option<Told>; 8], dark: f32) -> f32 {
     }
 }
 
-fn told_by(seen: &Exposure, pixel: usize, reflected: &[Vec3]) -> Option<Told> {
+fn shown_by(seen: &Exposure, pixel: usize, reflected: &[Vec3]) -> Option<Shown> {
     let lit = seen.fragments_of(pixel).filter(|&f| seen.hits[f].is_some());
     let fragment = lit.max_by(|&a, &b| seen.coverage[a].total_cmp(&seen.coverage[b]))?;
     let point = seen.points[fragment].as_ref()?;
-    let albedo = luminance(point.diffuse + point.f0);
-    let light = luminance(reflected[fragment]) / albedo.max(1e-3);
-    light.is_finite().then_some(Told { fragment, light })
+    let light = luminance(reflected[fragment]) / albedo(point);
+    light.is_finite().then_some(Shown { fragment, light })
 }
 
 #[cfg(test)]
@@ -197,7 +341,7 @@ mod tests {
     use super::*;
     use crate::expose::expose;
     use crate::lighting::own_run;
-    use crate::test_scenes::{camera, constant, level, light, matt, panel, traced};
+    use crate::test_scenes::{camera, constant, even_sky, level, light, matt, panel, quad, traced};
     use glam::DVec3;
     use relight_scene::light::LightKind;
     use relight_scene::light_set::{Emitters, LightRig, NoEmitters, SceneEmitters};
@@ -260,10 +404,10 @@ mod tests {
             let eye = camera(Vec3::new(0.01, 0.5, 0.0), Vec3::ZERO, 120.0);
             let seen = expose(&scene, &eye, SIZE, SIZE, 16);
             let views = seen.views();
-            let samples = Samples::of_pixels(&lights, 0, seen.len(), 8, 3);
+            let samples = Samples::of_pixels(&lights, 0, seen.len(), 8, 3).told();
             let mut lit = vec![Vec3::ZERO; seen.len()];
-            reflected_at(&scene, &samples, &Receivers::of(&seen, &views), own_run, &mut lit);
-            refine(&scene, &seen, &samples, &mut lit);
+            let told = reflected_at(&scene, &samples, &Receivers::of(&seen, &views), own_run, &mut lit);
+            refine(&scene, &seen, &samples, &told, &mut lit);
             let (mut squares, mut sum, mut all, mut count) = (0.0, 0.0, 0.0, 0);
             for f in 0..seen.len() {
                 let Some(hit) = seen.hits[f].filter(|hit| hit.position.y == 0.0) else {
@@ -287,6 +431,76 @@ mod tests {
             assert!(error < 0.01, "{side}: {error}");
             assert!((sum / all - 1.0).abs() < 0.02, "{side}: {sum} {all}");
         }
+    }
+
+    /// A wide plate with a square hole over a floor, under an even sky, of which each place sees some hundredth by the hole. Truth:
+    /// Lambert's formula for the hole. Eight samples of the sky mostly see nothing, so that pixels side by side agree that it is dark.
+    #[test]
+    fn a_sky_that_shines_in_by_a_small_hole_is_not_lost() {
+        let (hole, height, wide) = (0.25, 1.0, 1000.0);
+        let across = |x: [f32; 2], z: [f32; 2]| {
+            let at = |x: f32, z: f32| Vec3::new(x, height, z);
+            quad(
+                [at(x[0], z[1]), at(x[1], z[1]), at(x[1], z[0]), at(x[0], z[0])],
+                0,
+            )
+        };
+        let plate = [
+            across([-wide, -hole], [-wide, wide]),
+            across([hole, wide], [-wide, wide]),
+            across([-hole, hole], [-wide, -hole]),
+            across([-hole, hole], [hole, wide]),
+        ];
+        let floor = level(wide, 0.0, 0);
+        let scene = traced([vec![floor], plate.to_vec()].concat(), vec![matt(0.5, 0.0)]);
+        let tracks = [even_sky(1.0)];
+        let rig = LightRig::new(&NoEmitters, &tracks).unwrap();
+        let lights = rig.at(0.0);
+        let eye = camera(Vec3::new(0.9, 0.8, 0.3), Vec3::new(-0.3, 0.0, 0.1), 12.0);
+        let seen = expose(&scene, &eye, 2 * SIZE, 2 * SIZE, 4);
+        let views = seen.views();
+        let truth = |x: DVec3| {
+            let corner = |i: f32, k: f32| Vec3::new(i * hole, height, k * hole);
+            let [a, b, c, d] = [
+                corner(-1.0, -1.0),
+                corner(1.0, -1.0),
+                corner(1.0, 1.0),
+                corner(-1.0, 1.0),
+            ];
+            0.5 / PI
+                * (vector_irradiance(x, [a, b, c]) + vector_irradiance(x, [a, c, d]))
+                    .y
+                    .abs()
+        };
+        let (mut before, mut after, mut sum, mut all) = (0.0, 0.0, 0.0, 0.0);
+        let (seeds, mut count) = (4, 0);
+        for seed in 0..seeds {
+            let samples = Samples::of_pixels(&lights, 0, seen.len(), 8, seed).told();
+            let mut lit = vec![Vec3::ZERO; seen.len()];
+            let told = reflected_at(&scene, &samples, &Receivers::of(&seen, &views), own_run, &mut lit);
+            let floor = |f: &usize| seen.hits[*f].is_some_and(|hit| hit.position.y == 0.0);
+            let places: Vec<usize> = (0..seen.len()).filter(floor).collect();
+            let squares = |lit: &[Vec3]| -> f64 {
+                let error = |&f: &usize| {
+                    let truth = truth(seen.hits[f].unwrap().position.as_dvec3());
+                    ((f64::from(lit[f].x) - truth) / truth).powi(2)
+                };
+                places.iter().map(error).sum()
+            };
+            before += squares(&lit);
+            refine(&scene, &seen, &samples, &told, &mut lit);
+            after += squares(&lit);
+            for &f in &places {
+                sum += f64::from(lit[f].x);
+                all += truth(seen.hits[f].unwrap().position.as_dvec3());
+            }
+            count += places.len();
+        }
+        let (before, after) = (before / count as f64, after / count as f64);
+        assert!(count > seeds as usize * SIZE * SIZE, "{count}");
+        // From the spread of the mean: thousands of pixels of a relative variance of a tenth or so.
+        assert!((sum / all - 1.0).abs() < 0.02, "{sum} {all}");
+        assert!(before > 3.0 && after < 0.1, "{before} {after}");
     }
 
     /// A square's penumbra under a panel. Truth: 256 samples at each of a pixel's ends. Over 24 seeds the mean of what is refined
@@ -322,15 +536,15 @@ mod tests {
         let seeds = 24;
         let (mut mean, mut before, mut after, mut cast) = (0.0, 0.0, 0.0, 0);
         for seed in 0..seeds {
-            let samples = Samples::of_pixels(&lights, 0, seen.len(), 8, seed);
+            let samples = Samples::of_pixels(&lights, 0, seen.len(), 8, seed).told();
             let mut lit = vec![Vec3::ZERO; seen.len()];
-            reflected_at(&scene, &samples, &receivers, own_run, &mut lit);
+            let told = reflected_at(&scene, &samples, &receivers, own_run, &mut lit);
             let error = |lit: &[Vec3]| {
                 let square = |&k: &usize| ((lit[all[k]].x - truth[k].x) / truth[k].x).powi(2);
                 all_of_it.iter().map(square).sum::<f32>() / all_of_it.len() as f32
             };
             before += error(&lit) / seeds as f32;
-            cast += refine(&scene, &seen, &samples, &mut lit) / seeds;
+            cast += refine(&scene, &seen, &samples, &told, &mut lit) / seeds;
             after += error(&lit) / seeds as f32;
             mean += deep.iter().map(|&k| lit[all[k]].x).sum::<f32>() / seeds as f32;
         }

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use relight_scene::rays::Ray;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_transport::grid::{CellHasher, key_of};
+use relight_transport::kernel::width;
 use relight_transport::random::Stream;
 use relight_transport::sampling::{DirectionSet, Frame};
 use std::collections::HashMap;
@@ -26,13 +27,16 @@ const STAGE: u32 = 14;
 const STEP: f32 = 0.2;
 /// Levels of the presets that aim at small errors; each further one halves [`STEP`], as it halves everything else.
 const LEVELS: usize = 6;
-/// Most that openness widens, as a power of two: what lies farther than that decides by its relevance.
+/// Most that openness widens, as a power of two, beyond what relevance does.
 const MOST: u8 = 4;
 
 type Cells = HashMap<u64, u8, BuildHasherDefault<CellHasher>>;
 
-/// A cell that was asked: which way its surfaces face, its key, and by how much radii are wider there.
+/// A cell that was asked: which way its surfaces face and how relevant they are, its key, and by how much radii are wider there.
 pub type Asked = (u8, u64, u8);
+
+/// Ways that normals face.
+const SIDES: usize = 6;
 
 /// How much wider points may be at places, known by cells as narrow as the finest points' distance.
 pub struct Openness {
@@ -41,8 +45,8 @@ pub struct Openness {
     /// Disk radius over distance.
     step: f32,
     directions: DirectionSet,
-    /// Widenings by what normals face, six ways.
-    cells: [Cells; 6],
+    /// Widenings by what normals face, for each widening by relevance.
+    cells: Vec<Cells>,
     /// What has been asked in order, as [`Openness::restore`] takes it.
     asked: Vec<Asked>,
 }
@@ -59,7 +63,7 @@ impl Openness {
             radius,
             step: STEP * 2.0f32.powi(-further),
             directions: DirectionSet::uniform(RAYS, &mut Stream::new(seed, STAGE, 0)),
-            cells: Default::default(),
+            cells: Vec::new(),
             asked: Vec::new(),
         }
     }
@@ -82,30 +86,46 @@ impl Openness {
     /// Takes back what was asked before.
     pub fn restore(&mut self, asked: Vec<Asked>) {
         for (side, cell, widening) in asked {
-            if let Some(cells) = self.cells.get_mut(usize::from(side)) {
-                cells.insert(cell, widening);
-            }
+            self.cells_of(side).insert(cell, widening);
         }
     }
 
-    fn key(&self, hit: &SurfaceHit) -> (u8, u64) {
+    fn cells_of(&mut self, side: u8) -> &mut Cells {
+        let side = usize::from(side);
+        if self.cells.len() <= side {
+            self.cells.resize_with(side + 1, Cells::default);
+        }
+        &mut self.cells[side]
+    }
+
+    /// The cell of a place, as narrow as the finest points' distance where radii are wider by `relevant`.
+    fn key(&self, hit: &SurfaceHit, relevant: u8) -> (u8, u64) {
         let n = hit.normal;
         let axis = n.abs().max_position() as u8;
         let side = 2 * axis + u8::from(n[usize::from(axis)] < 0.0);
-        let cell = (hit.position / self.radius).floor().as_ivec3();
-        (side, key_of(cell))
+        let cell = (hit.position / (self.radius * width(relevant)))
+            .floor()
+            .as_ivec3();
+        (side + SIDES as u8 * relevant, key_of(cell))
     }
 
-    /// By how much radii may be wider at each place, as a power of two, and the number of rays cast. The first place that is asked about in
-    /// a cell answers for it.
-    pub fn widenings(&mut self, surfaces: &dyn Surfaces, hits: &[SurfaceHit]) -> (Vec<u8>, u64) {
+    /// By how much radii may be wider at each place, as a power of two, where those of all levels are by `relevant`; and the number
+    /// of rays cast. The first place that is asked about in a cell answers for it.
+    pub fn widenings(
+        &mut self,
+        surfaces: &dyn Surfaces,
+        hits: &[SurfaceHit],
+        relevant: &[u8],
+    ) -> (Vec<u8>, u64) {
         if !self.widens() {
             return (vec![0; hits.len()], 0);
         }
-        let keys: Vec<(u8, u64)> = hits.iter().map(|hit| self.key(hit)).collect();
+        let keys: Vec<(u8, u64)> = (hits.iter().zip(relevant))
+            .map(|(hit, &relevant)| self.key(hit, relevant))
+            .collect();
         let mut new = Vec::new();
         for (i, &(side, cell)) in keys.iter().enumerate() {
-            self.cells[usize::from(side)].entry(cell).or_insert_with(|| {
+            self.cells_of(side).entry(cell).or_insert_with(|| {
                 new.push(i);
                 0
             });
@@ -113,11 +133,11 @@ impl Openness {
         let found: Vec<u8> = new
             .par_iter()
             .with_min_len(64)
-            .map(|&i| self.widening(surfaces, &hits[i]))
+            .map(|&i| self.widening(surfaces, &hits[i], relevant[i]))
             .collect();
         for (&i, widening) in new.iter().zip(found) {
             let (side, cell) = keys[i];
-            self.cells[usize::from(side)].insert(cell, widening);
+            self.cells_of(side).insert(cell, widening);
             self.asked.push((side, cell, widening));
         }
         let widenings = keys
@@ -126,14 +146,15 @@ impl Openness {
         (widenings.collect(), (RAYS * new.len()) as u64)
     }
 
-    fn widening(&self, surfaces: &dyn Surfaces, hit: &SurfaceHit) -> u8 {
-        let farthest = self.radius * f32::from(1u16 << (MOST + 1)) / self.step;
+    fn widening(&self, surfaces: &dyn Surfaces, hit: &SurfaceHit, relevant: u8) -> u8 {
+        let radius = self.radius * width(relevant);
+        let farthest = radius * f32::from(1u16 << (MOST + 1)) / self.step;
         let distances = distances(surfaces, hit, farthest, &self.directions);
         // The sky, which sends no indirect light, says nothing about how far away that is which does.
         let (sum, count) = (distances.flatten()).fold((0.0, 0), |(sum, count), t| (sum + 1.0 / t, count + 1));
         let distance = if count > 0 { count as f32 / sum } else { farthest };
-        let wider = (self.step * distance / self.radius).log2().floor();
-        wider.clamp(0.0, f32::from(MOST)) as u8
+        let wider = (self.step * distance / radius).log2().floor();
+        relevant + wider.clamp(0.0, f32::from(MOST)) as u8
     }
 }
 

@@ -245,7 +245,7 @@ impl<'a> Spread<'a> {
             .with_min_len(1024)
             .map(|hit| self.relevance.widening(hit.position))
             .collect();
-        let (open, asked) = self.openness.widenings(surfaces, &batch);
+        let (open, asked) = self.openness.widenings(surfaces, &batch, &relevant);
         self.rays += asked;
         let crevice_rays = AtomicU64::new(0);
         let (first, levels) = (self.candidates, self.disks.len());

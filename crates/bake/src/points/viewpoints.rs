@@ -73,9 +73,9 @@ const BACK: f32 = 0.25;
 /// Stage number of the random stream.
 const STAGE: u32 = 9;
 
-/// Bounds are narrowed to where most triangles are if they are so many times as wide: a ground or a stray triangle makes them so.
+/// Bounds are narrowed to where most of the scene is if they are so many times as wide: a ground, a dome or a stray triangle makes them so.
 const VAST: f32 = 4.0;
-/// Part of all triangles that may lie beyond those narrower bounds on either side.
+/// Part of all triangles, or of all things, that may lie beyond those narrower bounds on either side.
 const BEYOND: f32 = 0.1;
 /// Triangles that are asked where they are.
 const ASKED: usize = 1 << 16;
@@ -87,8 +87,20 @@ const MOST: usize = 8;
 /// Part of all that is seen from anywhere that another viewpoint must add.
 const WORTH: f32 = 0.04;
 
-/// What is looked at where nobody says what: the surfaces' bounds or, in a vast scene, those of most triangles.
+/// What is looked at where nobody says what: the surfaces' bounds or, in a vast scene, those of most triangles or of most things,
+/// whichever are narrower: a sky dome may have more triangles than the room in it, but it is one thing.
 pub fn focus(scene: &Scene, bounds: (Vec3, Vec3)) -> (Vec3, Vec3) {
+    let wide = |(low, high): (Vec3, Vec3)| (high - low).length();
+    [of_triangles(scene), of_things(scene)]
+        .into_iter()
+        .flatten()
+        .filter(|&most| wide(most) > 0.0 && wide(bounds) > VAST * wide(most))
+        .min_by(|&a, &b| wide(a).total_cmp(&wide(b)))
+        .unwrap_or(bounds)
+}
+
+/// Bounds of the middles of most triangles.
+fn of_triangles(scene: &Scene) -> Option<(Vec3, Vec3)> {
     let count: usize = (scene.instances.iter())
         .map(|i| scene.meshes[i.mesh as usize].triangles.len())
         .sum();
@@ -100,25 +112,41 @@ pub fn focus(scene: &Scene, bounds: (Vec3, Vec3)) -> (Vec3, Vec3) {
         })
     });
     let middles: Vec<Vec3> = middles.step_by(count.div_ceil(ASKED).max(1)).collect();
-    if middles.is_empty() {
-        return bounds;
+    most_of(&middles, &middles)
+}
+
+/// Bounds of most instances.
+fn of_things(scene: &Scene) -> Option<(Vec3, Vec3)> {
+    let (mut lows, mut highs) = (Vec::new(), Vec::new());
+    for instance in &scene.instances {
+        let mesh = &scene.meshes[instance.mesh as usize];
+        let vertices = mesh
+            .triangles
+            .iter()
+            .flatten()
+            .map(|&v| mesh.positions[v as usize]);
+        let corners = vertices.map(|v| instance.world_from_mesh.transform_point3(v));
+        let bounds = corners
+            .map(|v| (v, v))
+            .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
+        lows.extend(bounds.map(|b| b.0));
+        highs.extend(bounds.map(|b| b.1));
     }
-    let last = (middles.len() - 1) as f32;
-    let within = |share: f32| {
+    most_of(&lows, &highs)
+}
+
+/// Bounds beyond which no more than [`BEYOND`] of the lower ends are on one side, and of the upper ends on the other.
+fn most_of(lows: &[Vec3], highs: &[Vec3]) -> Option<(Vec3, Vec3)> {
+    let last = lows.len().checked_sub(1)? as f32;
+    let within = |of: &[Vec3], share: f32| {
         let along = |axis: usize| {
-            let mut places: Vec<f32> = middles.iter().map(|m| m[axis]).collect();
+            let mut places: Vec<f32> = of.iter().map(|m| m[axis]).collect();
             places.sort_unstable_by(f32::total_cmp);
             places[(share * last).round() as usize]
         };
         Vec3::new(along(0), along(1), along(2))
     };
-    let (low, high) = (within(BEYOND), within(1.0 - BEYOND));
-    let wide = (high - low).length();
-    if wide > 0.0 && (bounds.1 - bounds.0).length() > VAST * wide {
-        (low, high)
-    } else {
-        bounds
-    }
+    Some((within(lows, BEYOND), within(highs, 1.0 - BEYOND)))
 }
 
 /// Places in open space from which much of what lies in `focus` is seen: first the one with the largest mean distance to what it sees,
@@ -140,9 +168,14 @@ pub fn in_open_space(surfaces: &dyn Surfaces, (min, max): (Vec3, Vec3), seed: u6
         })
         .collect();
     let mut rays = u64::from(PLACES * RAYS);
-    let farthest = 2.0 * size.length();
-    let score =
-        |hits: &[SurfaceHit]| -> f32 { hits.iter().map(|hit| hit.t.min(farthest) * counts(hit)).sum() };
+    // Of a vast scene only what lies near: a dome is seen from everywhere, and has more surface than all else.
+    let is_within = |hit: &SurfaceHit| hit.position.cmpge(min).all() && hit.position.cmple(min + size).all();
+    let any_within = views.iter().flat_map(|view| &view.1).any(is_within);
+    let is_near = |hit: &SurfaceHit| !any_within || is_within(hit);
+    let score = |hits: &[SurfaceHit]| -> f32 {
+        let near = hits.iter().filter(|hit| is_near(hit));
+        near.map(|hit| hit.t * counts(hit)).sum()
+    };
     let first = (views.iter().enumerate()).fold((0.0, None), |best, (i, view)| {
         let score = score(&view.1);
         if score > best.0 { (score, Some(i)) } else { best }
@@ -153,7 +186,7 @@ pub fn in_open_space(surfaces: &dyn Surfaces, (min, max): (Vec3, Vec3), seed: u6
     let all: Vec<&SurfaceHit> = views
         .iter()
         .flat_map(|view| &view.1)
-        .filter(|hit| hit.t < farthest)
+        .filter(|hit| is_near(hit))
         .collect();
     let samples: Vec<&SurfaceHit> = all
         .iter()
@@ -238,8 +271,10 @@ mod tests {
     use glam::{Affine3A, DVec3};
     use relight_scene::gltf::{ImportOptions, import};
     use relight_scene::implicit::{ImplicitSurface, Sdf};
+    use relight_scene::material::Material;
     use relight_scene::scene::{Instance, Mesh};
     use relight_scene::traced::{Shading, TracedScene};
+    use std::f32::consts::{PI, TAU};
     use std::path::Path;
     use std::sync::Arc;
 
@@ -311,5 +346,69 @@ mod tests {
         );
         let near = (Vec3::splat(-1.0), Vec3::splat(6.0));
         assert_eq!(focus(&scene, near), near, "all of it is where the triangles are");
+    }
+
+    /// Six walls and a few things, in a sky dome that has most of the triangles and nearly all of the surface.
+    #[test]
+    fn a_finely_made_dome_does_not_draw_attention_from_the_room_in_it() {
+        let corner = |k: u32| Vec3::from([0, 1, 2].map(|bit| if k >> bit & 1 == 1 { 2.0 } else { -2.0 }));
+        let mesh = |positions: Vec<Vec3>, triangles: Vec<[u32; 3]>| Mesh {
+            positions,
+            triangles,
+            ..Mesh::default()
+        };
+        let cube: Vec<Vec3> = (0..8).map(corner).collect();
+        let wall = |[a, b, c, d]: [u32; 4]| mesh(cube.clone(), vec![[a, b, c], [a, c, d]]);
+        let mut meshes: Vec<Mesh> = [
+            [0, 1, 3, 2],
+            [4, 6, 7, 5],
+            [0, 4, 5, 1],
+            [2, 3, 7, 6],
+            [0, 2, 6, 4],
+            [1, 5, 7, 3],
+        ]
+        .map(wall)
+        .to_vec();
+        meshes.extend((0..6).map(|i| {
+            let small = cube.iter().map(|v| 0.05 * *v + Vec3::splat(0.2 * i as f32 - 0.5));
+            mesh(small.collect(), vec![[0, 1, 3], [4, 6, 7]])
+        }));
+        let (across, up) = (48, 24);
+        let on_dome = |i: u32| {
+            let (a, b) = (i % (across + 1), i / (across + 1));
+            let (phi, theta) = (TAU * a as f32 / across as f32, PI * b as f32 / up as f32);
+            1000.0 * Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin())
+        };
+        let quad = |i: u32| {
+            let (first, below) = (i / across * (across + 1) + i % across, across + 1);
+            [
+                [first, first + 1, first + below],
+                [first + 1, first + below + 1, first + below],
+            ]
+        };
+        meshes.push(mesh(
+            (0..(across + 1) * (up + 1)).map(on_dome).collect(),
+            (0..across * up).flat_map(quad).collect(),
+        ));
+        let instances = (0..meshes.len() as u32)
+            .map(|mesh| Instance {
+                mesh,
+                world_from_mesh: Affine3A::IDENTITY,
+            })
+            .collect();
+        let materials = vec![Material::default()];
+        let scene = Scene {
+            meshes,
+            instances,
+            materials,
+            ..Scene::default()
+        };
+        let scene = TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap();
+        let bounds = scene.bounds().unwrap();
+        for seed in 0..4 {
+            let (places, _) = in_open_space(&scene, focus(scene.scene(), bounds), seed);
+            let inside = |p: &Vec3| p.abs().max_element() < 2.0;
+            assert!(places.iter().any(inside), "{places:?}");
+        }
     }
 }

@@ -5,8 +5,10 @@ use super::stats::{DirectLightcuts, FrameTimes, milliseconds};
 use super::task::{Received, Task};
 use crate::spread::PointPlaces;
 use glam::Vec3;
+use relight_render::irradiance::irradiance_at;
 use relight_render::lightcuts::{self, AT_PIXELS, AT_POINTS, ManyLights};
-use relight_render::lighting::{self, Receivers, Samples, own_run};
+use relight_render::lighting::{self, Receivers, own_run};
+use relight_render::samples::Samples;
 use relight_render::sum::Sum;
 use relight_render::{edges, refine};
 use relight_scene::light_set::LightSet;
@@ -69,8 +71,7 @@ impl Task<'_> {
     /// Irradiance of one light where indirect light starts.
     pub fn received_of(&self, starts: Starts, lights: &LightSet, light: usize) -> Received {
         let irradiance = |hits: &[Option<SurfaceHit>], footprint: f32| {
-            let mut irradiance = vec![Vec3::ZERO; hits.len()];
-            lighting::irradiance_at(
+            irradiance_at(
                 &self.prepared.scene,
                 lights,
                 light,
@@ -78,9 +79,7 @@ impl Task<'_> {
                 footprint,
                 self.settings.point_samples,
                 self.settings.seed,
-                &mut irradiance,
-            );
-            irradiance
+            )
         };
         Received {
             points: (starts.points)
@@ -97,13 +96,14 @@ impl Task<'_> {
         let small = lights.is_delta(light) || (by_cuts && lights.is_distant(light));
         let most = self.settings.pixel_samples;
         let first = if small { most.div_ceil(FIRST) } else { most };
-        let samples = Samples::of_pixels(lights, light, seen.len(), first, self.settings.seed);
+        let mut samples = Samples::of_pixels(lights, light, seen.len(), first, self.settings.seed);
+        samples.is_told = !small;
         let receivers = Receivers::of(seen, self.views);
-        let met = lighting::reflected_at(scene, &samples, &receivers, own_run, &mut reflected);
+        let told = lighting::reflected_at(scene, &samples, &receivers, own_run, &mut reflected);
         if small && !reflected.is_empty() {
-            edges::smooth(scene, seen, &samples.of_each(most), &met, &mut reflected);
+            edges::smooth(scene, seen, &samples.of_each(most), &told.met, &mut reflected);
         } else if !small {
-            refine::refine(scene, seen, &samples, &mut reflected);
+            refine::refine(scene, seen, &samples, &told, &mut reflected);
         }
         reflected
     }

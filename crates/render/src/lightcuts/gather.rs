@@ -73,7 +73,7 @@ impl ManyLights {
         self.points.is_empty()
     }
 
-    /// Irradiance on the geometric side of each place, for its smooth normal: as [`crate::lighting::irradiance_at`],
+    /// Irradiance on the geometric side of each place, for its smooth normal: as [`crate::irradiance::irradiance_at`],
     /// `footprint` included.
     pub fn irradiance_at(
         &self,
@@ -142,7 +142,7 @@ impl ManyLights {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lighting;
+    use crate::irradiance;
     use crate::test_scenes::{bulb, level, light, matt, room, traced};
     use relight_scene::animated::Animated;
     use relight_scene::light::LightKind;
@@ -173,8 +173,7 @@ mod tests {
     ) -> Vec<Vec3> {
         let mut sum = vec![Vec3::ZERO; places.len()];
         for light in 0..lights.len() {
-            let mut own = vec![Vec3::ZERO; places.len()];
-            lighting::irradiance_at(scene, lights, light, places, footprint, 1, 0, &mut own);
+            let own = irradiance::irradiance_at(scene, lights, light, places, footprint, 1, 0);
             sum.iter_mut().zip(&own).for_each(|(s, o)| *s += *o);
         }
         sum

@@ -7,6 +7,7 @@
 use super::error::ImageError;
 use super::layers::FloatImage;
 use super::ldr::Image8;
+use crate::environment::luminance;
 
 /// Reflectance of a dielectric at normal incidence, which the tone mapper takes off dark and light colours alike.
 const FRESNEL: f32 = 0.04;
@@ -64,6 +65,27 @@ pub fn linear_from_srgb(v: f32) -> f32 {
 pub fn tone_mapped(image: &FloatImage, exposure_ev: f32) -> Image8 {
     let gain = exposure_ev.exp2();
     encoded(image, |p| pbr_neutral(p.map(|v| v * gain)))
+}
+
+/// Luminance that the middle of an image is shown with: the grey of a photographer's card.
+const MIDDLE_GREY: f64 = 0.18;
+/// Share of the image's mean below which light counts as that much: darkness tells little of how bright an image is.
+const DARK: f64 = 1e-3;
+
+/// The `exposure_ev` of [`tone_mapped`] with which an image's middle is a middle grey; `None` for an image without light. The
+/// middle is the geometric mean of what shines at all, so that a few lamps or a window don't decide.
+///
+/// Source: Reinhard, Stark, Shirley and Ferwerda 2002, *Photographic Tone Reproduction for Digital Images*, equations 1 and 2.
+pub fn auto_exposure(image: &FloatImage) -> Option<f32> {
+    let luminances = (image.pixels.iter())
+        .map(|&p| f64::from(luminance(p.into())))
+        .filter(|&l| l > 0.0 && l.is_finite());
+    let (sum, count) = luminances
+        .clone()
+        .fold((0.0, 0.0), |(sum, count), l| (sum + l, count + 1.0));
+    let mean = sum / count;
+    let logs: f64 = luminances.map(|l| l.max(DARK * mean).ln()).sum();
+    (count > 0.0).then(|| (MIDDLE_GREY / (logs / count).exp()).log2() as f32)
 }
 
 /// The image as it is, clamped to [0, 1] and sRGB encoded: for error maps and other pictures made for screens.
@@ -125,6 +147,28 @@ pub fn contact_sheet(images: &[FloatImage], columns: usize) -> Result<FloatImage
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Truth: by hand. Of two halves of 0.02 and 0.08 the geometric mean is 0.04.
+    #[test]
+    fn an_exposure_makes_the_middle_of_an_image_grey_whatever_its_unit_and_lamps() {
+        let image = |pixels: Vec<f32>| FloatImage {
+            width: pixels.len(),
+            height: 1,
+            pixels: pixels.into_iter().map(|v| [v; 3]).collect(),
+        };
+        let halves: Vec<f32> = (0..100).map(|i| if i % 2 == 0 { 0.02 } else { 0.08 }).collect();
+        let expected = (0.18f32 / 0.04).log2();
+        let found = |pixels: &[f32]| auto_exposure(&image(pixels.to_vec())).unwrap();
+        assert!((found(&halves) - expected).abs() < 1e-4);
+        for unit in [1e-20, 1e-3, 1e20] {
+            let scaled: Vec<f32> = halves.iter().map(|v| v * unit).collect();
+            assert!((found(&scaled) + unit.log2() - expected).abs() < 1e-3, "{unit}");
+        }
+        // A lamp of one pixel, a thousand times as bright: a hundredth of ten stops. A black background: nothing.
+        let with_lamp = [halves.as_slice(), &[40.0], &[0.0; 50]].concat();
+        assert!((found(&with_lamp) - expected).abs() < 0.1);
+        assert_eq!(auto_exposure(&image(vec![0.0, f32::NAN])), None);
+    }
 
     /// Truth: the specification's arithmetic by hand. 0.5 grey: 0.5 − 0.04. 1.04 grey: peak 1, new peak
     /// 1 − 0.24²/(1 + 0.24 − 0.76) = 0.88. 0.04 grey: 0.04 − (0.04 − 6.25 · 0.04²) = 0.01.

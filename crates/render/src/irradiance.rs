@@ -1,0 +1,260 @@
+//! Irradiance of a light at many places at once: points of the basis.
+
+use crate::guide::Guides;
+use crate::lighting::{Reflection, Told, add_light, own_run};
+use crate::rare::Rare;
+use crate::samples::Samples;
+use glam::Vec3;
+use rayon::prelude::*;
+use relight_scene::environment::luminance;
+use relight_scene::light_set::{LightSample, LightSet};
+use relight_scene::surface::SurfaceHit;
+use relight_scene::traced::TracedScene;
+use std::collections::BTreeMap;
+
+/// Surface that each point of a maximal Poisson-disk set stands for, over its squared disk radius: disks of half that
+/// radius cover 0.7 of a plane.
+pub const FOOTPRINT: f32 = std::f32::consts::FRAC_PI_4 / 0.7;
+
+/// Cosine under which a lamp at `distance` lights a place, for the mean over the `footprint` (m²) that the place stands
+/// for, where `cosine` is that of its middle.
+///
+/// A lamp nearer than the next point would light its own point like a sun, and give the scene a thousand times the
+/// light that it has. It is seen as if it hung √(h² + A/2π) above the place instead of h: then it sends half of its
+/// light down whatever h is (∫ h/(x² + h²)^{3/2} dA = 2π), right above a place the 2π/A that half of its light is on
+/// the footprint, and from some footprints away what the middle gets. docs/notebook/stability.md has the figures.
+pub(crate) fn cosine_over(footprint: f32, distance: f32, cosine: f32) -> f32 {
+    let squared = f64::from(distance) * f64::from(distance);
+    let lifted = f64::from(footprint) * std::f64::consts::FRAC_1_PI / 2.0 / squared;
+    let cosine = f64::from(cosine);
+    ((cosine * cosine + lifted).sqrt() / (1.0 + lifted).powf(1.5)) as f32
+}
+
+/// Irradiance of one light on the geometric side of each place, for its smooth normal. `samples` per place
+/// for lights with extent, more in a neighbourhood of places where most of them are in vain. `footprint`: the surface, m², that a
+/// place stands for, over which light of lamps without extent is averaged; 0 for the place alone.
+pub fn irradiance_at(
+    scene: &TracedScene,
+    lights: &LightSet,
+    light: usize,
+    hits: &[Option<SurfaceHit>],
+    footprint: f32,
+    samples: u32,
+    seed: u64,
+) -> Vec<Vec3> {
+    let mut samples = Samples::of_points(lights, light, hits.len(), samples, seed);
+    samples.is_told = samples.count > 1;
+    let (mut irradiance, told) = irradiance_by(scene, &samples, hits, footprint, own_run);
+    if samples.is_told {
+        for again in rarely_lit(&samples, &told, hits, &irradiance) {
+            let of = |place: &usize| hits[*place];
+            let own: Vec<Option<SurfaceHit>> = again.places.iter().map(of).collect();
+            let run_of = |k: usize| (again.places[k], 0);
+            let (lit, _) = irradiance_by(scene, &again.samples, &own, footprint, run_of);
+            for (&place, lit) in again.places.iter().zip(lit) {
+                irradiance[place] = lit;
+            }
+        }
+    }
+    irradiance
+}
+
+/// Places beside one another in their order, as points lie along a curve, that learn where a light is drawn from.
+const NEIGHBOURS: usize = 1024;
+
+/// Relative variance of a place's irradiance that is wanted where light is rare: indirect light averages some hundreds of places.
+const VARIANCE: f32 = 0.25;
+
+/// Most samples of such a place.
+const MOST: u32 = 16;
+
+/// Places that are lit again, by as many samples each.
+struct Again<'a> {
+    samples: Samples<'a>,
+    places: Vec<usize>,
+}
+
+/// Those where light is rare.
+fn rarely_lit<'a>(
+    samples: &Samples<'a>,
+    told: &Told,
+    hits: &[Option<SurfaceHit>],
+    irradiance: &[Vec3],
+) -> Vec<Again<'a>> {
+    let sum: f64 = irradiance.iter().map(|&e| f64::from(luminance(e))).sum();
+    let dark = 0.1 * (sum / irradiance.len().max(1) as f64) as f32;
+    let places_of = |n: usize| n * NEIGHBOURS..((n + 1) * NEIGHBOURS).min(hits.len());
+    let rare: Vec<Option<Rare>> = (0..hits.len().div_ceil(NEIGHBOURS))
+        .into_par_iter()
+        .map(|n| {
+            let lit: Vec<usize> = places_of(n).filter(|&place| hits[place].is_some()).collect();
+            Rare::found(samples, told, &lit, |_| 1.0, dark)
+        })
+        .collect();
+    let mut by_count: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    for (n, rare) in rare.iter().enumerate() {
+        let Some(rare) = rare else { continue };
+        let needed = (rare.variance / VARIANCE).ceil() as u32;
+        let count = needed
+            .clamp(samples.count, MOST.max(samples.count))
+            .next_power_of_two();
+        by_count.entry(count).or_default().extend(places_of(n));
+    }
+    let guided = samples.guided(Guides {
+        of_place: (0..hits.len()).map(|place| (place / NEIGHBOURS) as u32).collect(),
+        guides: rare.into_iter().map(|rare| rare.map(|rare| rare.guide)).collect(),
+    });
+    (by_count.into_iter())
+        .map(|(count, places)| Again {
+            samples: guided.of_each(count),
+            places,
+        })
+        .collect()
+}
+
+/// Irradiance by these samples; `run_of`: see [`crate::lighting::reflected_at`].
+fn irradiance_by(
+    scene: &TracedScene,
+    samples: &Samples,
+    hits: &[Option<SurfaceHit>],
+    footprint: f32,
+    run_of: impl Fn(usize) -> (usize, u32) + Sync,
+) -> (Vec<Vec3>, Told) {
+    let spread = samples.is_delta() && footprint > 0.0;
+    let is_above = |place: usize, direction: Vec3| {
+        hits[place]
+            .as_ref()
+            .is_some_and(|hit| hit.normal.dot(direction) > 0.0 && hit.geometric_normal.dot(direction) > 0.0)
+    };
+    let contribution = |place: usize, sample: &LightSample| {
+        hits[place].as_ref().map_or(Vec3::ZERO, |hit| {
+            let cosine = hit.normal.dot(sample.direction);
+            if spread && sample.distance.is_finite() {
+                sample.radiance_over_pdf * cosine_over(footprint, sample.distance, cosine)
+            } else {
+                sample.radiance_over_pdf * cosine
+            }
+        })
+    };
+    // A cosine is wider than what samples of a light miss.
+    let reflection = Reflection {
+        any: false,
+        draw: |_: usize, _: [f32; 3]| None,
+        density: |_: usize, _: Vec3| 0.0,
+    };
+    let mut out = vec![Vec3::ZERO; hits.len()];
+    let told = add_light(
+        scene,
+        samples,
+        hits,
+        run_of,
+        is_above,
+        contribution,
+        &reflection,
+        &mut out,
+    );
+    (out, told)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples::DRAWN;
+    use crate::test_scenes::{level, matt, sky, traced};
+    use relight_scene::light::LightKind;
+    use relight_scene::light_set::{LightRig, NoEmitters};
+    use relight_scene::rays::Ray;
+    use relight_scene::surface::Surfaces;
+
+    /// Truth: the integral of radiance times cosine over the map, pixel by pixel. Tolerance: three standard errors of the few
+    /// places' mean, from their own spread. Samples drawn for all places together must spread no more than a place's own.
+    #[test]
+    fn a_sky_lights_a_floor_alike_whether_samples_are_drawn_for_each_place_or_for_all() {
+        let scene = traced(vec![level(1.0, 0.0, 0)], vec![matt(0.5, 0.0)]);
+        let tracks = [sky()];
+        let rig = LightRig::new(&NoEmitters, &tracks).unwrap();
+        let lights = rig.at(0.0);
+        let samples = 8;
+        let lit = |side: usize| -> Vec<f64> {
+            let at = |k: usize| 1.8 * ((k as f32 + 0.5) / side as f32 - 0.5);
+            let down = |i: usize| Ray::endless(Vec3::new(at(i % side), 1.0, at(i / side)), Vec3::NEG_Y);
+            let hits: Vec<_> = (0..side * side).map(|i| scene.closest_hit(&down(i))).collect();
+            let out = irradiance_at(&scene, &lights, 0, &hits, 0.0, samples, 1);
+            out.iter().map(|e| f64::from(e.x)).collect()
+        };
+        let LightKind::Environment { map, .. } = &tracks[0].kind else {
+            unreachable!("a sky is an environment")
+        };
+        // Far finer than the map's pixels.
+        let (columns, rows) = (512, 256);
+        let mut truth = 0.0;
+        for row in 0..rows / 2 {
+            let v = (f64::from(row) + 0.5) / f64::from(rows);
+            let (sin, cos) = (std::f64::consts::PI * v).sin_cos();
+            let angle =
+                sin * std::f64::consts::PI / f64::from(rows) * std::f64::consts::TAU / f64::from(columns);
+            for column in 0..columns {
+                let u = (column as f32 + 0.5) / columns as f32;
+                truth += f64::from(map.at([u, v as f32]).x) * cos * angle;
+            }
+        }
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let spread =
+            |values: &[f64]| mean(&values.iter().map(|e| (e - truth).powi(2)).collect::<Vec<_>>()).sqrt();
+        let (few, many) = (lit(40), lit(100));
+        assert!(few.len() * 8 <= 2 * DRAWN && many.len() * 8 > 2 * DRAWN);
+        let tolerance = 3.0 * spread(&few) / (few.len() as f64).sqrt();
+        assert!(tolerance < 0.03 * truth, "{tolerance} of {truth}");
+        assert!((mean(&few) - truth).abs() < tolerance, "{} {truth}", mean(&few));
+        assert!((mean(&many) - truth).abs() < tolerance, "{} {truth}", mean(&many));
+        assert!(
+            spread(&many) < 1.2 * spread(&few),
+            "{} {}",
+            spread(&many),
+            spread(&few)
+        );
+    }
+
+    /// Truth: a lamp of 1 W/sr above a plane sends 2π down, however near it hangs. A square lattice of points, each for its
+    /// square; the mean over places of the lamp between them is the integral over the plane. Tolerance: what lies beyond
+    /// the lattice, a share of height/reach, and as much again for the lift. Single places: right above a point
+    /// the lift leaves 1.5 times the light, in the middle between four the least.
+    #[test]
+    fn a_lamp_upon_a_plane_of_points_gives_half_of_its_light_on_average() {
+        let flux = |height: f64, offset: [f64; 2], footprint: f32| -> f64 {
+            let reach = 150;
+            let mut sum = 0.0;
+            for i in -reach..=reach {
+                for j in -reach..=reach {
+                    let (x, z) = (f64::from(i) + offset[0], f64::from(j) + offset[1]);
+                    let squared = x * x + z * z + height * height;
+                    let cosine = height / squared.sqrt();
+                    let spread = if footprint > 0.0 {
+                        f64::from(cosine_over(footprint, squared.sqrt() as f32, cosine as f32))
+                    } else {
+                        cosine
+                    };
+                    sum += spread / squared;
+                }
+            }
+            sum / (2.0 * std::f64::consts::PI)
+        };
+        for height in [1e-3, 1e-2, 0.1, 0.5, 2.0] {
+            let steps = 6;
+            let mut mean = 0.0;
+            for k in 0..steps * steps {
+                let offset = [k % steps, k / steps].map(|at| f64::from(at) / f64::from(steps));
+                let found = flux(height, offset, 1.0);
+                assert!((0.6..1.6).contains(&found), "{height} {offset:?}: {found}");
+                mean += found / f64::from(steps * steps);
+            }
+            assert!((mean - 1.0).abs() < 0.02, "{height}: {mean}");
+        }
+        assert!(
+            flux(1e-3, [0.0; 2], 0.0) > 1e5,
+            "the middle alone takes it for a sun"
+        );
+        // Ten footprints away it is the cosine: A/2π in 100 A is a six-hundredth, 1.5 of them at normal incidence.
+        assert!((cosine_over(1.0, 10.0, 1.0) - 1.0).abs() < 3e-3);
+    }
+}
