@@ -2,7 +2,7 @@
 
 use crate::guide::Guides;
 use crate::lighting::{Reflection, Told, add_light, own_run};
-use crate::rare::Rare;
+use crate::rare::{Rare, WAYS, way};
 use crate::samples::Samples;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -83,25 +83,30 @@ fn rarely_lit<'a>(
 ) -> Vec<Again<'a>> {
     let sum: f64 = irradiance.iter().map(|&e| f64::from(luminance(e))).sum();
     let dark = 0.1 * (sum / irradiance.len().max(1) as f64) as f32;
-    let places_of = |n: usize| n * NEIGHBOURS..((n + 1) * NEIGHBOURS).min(hits.len());
-    let rare: Vec<Option<Rare>> = (0..hits.len().div_ceil(NEIGHBOURS))
-        .into_par_iter()
-        .map(|n| {
-            let lit: Vec<usize> = places_of(n).filter(|&place| hits[place].is_some()).collect();
-            Rare::found(samples, told, &lit, |_| 1.0, dark)
-        })
+    // Of each run of places those that face one way.
+    let mut neighbours = vec![Vec::new(); WAYS * hits.len().div_ceil(NEIGHBOURS)];
+    let mut of_place = vec![0; hits.len()];
+    for (place, hit) in hits.iter().enumerate() {
+        if let Some(hit) = hit {
+            let own = WAYS * (place / NEIGHBOURS) + way(hit);
+            of_place[place] = own as u32;
+            neighbours[own].push(place);
+        }
+    }
+    let rare: Vec<Option<Rare>> = (neighbours.par_iter())
+        .map(|lit| Rare::found(samples, told, lit, |_| 1.0, dark))
         .collect();
     let mut by_count: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
-    for (n, rare) in rare.iter().enumerate() {
+    for (lit, rare) in neighbours.iter().zip(&rare) {
         let Some(rare) = rare else { continue };
         let needed = (rare.variance / VARIANCE).ceil() as u32;
         let count = needed
             .clamp(samples.count, MOST.max(samples.count))
             .next_power_of_two();
-        by_count.entry(count).or_default().extend(places_of(n));
+        by_count.entry(count).or_default().extend(lit);
     }
     let guided = samples.guided(Guides {
-        of_place: (0..hits.len()).map(|place| (place / NEIGHBOURS) as u32).collect(),
+        of_place,
         guides: rare.into_iter().map(|rare| rare.map(|rare| rare.guide)).collect(),
     });
     (by_count.into_iter())

@@ -11,7 +11,7 @@
 use crate::exposure::{Exposure, Sighted};
 use crate::guide::{Guide, Guides};
 use crate::lighting::{Receivers, Told, reflected_at};
-use crate::rare::Rare;
+use crate::rare::{Rare, way};
 use crate::samples::Samples;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -219,9 +219,11 @@ impl Needs {
             })
             .collect();
         for (pixel, wanted) in wanted.iter_mut().enumerate() {
-            let square = squares.of_fragment[seen.offsets[pixel] as usize];
-            if let Some(rare) = &rare[square as usize] {
-                *wanted = self.of_variance(rare.variance / self.count as f32);
+            let rare = (seen.fragments_of(pixel))
+                .filter_map(|f| rare.get(squares.of_fragment[f] as usize)?.as_ref())
+                .map(|rare| self.of_variance(rare.variance / self.count as f32));
+            if let Some(most) = rare.max() {
+                *wanted = most;
             }
         }
         again.guided(squares.guides(rare.iter().map(rare_guide)))
@@ -246,11 +248,12 @@ fn told_by(scene: &TracedScene, seen: &Exposure, samples: &Samples, fragments: &
     reflected_at(scene, samples, &receivers, |k| (fragments[k], 0), &mut lit)
 }
 
-/// Squares of pixels.
+/// Squares of pixels, each for every way that surfaces face and every material: the reveal of a window is far brighter than the wall
+/// beside it, as is what is seen through the window.
 struct Squares {
-    /// Of each square the fragments that can be lit.
+    /// Of each the fragments that can be lit.
     fragments: Vec<Vec<usize>>,
-    /// The square of each fragment.
+    /// Which of them each fragment is of, if it can be lit.
     of_fragment: Vec<u32>,
 }
 
@@ -258,16 +261,23 @@ impl Squares {
     fn of(seen: &Exposure) -> Squares {
         let across = seen.width.div_ceil(SQUARE);
         let mut squares = Squares {
-            fragments: vec![Vec::new(); across * seen.height.div_ceil(SQUARE)],
+            fragments: Vec::new(),
             of_fragment: vec![0; seen.len()],
         };
+        let mut numbers = BTreeMap::new();
         for pixel in 0..seen.width * seen.height {
             let (x, y) = (pixel % seen.width, pixel / seen.width);
             let square = y / SQUARE * across + x / SQUARE;
             for f in seen.fragments_of(pixel) {
-                squares.of_fragment[f] = square as u32;
-                if seen.hits[f].is_some() {
-                    squares.fragments[square].push(f);
+                if let (Some(hit), Some(point)) = (&seen.hits[f], &seen.points[f]) {
+                    let own = *numbers
+                        .entry((square, way(hit), point.material))
+                        .or_insert_with(|| {
+                            squares.fragments.push(Vec::new());
+                            squares.fragments.len() - 1
+                        });
+                    squares.of_fragment[f] = own as u32;
+                    squares.fragments[own].push(f);
                 }
             }
         }
