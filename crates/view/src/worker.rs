@@ -114,7 +114,10 @@ impl Worker {
             let text = wish.materials.as_deref().unwrap_or(NO_EDITS);
             let edits = parse_material_edits(text, player.scene(), "the materials")
                 .map_err(|error| refused(error.to_string()))?;
-            (player.edit_materials(edits, wish.time)).map_err(|error| refused(error.to_string()))?;
+            // An asset whose materials cannot be edited is looked at as it is.
+            if player.is_edited() || !edits.is_empty() {
+                (player.edit_materials(edits, wish.time)).map_err(|error| refused(error.to_string()))?;
+            }
             self.edits = wish.materials.clone();
             self.edition += 1;
         }

@@ -46,6 +46,11 @@ impl Setting {
 }
 
 impl MaterialEdits {
+    /// Whether nothing is changed.
+    pub fn is_empty(&self) -> bool {
+        self.edits.is_empty()
+    }
+
     /// The materials at a frame, from those of the scene that the edits were read for.
     pub fn at(&self, frame: f64, scene: &[Material]) -> Vec<Material> {
         let mut materials = scene.to_vec();
