@@ -2,13 +2,13 @@
 
 use crate::guide::Guides;
 use crate::lighting::{Reflection, Told, add_light, own_run};
-use crate::rare::{Rare, WAYS, way};
+use crate::rare::Rare;
 use crate::samples::Samples;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::environment::luminance;
 use relight_scene::light_set::{LightSample, LightSet};
-use relight_scene::surface::SurfaceHit;
+use relight_scene::surface::{SurfaceHit, WAYS};
 use relight_scene::traced::TracedScene;
 use std::collections::BTreeMap;
 
@@ -43,7 +43,9 @@ pub fn irradiance_at(
     seed: u64,
 ) -> Vec<Vec3> {
     let mut samples = Samples::of_points(lights, light, hits.len(), samples, seed);
-    samples.is_told = samples.count > 1;
+    if samples.count > 1 {
+        samples = samples.told();
+    }
     let (mut irradiance, told) = irradiance_by(scene, &samples, hits, footprint, own_run);
     if samples.is_told {
         for again in rarely_lit(&samples, &told, hits, &irradiance) {
@@ -88,7 +90,7 @@ fn rarely_lit<'a>(
     let mut of_place = vec![0; hits.len()];
     for (place, hit) in hits.iter().enumerate() {
         if let Some(hit) = hit {
-            let own = WAYS * (place / NEIGHBOURS) + way(hit);
+            let own = WAYS * (place / NEIGHBOURS) + hit.way();
             of_place[place] = own as u32;
             neighbours[own].push(place);
         }

@@ -3,16 +3,6 @@
 use crate::guide::{Guide, Lesson};
 use crate::lighting::Told;
 use crate::samples::Samples;
-use relight_scene::surface::SurfaceHit;
-
-/// Ways that surfaces face: along each axis, or against it.
-pub(crate) const WAYS: usize = 6;
-
-/// Which way a surface faces, below [`WAYS`].
-pub(crate) fn way(hit: &SurfaceHit) -> usize {
-    let axis = hit.normal.abs().max_position();
-    2 * axis + usize::from(hit.normal[axis] < 0.0)
-}
 
 /// Variance of a place's light, over the square of its neighbourhood's, above which light is rare: with eight samples a place, it comes from less
 /// than a ninth of what is drawn, and places beside one another may agree that there is none. Drawn more often, but without its

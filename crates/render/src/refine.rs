@@ -11,7 +11,7 @@
 use crate::exposure::{Exposure, Sighted};
 use crate::guide::{Guide, Guides};
 use crate::lighting::{Receivers, Told, reflected_at};
-use crate::rare::{Rare, way};
+use crate::rare::Rare;
 use crate::samples::Samples;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -204,7 +204,7 @@ impl Needs {
             .map(|lit| Rare::found(samples, told, lit, scale, self.dark))
             .collect();
         if found.iter().all(Option::is_none) {
-            return samples.guided(Guides::default());
+            return samples.clone();
         }
         let again = samples
             .guided(squares.guides(found.iter().map(rare_guide)))
@@ -219,7 +219,8 @@ impl Needs {
             })
             .collect();
         for (pixel, wanted) in wanted.iter_mut().enumerate() {
-            let rare = (seen.fragments_of(pixel))
+            let lit = seen.fragments_of(pixel).filter(|&f| seen.hits[f].is_some());
+            let rare = lit
                 .filter_map(|f| rare.get(squares.of_fragment[f] as usize)?.as_ref())
                 .map(|rare| self.of_variance(rare.variance / self.count as f32));
             if let Some(most) = rare.max() {
@@ -271,7 +272,7 @@ impl Squares {
             for f in seen.fragments_of(pixel) {
                 if let (Some(hit), Some(point)) = (&seen.hits[f], &seen.points[f]) {
                     let own = *numbers
-                        .entry((square, way(hit), point.material))
+                        .entry((square, hit.way(), point.material))
                         .or_insert_with(|| {
                             squares.fragments.push(Vec::new());
                             squares.fragments.len() - 1

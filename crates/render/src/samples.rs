@@ -1,6 +1,6 @@
 //! Random samples of one light for many places.
 
-use crate::guide::Guides;
+use crate::guide::{Guide, Guides};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::light_set::{LightSample, LightSet};
@@ -50,7 +50,7 @@ pub struct Samples<'a> {
     /// Where each place's light is drawn from.
     guides: Option<Arc<Guides>>,
     /// Whether what each sample gives is told ([`crate::lighting::Told`]).
-    pub is_told: bool,
+    pub(crate) is_told: bool,
 }
 
 impl<'a> Samples<'a> {
@@ -65,11 +65,12 @@ impl<'a> Samples<'a> {
         Samples::new(lights, light, places, samples, STAGE_PIXELS, seed)
     }
 
-    /// So many for each place; one of lights without extent.
+    /// So many for each place, of which nothing is told; one of lights without extent.
     pub fn of_each(&self, samples: u32) -> Samples<'a> {
         let count = if self.is_delta() { 1 } else { samples.max(1) };
         Samples {
             count,
+            is_told: false,
             ..self.clone()
         }
     }
@@ -102,9 +103,7 @@ impl<'a> Samples<'a> {
     pub(crate) fn guided(&self, guides: Guides) -> Samples<'a> {
         Samples {
             stage: self.stage + STAGE_GUIDED,
-            drawn: Arc::default(),
             guides: Some(Arc::new(guides)),
-            is_told: false,
             ..self.clone()
         }
     }
@@ -146,7 +145,7 @@ impl<'a> Samples<'a> {
         if self.is_delta() {
             return self.lights.sample(self.light, hit, [0.0; 3]);
         }
-        if !self.drawn.is_empty() {
+        if !self.drawn.is_empty() && self.guide_of(place).is_none() {
             return self.drawn[self.drawn_of(place, index)];
         }
         let (random, density) = self.numbers(place, index);
@@ -160,14 +159,15 @@ impl<'a> Samples<'a> {
     /// Numbers by which the `index`-th sample of a place is drawn, and their density.
     pub(crate) fn numbers(&self, place: usize, index: u32) -> ([f32; 3], f32) {
         let of = |place, index| random_triple(self.stage, self.seed, place, self.light, index);
-        if !self.drawn.is_empty() {
-            return (of(0, self.drawn_of(place, index) as u32), 1.0);
+        match self.guide_of(place) {
+            Some(guide) => guide.at(of(place, index)),
+            None if self.drawn.is_empty() => (of(place, index), 1.0),
+            None => (of(0, self.drawn_of(place, index) as u32), 1.0),
         }
-        let random = of(place, index);
-        match self.guides.as_ref().and_then(|guides| guides.of(place)) {
-            Some(guide) => guide.at(random),
-            None => (random, 1.0),
-        }
+    }
+
+    fn guide_of(&self, place: usize) -> Option<&Guide> {
+        self.guides.as_ref()?.of(place)
     }
 
     /// Numbers for the `index`-th of a place's rays drawn by the reflection.

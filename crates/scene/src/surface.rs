@@ -26,6 +26,17 @@ pub struct SurfaceHit {
     pub barycentric: [f32; 2],
 }
 
+/// Ways that surfaces face: along each axis, or against it.
+pub const WAYS: usize = 6;
+
+impl SurfaceHit {
+    /// Which way the smooth normal faces mostly, below [`WAYS`]: twice the axis, and one more against it.
+    pub fn way(&self) -> usize {
+        let axis = self.normal.abs().max_position();
+        2 * axis + usize::from(self.normal[axis] < 0.0)
+    }
+}
+
 /// Something that rays hit and that reflects light.
 pub trait Surfaces: Sync {
     /// Axis-aligned bounds of all surfaces, world space; `None` where there are none.

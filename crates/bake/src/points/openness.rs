@@ -9,7 +9,7 @@
 
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
-use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
+use relight_scene::surface::{SurfaceHit, Surfaces, WAYS, ray_from};
 use relight_transport::grid::{CellHasher, key_of};
 use relight_transport::kernel::width;
 use relight_transport::random::Stream;
@@ -34,9 +34,6 @@ type Cells = HashMap<u64, u8, BuildHasherDefault<CellHasher>>;
 
 /// A cell that was asked: which way its surfaces face and how relevant they are, its key, and by how much radii are wider there.
 pub type Asked = (u8, u64, u8);
-
-/// Ways that normals face.
-const SIDES: usize = 6;
 
 /// How much wider points may be at places, known by cells as narrow as the finest points' distance.
 pub struct Openness {
@@ -100,13 +97,10 @@ impl Openness {
 
     /// The cell of a place, as narrow as the finest points' distance where radii are wider by `relevant`.
     fn key(&self, hit: &SurfaceHit, relevant: u8) -> (u8, u64) {
-        let n = hit.normal;
-        let axis = n.abs().max_position() as u8;
-        let side = 2 * axis + u8::from(n[usize::from(axis)] < 0.0);
         let cell = (hit.position / (self.radius * width(relevant)))
             .floor()
             .as_ivec3();
-        (side + SIDES as u8 * relevant, key_of(cell))
+        (hit.way() as u8 + WAYS as u8 * relevant, key_of(cell))
     }
 
     /// By how much radii may be wider at each place, as a power of two, where those of all levels are by `relevant`; and the number

@@ -97,7 +97,9 @@ impl Task<'_> {
         let most = self.settings.pixel_samples;
         let first = if small { most.div_ceil(FIRST) } else { most };
         let mut samples = Samples::of_pixels(lights, light, seen.len(), first, self.settings.seed);
-        samples.is_told = !small;
+        if !small {
+            samples = samples.told();
+        }
         let receivers = Receivers::of(seen, self.views);
         let told = lighting::reflected_at(scene, &samples, &receivers, own_run, &mut reflected);
         if small && !reflected.is_empty() {
