@@ -23,6 +23,7 @@ const LIMITS: Limits = Limits {
 pub fn all() -> Vec<(&'static str, Target)> {
     vec![
         ("gltf", gltf),
+        ("meshopt", meshopt),
         ("hdr", hdr),
         ("exr", exr),
         ("texture", texture),
@@ -58,6 +59,56 @@ pub fn gltf(data: &[u8]) {
         Err(ImportError::Internal { message, .. }) => panic!("the importer panicked: {message}"),
         Err(_) => {}
     }
+}
+
+/// Any bytes as a compressed stream, of the mode, filter, stride and count that the first five say: a scene or an error.
+pub fn meshopt(data: &[u8]) {
+    let Some((&[mode, filter, stride, low, high], stream)) = data.split_first_chunk() else {
+        return;
+    };
+    let (count, strides) = (u16::from_le_bytes([low, high]), [4, 8, 12, 16, 32, 64, 2, 4]);
+    let stride: usize = strides[usize::from(stride) % strides.len()];
+    let mode = ["ATTRIBUTES", "TRIANGLES", "INDICES"][usize::from(mode) % 3];
+    let filter = ["NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR"][usize::from(filter) % 5];
+    // Four vertices that a stream of indices joins, else vertices that it is itself, as bytes.
+    let corners = [[0f32, 0., 0.], [1., 0., 0.], [0., 1., 0.], [1., 1., 1.]].as_flattened();
+    let mut bin: Vec<u8> = corners.iter().flat_map(|x| x.to_le_bytes()).collect();
+    let (start, length, size) = (bin.len(), stream.len(), stride * usize::from(count));
+    bin.extend(stream);
+    let whole = bin.len();
+    let attributes = match mode {
+        "ATTRIBUTES" => r#""attributes":{"POSITION":1,"COLOR_0":2}"#,
+        _ => r#""attributes":{"POSITION":0},"indices":3"#,
+    };
+    let index = if stride == 2 { 5123 } else { 5125 };
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"nodes":[{{"mesh":0}}],"meshes":[{{"primitives":[{{{attributes}}}]}}],
+        "buffers":[{{"byteLength":{whole}}},{{"byteLength":{size}}}],
+        "bufferViews":[{{"buffer":0,"byteLength":48}},{{"buffer":1,"byteLength":{size},"byteStride":{stride},
+          "extensions":{{"KHR_meshopt_compression":{{"buffer":0,"byteOffset":{start},"byteLength":{length},
+          "byteStride":{stride},"count":{count},"mode":"{mode}","filter":"{filter}"}}}}}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3"}},
+          {{"bufferView":1,"componentType":5120,"count":{count},"type":"VEC3"}},
+          {{"bufferView":1,"componentType":5121,"count":{count},"type":"VEC4"}},
+          {{"bufferView":1,"componentType":{index},"count":{count},"type":"SCALAR"}}]}}"#
+    );
+    gltf(&glb(json.as_bytes(), &bin));
+}
+
+/// Joins chunks to a `.glb`.
+fn glb(json: &[u8], bin: &[u8]) -> Vec<u8> {
+    let size = |chunk: &[u8]| (chunk.len() as u32).to_le_bytes();
+    [
+        &b"glTF\x02\0\0\0"[..],
+        &(28 + json.len() as u32 + bin.len() as u32).to_le_bytes(),
+        &size(json),
+        b"JSON",
+        json,
+        &size(bin),
+        b"BIN\0",
+        bin,
+    ]
+    .concat()
 }
 
 fn check_map(read: Result<EnvironmentMap, ImageError>) {

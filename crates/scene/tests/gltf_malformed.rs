@@ -118,7 +118,7 @@ const BROKEN: &str = r#"
 # Accessors and primitives.
 /accessors/0/type | "VEC9" | accessors[0].type: is "VEC9"
 /accessors/0/componentType | 5124 | accessors[0].componentType: is 5124
-/accessors/0/componentType | 5122 | KHR_mesh_quantization
+/accessors/0/componentType | 5125 | attributes.POSITION: uses accessors[0], which has the wrong type
 /accessors/0/count | 1.5 | accessors[0].count: must be a non-negative integer
 /bufferViews/0/byteStride | 8 | accessors[0]: has elements of 12 bytes, more than the stride
 /bufferViews/0/byteStride | 1000 | accessors[0]: needs 3 elements of 12 bytes, 1000 apart

@@ -3,8 +3,9 @@
 //! All animations of a file play together, since exporters write one per object. Where two drive the same
 //! property, the first one counts.
 
-use super::accessors::{Accessor, Component, Data, Layout};
+use super::accessors::Data;
 use super::json::{At, Faults};
+use super::layout::{Accessor, Component, Layout};
 use super::nodes::{Graph, Local, Trs};
 use super::notes::Notes;
 use glam::{DAffine3, DQuat, DVec3, DVec4};

@@ -4,8 +4,9 @@
 //! A skinned vertex is where its joints take it; the transform of the node that shows the mesh has no part in that. Skinned
 //! vertices come out relative to the first joint's place, so that they keep their digits far from the origin.
 
-use super::accessors::{Component, Data, Layout};
+use super::accessors::Data;
 use super::json::{At, Faults};
+use super::layout::{Component, Layout};
 use super::list::List;
 use super::nodes::Graph;
 use super::notes::Notes;

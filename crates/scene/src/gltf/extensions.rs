@@ -7,12 +7,15 @@ use super::notes::Notes;
 /// Extensions that are imported.
 const SUPPORTED: &[&str] = &[
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_animation_pointer",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_unlit",
+    "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
     "KHR_node_visibility",
     "KHR_texture_transform",
 ];
@@ -80,11 +83,8 @@ pub(super) fn check(root: &At, notes: &mut Notes) -> Vec<UnsupportedExtension> {
 /// (npm package @gltf-transform/cli); its `cp` decodes compressed geometry while copying.
 pub(super) fn advice(name: &str) -> String {
     match name {
-        "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+        "KHR_draco_mesh_compression" => {
             "decompress the geometry with `gltf-transform cp IN.glb OUT.glb`".into()
-        }
-        "KHR_mesh_quantization" => {
-            "turn the vertices back into floats with `gltf-transform dequantize IN.glb OUT.glb`".into()
         }
         "KHR_texture_basisu" => {
             "turn the KTX2 textures into PNG with `gltf-transform ktxdecompress IN.glb OUT.glb`".into()

@@ -1,8 +1,9 @@
 //! EXT_mesh_gpu_instancing: a mesh placed many times by one node, each placement a translation, rotation and scale of its
 //! own that is applied before the node's transform. Other attributes are for shaders and ignored.
 
-use super::accessors::{Data, Layout};
+use super::accessors::Data;
 use super::json::At;
+use super::layout::Layout;
 use super::notes::Notes;
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 

@@ -4,10 +4,11 @@
 //! Read straight from the JSON, because the gltf crate does not apply texture transforms to normal maps.
 //! Occlusion textures are left out: relight computes occlusion.
 
-use super::accessors::{Data, Layout, MAX_BYTES};
+use super::accessors::Data;
 use super::error::Fault;
 use super::extensions::advice;
 use super::json::{At, Faults};
+use super::layout::{Layout, MAX_BYTES};
 use super::list::List;
 use super::notes::Notes;
 use super::uri;

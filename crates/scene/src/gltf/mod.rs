@@ -1,9 +1,9 @@
 //! Import of glTF 2.0 scenes (feature `gltf`).
 //!
 //! Implements the Khronos glTF 2.0 specification with KHR_lights_punctual, KHR_materials_emissive_strength,
-//! KHR_materials_pbrSpecularGlossiness (converted), KHR_materials_unlit, KHR_node_visibility, KHR_texture_transform,
-//! EXT_mesh_gpu_instancing, EXT_texture_webp and, for lights and cameras, KHR_animation_pointer. Skins and morph targets
-//! are posed at rest.
+//! KHR_materials_pbrSpecularGlossiness (converted), KHR_materials_unlit, KHR_mesh_quantization, KHR_meshopt_compression,
+//! KHR_node_visibility, KHR_texture_transform, EXT_mesh_gpu_instancing, EXT_meshopt_compression, EXT_texture_webp and, for
+//! lights and cameras, KHR_animation_pointer. Skins and morph targets are posed at rest. docs/import.md has the whole table.
 //!
 //! **Anybody may have written the file.** Every index, range, count and type is checked against the JSON and
 //! the real bytes before anything is decoded or allocated; all faults of a stage are reported together, each
@@ -22,9 +22,9 @@
 //! vertex colours of plain integers, nodes on several paths, strides of 0, empty accessors, `null` for absent, names in
 //! Latin-1, chunks without padding; all but the commonest with a note.
 //!
-//! The way of the data: `container` splits the file, `mend` makes JSON of it, `list` holds entries, `accessors`, `materials`, `nodes`,
-//! `primitives`, `instancing` and `animation` read and check, `geometry`, `deform`, `specgloss` and `tracks` build the
-//! scene.
+//! The way of the data: `container` splits the file, `mend` makes JSON of it, `list` holds entries, `layout`, `materials`,
+//! `nodes`, `primitives`, `instancing` and `animation` read and check, `accessors` and `meshopt` decode, `geometry`,
+//! `deform`, `specgloss` and `tracks` build the scene.
 
 mod accessors;
 mod animation;
@@ -35,9 +35,11 @@ mod extensions;
 mod geometry;
 mod instancing;
 mod json;
+mod layout;
 mod list;
 mod materials;
 mod mend;
+mod meshopt;
 mod middle;
 mod nodes;
 mod notes;
@@ -106,7 +108,7 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
         });
     }
 
-    let layout = accessors::Layout::parse(&root, container.bin.is_some(), &mut notes);
+    let layout = layout::Layout::parse(&root, container.bin.is_some(), &mut notes);
     let source = materials::Materials::parse(&root, &layout, &mut notes);
     let meshes = primitives::parse(&root, &layout, source.materials.len(), &mut notes);
     let mut graph = nodes::Graph::parse(&root, &layout, meshes.len(), &mut notes);

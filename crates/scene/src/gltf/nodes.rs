@@ -4,9 +4,9 @@
 //! Nodes must form trees whose roots scenes list. Files in which a node is reached by several paths mean what they
 //! say: it is there once per path, as a copy of its own after the file's nodes. Circles mean nothing.
 
-use super::accessors::Layout;
 use super::instancing::{self, Instancing};
 use super::json::At;
+use super::layout::Layout;
 use super::list::List;
 use super::notes::Notes;
 use crate::json::quantity::MAX_LIGHT;

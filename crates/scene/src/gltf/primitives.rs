@@ -1,9 +1,9 @@
 //! Mesh primitives as the JSON has them (glTF 2.0, section 3.7.2): attributes and indices checked for type,
 //! width and count before anything is decoded.
 
-use super::accessors::{Accessor, Component, Layout};
 use super::extensions::advice;
 use super::json::At;
+use super::layout::{Accessor, Component, Layout};
 use super::list::List;
 use super::materials::MAX_UV_SETS;
 use super::notes::Notes;
@@ -121,27 +121,20 @@ fn parse_primitive(at: &At, layout: &Layout, materials: usize, notes: &mut Notes
         if widths.contains(&info.width) && components.contains(&info.component) {
             return Some(index);
         }
-        let quantised = matches!(info.component, I8 | U8 | I16 | U16) && widths.contains(&info.width);
         attributes.fault_at(
             key,
-            match quantised {
-                true => format!(
-                    "is quantised to integers (KHR_mesh_quantization): {}",
-                    advice("KHR_mesh_quantization")
-                ),
-                false => format!(
-                    "uses accessors[{index}], which has the wrong type for it; export the scene again"
-                ),
-            },
+            format!("uses accessors[{index}], which has the wrong type for it; export the scene again"),
         );
         None
     };
-    let positions = attribute("POSITION", &[3], &[F32]);
-    let mut normals = attribute("NORMAL", &[3], &[F32]);
-    let mut tangents = attribute("TANGENT", &[4], &[F32]);
+    // Integers are KHR_mesh_quantization's (but those of colours); whether they are normalised the accessor says, and
+    // the length of normals and tangents means nothing.
+    let positions = attribute("POSITION", &[3], &[F32, I8, U8, I16, U16]);
+    let mut normals = attribute("NORMAL", &[3], &[F32, I8, I16]);
+    let mut tangents = attribute("TANGENT", &[4], &[F32, I8, I16]);
     let mut colors = attribute("COLOR_0", &[3, 4], &[F32, U8, U16]);
     let mut uvs: Vec<Option<usize>> = (0..MAX_UV_SETS)
-        .map(|set| attribute(&format!("TEXCOORD_{set}"), &[2], &[F32, U8, U16]))
+        .map(|set| attribute(&format!("TEXCOORD_{set}"), &[2], &[F32, I8, U8, I16, U16]))
         .collect();
     let positions = positions?;
     let info = layout.accessors.peek(positions)?;
