@@ -118,7 +118,7 @@ fn bake_scene(
     };
     let reading = Instant::now();
     let lights = read_sequence(&data.join(SEQUENCE))?;
-    let (scene, source_hash) = bake::read_scene(&data.join(SCENE), LightUnitsName::Spec)?;
+    let (scene, source_hash) = bake::read_scene(&data.join(SCENE), LightUnitsName::Spec, None)?;
     let job = Job {
         params: &params,
         shading: Shading::Full,

@@ -9,7 +9,14 @@ use std::time::Duration;
 const HEADINGS: [(&str, &[&str]); 9] = [
     (
         "Input",
-        &["lights", "materials", "lambert", "light_units", "reference"],
+        &[
+            "lights",
+            "materials",
+            "lambert",
+            "light_units",
+            "variant",
+            "reference",
+        ],
     ),
     (
         "Points and links",

@@ -24,6 +24,8 @@ pub fn all() -> Vec<(&'static str, Target)> {
     vec![
         ("gltf", gltf),
         ("meshopt", meshopt),
+        ("draco", draco),
+        ("ktx2", ktx2),
         ("hdr", hdr),
         ("exr", exr),
         ("texture", texture),
@@ -93,6 +95,53 @@ pub fn meshopt(data: &[u8]) {
           {{"bufferView":1,"componentType":{index},"count":{count},"type":"SCALAR"}}]}}"#
     );
     gltf(&glb(json.as_bytes(), &bin));
+}
+
+/// Any bytes as a compressed primitive of 16 vertices and 54 indices, as those of the corpus have: a scene or an error.
+pub fn draco(data: &[u8]) {
+    let length = data.len();
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"nodes":[{{"mesh":0}}],"meshes":[{{"primitives":[{{
+          "attributes":{{"POSITION":0,"NORMAL":1,"TEXCOORD_0":2,"COLOR_0":3}},"indices":4,
+          "extensions":{{"KHR_draco_mesh_compression":{{"bufferView":0,
+            "attributes":{{"POSITION":0,"NORMAL":1,"TEXCOORD_0":2,"COLOR_0":3}}}}}}}}]}}],
+        "buffers":[{{"byteLength":{length}}}],"bufferViews":[{{"buffer":0,"byteLength":{length}}}],
+        "accessors":[{{"componentType":5126,"count":16,"type":"VEC3"}},{{"componentType":5126,"count":16,"type":"VEC3"}},
+          {{"componentType":5126,"count":16,"type":"VEC2"}},
+          {{"componentType":5121,"count":16,"type":"VEC4","normalized":true}},
+          {{"componentType":5123,"count":54,"type":"SCALAR"}}]}}"#
+    );
+    gltf(&glb(json.as_bytes(), data));
+}
+
+/// Any bytes as a KTX 2.0 texture: a scene or an error. Sizes above 256 texels are cut, which take time and tell no more.
+pub fn ktx2(data: &[u8]) {
+    let mut data = data.to_vec();
+    for size in [20, 24] {
+        for high in data.iter_mut().skip(size + 1).take(3) {
+            *high = 0;
+        }
+    }
+    let length = data.len();
+    let start = data.len().next_multiple_of(4);
+    data.resize(start, 0);
+    data.extend(
+        [0f32, 0., 0., 1., 0., 0., 0., 1., 0.]
+            .iter()
+            .flat_map(|x| x.to_le_bytes()),
+    );
+    let whole = data.len();
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"nodes":[{{"mesh":0}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"TEXCOORD_0":1}},"material":0}}]}}],
+        "materials":[{{"normalTexture":{{"index":0}}}}],"images":[{{"bufferView":0}}],
+        "textures":[{{"extensions":{{"KHR_texture_basisu":{{"source":0}}}}}}],
+        "buffers":[{{"byteLength":{whole}}}],
+        "bufferViews":[{{"buffer":0,"byteLength":{length}}},{{"buffer":0,"byteOffset":{start},"byteLength":36}}],
+        "accessors":[{{"bufferView":1,"componentType":5126,"count":3,"type":"VEC3"}},
+          {{"bufferView":1,"componentType":5126,"count":3,"type":"VEC2"}}]}}"#
+    );
+    gltf(&glb(json.as_bytes(), &data));
 }
 
 /// Joins chunks to a `.glb`.

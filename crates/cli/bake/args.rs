@@ -107,6 +107,10 @@ pub struct BakeArgs {
     /// unitless (W/sr), or raw (watts).
     #[arg(long, value_enum, default_value_t = LightUnitsName::Spec)]
     pub light_units: LightUnitsName,
+    /// The variant of materials to show (KHR_materials_variants), by its name; without it, the materials that the
+    /// file shows by itself.
+    #[arg(long, value_name = "NAME")]
+    pub variant: Option<String>,
     #[command(flatten)]
     pub long: LongArgs,
     #[command(flatten)]
@@ -346,6 +350,7 @@ impl BakeArgs {
             ("--sigma", number(self.sigma)),
             ("--beta", number(self.beta)),
             ("--light-units", name(&self.light_units)),
+            ("--variant", self.variant.clone()),
         ] {
             // One word each: a value may begin with a dash.
             words.extend(value.map(|value| format!("{option}={value}")));
@@ -391,13 +396,14 @@ mod tests {
     fn words_say_all_that_was_asked_for() {
         let all = "/s.glb -o /a.relight --preset fine --lights /l.json --levels 5 --sender-levels 3 --coarse-radius 0.3 \
                    --epsilon 0.07 --bounces 3 --solution --cuts indirect --cut-lights 1024 \
-                   --sigma 1.7 --beta 0.1 --viewpoint -1,2.5,3e-7 --viewpoint 0,0,0.1 --lambert --light-units raw \
+                   --sigma 1.7 --beta 0.1 --viewpoint -1,2.5,3e-7 --viewpoint 0,0,0.1 --lambert --light-units raw --variant beach \
                    --keep lights,senders --cameras-only --strict --force";
         let given = parsed(&all.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
         let again = parsed(&given.words().unwrap());
         assert_eq!(params(&again, 7).unwrap(), params(&given, 7).unwrap());
         assert_eq!(again.words().unwrap(), given.words().unwrap());
         assert_eq!((again.lambert, again.light_units), (true, LightUnitsName::Raw));
+        assert_eq!(again.variant.as_deref(), Some("beach"));
         assert_eq!(again.lights, given.lights);
         assert_eq!(again.scene().unwrap(), Path::new("/s.glb"));
     }

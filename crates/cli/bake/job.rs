@@ -74,7 +74,7 @@ pub fn read(args: &BakeArgs, console: &Console) -> Result<Inputs, Failure> {
         kinds::check(lights, Wanted::Lights)?;
     }
     console.begin("Reading the scene", None);
-    let (scene, source_hash) = read_scene(args.scene()?, args.light_units)?;
+    let (scene, source_hash) = read_scene(args.scene()?, args.light_units, args.variant.as_deref())?;
     let read = |file| read_sequence_at(file, scene.offset);
     let lights = args.lights.as_deref().map(read).transpose()?;
     signals::go_on()?;
@@ -92,8 +92,17 @@ const DESCRIPTION: &str = ".scene.json";
 ///
 /// # Errors
 /// The file cannot be read or is no scene that can be baked.
-pub fn read_scene(path: &Path, units: LightUnitsName) -> Result<(Arc<Scene>, u64), Failure> {
+pub fn read_scene(
+    path: &Path,
+    units: LightUnitsName,
+    variant: Option<&str>,
+) -> Result<(Arc<Scene>, u64), Failure> {
     if path.to_string_lossy().ends_with(DESCRIPTION) || Kind::of(path) == Kind::Description {
+        if variant.is_some() {
+            return Err(Failure::Usage(
+                "--variant is for glTF files: descriptions have no variants".into(),
+            ));
+        }
         let (scene, bytes) = read_meshed(path)?;
         return Ok((Arc::new(scene), format::content_hash(&bytes)));
     }
@@ -103,6 +112,7 @@ pub fn read_scene(path: &Path, units: LightUnitsName) -> Result<(Arc<Scene>, u64
             LightUnitsName::Unitless => LightUnits::Unitless,
             LightUnitsName::Raw => LightUnits::Raw,
         },
+        variant: variant.map(str::to_owned),
     };
     let scene = import(path, &options)?;
     let bytes = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;

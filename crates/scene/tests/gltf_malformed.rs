@@ -138,7 +138,7 @@ const BROKEN: &str = r#"
 /textures/0/source | 4 | textures[0].source: is 4
 /textures/0 | {"extensions": {"EXT_texture_avif": {"source": 0}}} | gltf-transform png
 /samplers/0/wrapS | 1 | samplers[0].wrapS: is 1
-/bufferViews/6/byteOffset | 0 | images[0]: is neither a PNG, a JPEG nor a WebP image
+/bufferViews/6/byteOffset | 0 | images[0]: is neither a PNG, a JPEG, a WebP nor a KTX2 image
 /cameras/0/perspective/yfov | 0 | cameras[0].perspective.yfov: must be an angle
 /cameras/0/type | "fisheye" | cameras[0].type
 /extensions/KHR_lights_punctual/lights/0/type | "area" | extensions.KHR_lights_punctual.lights[0].type

@@ -27,7 +27,9 @@ pub(super) fn load_buffers<'a>(layout: &Layout, bin: Option<&'a [u8]>, folder: &
             return Err(fault("", "is broken; export the scene again".into()));
         };
         let bytes = match &buffer.source {
-            Source::Nowhere => return Err(fault("", "holds no data; export the scene again".into())),
+            Source::Nowhere | Source::Draco(_) => {
+                return Err(fault("", "holds no data; export the scene again".into()));
+            }
             Source::Chunk => Cow::Borrowed(bin.unwrap_or_default()),
             Source::Uri(uri) => uri::decode_data_uri(uri)
                 .unwrap_or_else(|| uri::read_relative(folder, uri, buffer.length))
@@ -57,7 +59,38 @@ pub(super) fn load_buffers<'a>(layout: &Layout, bin: Option<&'a [u8]>, folder: &
     };
     let decoded: Vec<Bytes> = layout.compressed.par_iter().map(decode).collect();
     buffers.extend(decoded);
+    let decode = |i: usize| -> Option<(usize, Bytes<'a>)> {
+        let Source::Draco(stream) = &layout.buffers.peek(i)?.source else {
+            return None;
+        };
+        let decoded = view_bytes(layout, &buffers, stream.view).and_then(|bytes| {
+            stream.decode(bytes).map(Cow::Owned).map_err(|why| Fault {
+                path: stream.path.clone(),
+                message: format!("its stream {why}; copy the file or compress the scene again"),
+            })
+        });
+        Some((i, decoded))
+    };
+    let decoded: Vec<_> = (0..layout.buffers.len()).filter_map(decode).collect();
+    for (i, bytes) in decoded {
+        buffers[i] = bytes;
+    }
     buffers
+}
+
+/// The bytes of a view.
+fn view_bytes<'b>(layout: &Layout, buffers: &'b [Bytes], view: usize) -> Result<&'b [u8], Fault> {
+    let sink = Faults::default();
+    let broken = || Fault {
+        path: format!("bufferViews[{view}]"),
+        message: "is broken; export the scene again".into(),
+    };
+    let Some(view) = layout.views.get(view, &sink) else {
+        return Err(sink.take().pop().unwrap_or_else(broken));
+    };
+    let bytes = buffers[view.buffer].as_ref().map_err(Fault::clone)?;
+    let range = view.offset as usize..(view.offset + view.length) as usize;
+    bytes.get(range).ok_or_else(broken)
 }
 
 /// Accessors with their bytes.
@@ -106,17 +139,7 @@ impl<'a> Data<'a> {
     /// # Errors
     /// What is wrong with it or its buffer.
     pub fn view_bytes(&self, view: usize) -> Result<&[u8], Fault> {
-        let sink = Faults::default();
-        let broken = || Fault {
-            path: format!("bufferViews[{view}]"),
-            message: "is broken; export the scene again".into(),
-        };
-        let Some(view) = self.layout.views.get(view, &sink) else {
-            return Err(sink.take().pop().unwrap_or_else(broken));
-        };
-        let bytes = self.buffers[view.buffer].as_ref().map_err(Fault::clone)?;
-        let range = view.offset as usize..(view.offset + view.length) as usize;
-        bytes.get(range).ok_or_else(broken)
+        view_bytes(self.layout, self.buffers, view)
     }
 
     /// An accessor whose bytes can be decoded.

@@ -72,6 +72,16 @@ pub enum ImportError {
         /// All of them.
         extensions: Vec<UnsupportedExtension>,
     },
+    /// A variant was asked for that the file does not have.
+    #[error("{}: there is no variant {name:?}; {}", file.display(), list_variants(names))]
+    UnknownVariant {
+        /// The file.
+        file: PathBuf,
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        names: Vec<String>,
+    },
     /// The content breaks the rules of glTF 2.0, or a file that it names is missing.
     #[error("{}: {}", file.display(), list_faults(faults, *more))]
     Invalid {
@@ -108,10 +118,25 @@ impl ImportError {
             | ImportError::Container { file, .. }
             | ImportError::Json { file, .. }
             | ImportError::UnsupportedExtensions { file, .. }
+            | ImportError::UnknownVariant { file, .. }
             | ImportError::Invalid { file, .. }
             | ImportError::NoGeometry { file, .. }
             | ImportError::Internal { file, .. } => file,
         }
+    }
+}
+
+fn list_variants(names: &[String]) -> String {
+    match names {
+        [] => "the file has none (KHR_materials_variants): leave it out".to_owned(),
+        _ => format!(
+            "choose one of {}",
+            names
+                .iter()
+                .map(|name| format!("{name:?}"))
+                .collect::<Vec<_>>()
+                .join(", ")
+        ),
     }
 }
 

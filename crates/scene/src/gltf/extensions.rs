@@ -10,13 +10,16 @@ const SUPPORTED: &[&str] = &[
     "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_animation_pointer",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_unlit",
+    "KHR_materials_variants",
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
     "KHR_node_visibility",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
 ];
 
@@ -31,7 +34,6 @@ const HARMLESS: &[&str] = &[
     "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
-    "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_xmp",
     "KHR_xmp_json_ld",
@@ -70,9 +72,6 @@ pub(super) fn check(root: &At, notes: &mut Notes) -> Vec<UnsupportedExtension> {
             "KHR_materials_transmission" => {
                 "KHR_materials_transmission: transmitting materials are imported as opaque".to_owned()
             }
-            "KHR_materials_variants" => {
-                "KHR_materials_variants: only the default variant is imported".to_owned()
-            }
             _ => format!("{name} is ignored"),
         });
     }
@@ -80,15 +79,9 @@ pub(super) fn check(root: &At, notes: &mut Notes) -> Vec<UnsupportedExtension> {
 }
 
 /// What to do about an extension that cannot be imported. The commands are those of glTF Transform 4
-/// (npm package @gltf-transform/cli); its `cp` decodes compressed geometry while copying.
+/// (npm package @gltf-transform/cli).
 pub(super) fn advice(name: &str) -> String {
     match name {
-        "KHR_draco_mesh_compression" => {
-            "decompress the geometry with `gltf-transform cp IN.glb OUT.glb`".into()
-        }
-        "KHR_texture_basisu" => {
-            "turn the KTX2 textures into PNG with `gltf-transform ktxdecompress IN.glb OUT.glb`".into()
-        }
         "EXT_texture_avif" => "turn the textures into PNG with `gltf-transform png IN.glb OUT.glb`".into(),
         "MSFT_texture_dds" => "export the textures as PNG or JPEG".into(),
         _ => {

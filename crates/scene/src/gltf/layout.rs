@@ -3,10 +3,12 @@
 //!
 //! A compressed view (`meshopt`) lies in a buffer of its own, which is what its stream decodes to.
 
+use super::draco;
 use super::json::At;
 use super::list::List;
 use super::meshopt::{self, Stream};
 use super::notes::Notes;
+use std::collections::HashMap;
 
 /// Bytes read for one scene, all buffers and images together: far above any scene that fits in memory with
 /// its acceleration structure, low enough to stop a small file that names a big one many times.
@@ -24,6 +26,8 @@ pub(super) enum Source {
     Uri(String),
     /// Nowhere: it stands for what compressed views decode to.
     Nowhere,
+    /// What a compressed primitive decodes to.
+    Draco(draco::Stream),
 }
 
 /// A buffer, before its bytes are read.
@@ -134,10 +138,22 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Reads and checks buffers, views and accessors.
-    pub fn parse(root: &At, has_bin: bool, notes: &mut Notes) -> Layout {
-        let mut total = 0u64;
+    /// Reads and checks buffers, views and accessors. `streams` says which buffers are compressed primitives, by place
+    /// ([`draco::unfold`]).
+    pub fn parse(
+        root: &At,
+        has_bin: bool,
+        mut streams: HashMap<String, draco::Stream>,
+        notes: &mut Notes,
+    ) -> Layout {
+        let (mut total, mut decoded) = (0u64, 0u64);
         let buffers = List::parse(root, "buffers", |at| {
+            if let Some(stream) = streams.remove(&at.path) {
+                let length = stream.length;
+                decoded = decoded.saturating_add(length);
+                let source = Source::Draco(stream);
+                return Some(Buffer { source, length });
+            }
             // Only the first one may mean the binary chunk.
             let buffer = parse_buffer(at, has_bin && at.path == "buffers[0]")?;
             if !matches!(buffer.source, Source::Nowhere) {
@@ -157,9 +173,9 @@ impl Layout {
                 None => parse_view(at, &buffers, notes),
             }
         });
-        let decoded = compressed.iter().fold(0u64, |sum, c| {
-            sum.saturating_add(c.stream.decoded_bytes().unwrap_or(u64::MAX))
-        });
+        for part in &compressed {
+            decoded = decoded.saturating_add(part.stream.decoded_bytes().unwrap_or(u64::MAX));
+        }
         let most = total
             .saturating_mul(DECODED_PER_BYTE)
             .clamp(FREE_DECODED, MAX_BYTES);
@@ -170,9 +186,9 @@ impl Layout {
             );
         } else if decoded > most {
             root.fault_at(
-                "bufferViews",
+                "buffers",
                 format!(
-                    "decompress to {decoded} bytes from buffers of {total}; at most {most} are read: split the scene, \
+                    "decompress to {decoded} bytes from {total}; at most {most} are read: split the scene, \
                      or export it without compression"
                 ),
             );

@@ -1,10 +1,11 @@
 //! Materials, textures, samplers and images (glTF 2.0, sections 3.8 and 3.9), with KHR_texture_transform,
-//! KHR_materials_emissive_strength, KHR_materials_unlit and EXT_texture_webp.
+//! KHR_materials_emissive_strength, KHR_materials_unlit, EXT_texture_webp and KHR_texture_basisu.
 //!
 //! Read straight from the JSON, because the gltf crate does not apply texture transforms to normal maps.
 //! Occlusion textures are left out: relight computes occlusion.
 
 use super::accessors::Data;
+use super::basis;
 use super::error::Fault;
 use super::extensions::advice;
 use super::json::{At, Faults};
@@ -129,15 +130,18 @@ fn parse_texture(
     let sampler = at.index("sampler", samplers.len(), "samplers");
     let sampler = sampler.and_then(|sampler| samplers.get(sampler, at.faults()));
     let &(wrap, nearest) = sampler.unwrap_or(&([0, 0], false));
-    let webp = at.extension("EXT_texture_webp");
+    // Where there is another image, that one lost less.
+    let extension = ["EXT_texture_webp", "KHR_texture_basisu"]
+        .iter()
+        .find_map(|name| at.extension(name));
     if at.get("source").is_none()
-        && let Some(image) = webp.and_then(|webp| webp.index("source", images.len(), "images"))
+        && let Some(image) = extension.and_then(|extension| extension.index("source", images.len(), "images"))
     {
         images.get(image, at.faults())?;
         return Some(TextureSource { image, wrap, nearest });
     }
     if at.get("source").is_none() {
-        let name = ["KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"]
+        let name = ["EXT_texture_avif", "MSFT_texture_dds"]
             .into_iter()
             .find(|name| at.extension(name).is_some());
         at.fault(match name {
@@ -308,7 +312,7 @@ pub(super) fn load_textures(
     textures
 }
 
-/// The bytes of an image that relight reads; `total` counts all that were loaded.
+/// The bytes of an image that players read: as the file has it, but for KTX2, which becomes PNG; `total` counts all that were loaded.
 pub(super) fn load_image(
     source: &Materials,
     image: usize,
@@ -337,11 +341,14 @@ pub(super) fn load_image(
     if *total > MAX_BYTES {
         return Err(too_big());
     }
+    if bytes.starts_with(basis::MAGIC) {
+        return basis::png(&format!("images[{image}]"), &bytes);
+    }
     check_image_type(&bytes)?;
     Ok(bytes)
 }
 
-/// Refuses images that are neither PNG, JPEG nor WebP. The bytes decide: media types are often wrong.
+/// Refuses images of other kinds than PNG, JPEG and WebP. The bytes decide: media types are often wrong.
 fn check_image_type(bytes: &[u8]) -> Result<(), String> {
     let is_png = bytes.starts_with(b"\x89PNG\r\n\x1a\n");
     let is_webp = bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP");
@@ -349,16 +356,15 @@ fn check_image_type(bytes: &[u8]) -> Result<(), String> {
         return Ok(());
     }
     let known = match bytes {
-        _ if bytes.starts_with(b"\xabKTX 20\xbb") => Some(("KTX2", "KHR_texture_basisu")),
         _ if bytes.get(4..12) == Some(b"ftypavif") => Some(("AVIF", "EXT_texture_avif")),
         _ if bytes.starts_with(b"DDS ") => Some(("DDS", "MSFT_texture_dds")),
         _ => None,
     };
     Err(match known {
         Some((what, extension)) => format!(
-            "is a {what} image; only PNG, JPEG and WebP are read: {}",
+            "is a {what} image; only PNG, JPEG, WebP and KTX2 are read: {}",
             advice(extension)
         ),
-        None => "is neither a PNG, a JPEG nor a WebP image; export the textures again".to_owned(),
+        None => "is neither a PNG, a JPEG, a WebP nor a KTX2 image; export the textures again".to_owned(),
     })
 }

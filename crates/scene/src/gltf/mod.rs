@@ -1,9 +1,10 @@
 //! Import of glTF 2.0 scenes (feature `gltf`).
 //!
-//! Implements the Khronos glTF 2.0 specification with KHR_lights_punctual, KHR_materials_emissive_strength,
-//! KHR_materials_pbrSpecularGlossiness (converted), KHR_materials_unlit, KHR_mesh_quantization, KHR_meshopt_compression,
-//! KHR_node_visibility, KHR_texture_transform, EXT_mesh_gpu_instancing, EXT_meshopt_compression, EXT_texture_webp and, for
-//! lights and cameras, KHR_animation_pointer. Skins and morph targets are posed at rest. docs/import.md has the whole table.
+//! Implements the Khronos glTF 2.0 specification with KHR_draco_mesh_compression, KHR_lights_punctual,
+//! KHR_materials_emissive_strength, KHR_materials_pbrSpecularGlossiness (converted), KHR_materials_unlit,
+//! KHR_materials_variants, KHR_mesh_quantization, KHR_meshopt_compression, KHR_node_visibility, KHR_texture_basisu,
+//! KHR_texture_transform, EXT_mesh_gpu_instancing, EXT_meshopt_compression, EXT_texture_webp and, for lights and cameras,
+//! KHR_animation_pointer. Skins and morph targets are posed at rest. docs/import.md has the whole table.
 //!
 //! **Anybody may have written the file.** Every index, range, count and type is checked against the JSON and
 //! the real bytes before anything is decoded or allocated; all faults of a stage are reported together, each
@@ -15,7 +16,7 @@
 //! own middle (`middle`), which [`Scene::offset`] and a note say.
 //!
 //! **Left out, with a note in [`Scene::notes`]:** points and lines, orthographic cameras, transmission (the
-//! material counts as opaque), material variants, animation of meshes, skins and morph targets,
+//! material counts as opaque), animation of meshes, skins and morph targets,
 //! triangles with vertices that are not finite, the range of lights. Occlusion textures are left out without
 //! one: relight computes occlusion. What the specification forbids but can only mean one thing is accepted:
 //! quaternions that are not quite of unit length, factors slightly out of range, an incomplete last triangle,
@@ -23,16 +24,19 @@
 //! Latin-1, chunks without padding; all but the commonest with a note.
 //!
 //! The way of the data: `container` splits the file, `mend` makes JSON of it, `list` holds entries, `layout`, `materials`,
-//! `nodes`, `primitives`, `instancing` and `animation` read and check, `accessors` and `meshopt` decode, `geometry`,
+//! `nodes`, `primitives`, `instancing` and `animation` read and check, `accessors`, `meshopt`, `draco` and `basis` decode, `geometry`,
 //! `deform`, `specgloss` and `tracks` build the scene.
 
 mod accessors;
 mod animation;
+mod basis;
 mod container;
 mod deform;
+mod draco;
 mod error;
 mod extensions;
 mod geometry;
+mod guard;
 mod instancing;
 mod json;
 mod layout;
@@ -48,6 +52,7 @@ mod specgloss;
 mod tracks;
 mod units;
 mod uri;
+mod variants;
 
 pub use error::{Fault, ImportError, MAX_FAULTS, UnsupportedExtension};
 pub use units::{EMISSIVE, FPS, LightUnits};
@@ -67,10 +72,12 @@ use std::path::Path;
 const MOST_MOVES: usize = 3;
 
 /// What the file itself does not say.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ImportOptions {
     /// Units of light intensities.
     pub light_units: LightUnits,
+    /// Name of the variant of materials that is shown (KHR_materials_variants); `None` for those without a variant.
+    pub variant: Option<String>,
 }
 
 /// Imports the scene of a `.glb` or `.gltf` file: meshes once per different primitive, instances in the order
@@ -96,7 +103,8 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
         _ => Path::new("."),
     };
     let (faults, mut notes) = (Faults::default(), Notes::default());
-    let container = container::read(path, &mut notes)?;
+    let mut container = container::read(path, &mut notes)?;
+    let streams = draco::unfold(&mut container.json);
     let root = At::root(&container.json, &faults);
     check_version(&root);
     faults.finish(path)?;
@@ -108,9 +116,10 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
         });
     }
 
-    let layout = layout::Layout::parse(&root, container.bin.is_some(), &mut notes);
+    let layout = layout::Layout::parse(&root, container.bin.is_some(), streams, &mut notes);
+    let variants = variants::Variants::parse(&root, path, options.variant.as_deref(), &mut notes)?;
     let source = materials::Materials::parse(&root, &layout, &mut notes);
-    let meshes = primitives::parse(&root, &layout, source.materials.len(), &mut notes);
+    let meshes = primitives::parse(&root, &layout, source.materials.len(), variants, &mut notes);
     let mut graph = nodes::Graph::parse(&root, &layout, meshes.len(), &mut notes);
     let skins = deform::parse_skins(&root, &layout, &graph, &mut notes);
     let glossy = specgloss::parse(&root, &source);

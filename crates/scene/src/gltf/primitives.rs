@@ -1,12 +1,13 @@
 //! Mesh primitives as the JSON has them (glTF 2.0, section 3.7.2): attributes and indices checked for type,
 //! width and count before anything is decoded.
 
-use super::extensions::advice;
+use super::draco;
 use super::json::At;
 use super::layout::{Accessor, Component, Layout};
 use super::list::List;
 use super::materials::MAX_UV_SETS;
 use super::notes::Notes;
+use super::variants::Variants;
 
 /// Elements of an accessor that no bytes stand behind (zeros, some of them replaced): such attributes are
 /// rare and small, and nothing else bounds them.
@@ -57,12 +58,18 @@ const MAX_JOINT_SETS: usize = 4;
 pub(super) type MeshPrimitives = Vec<(Primitive, String)>;
 
 /// All meshes; primitives without triangles are left out.
-pub(super) fn parse(root: &At, layout: &Layout, materials: usize, notes: &mut Notes) -> List<MeshPrimitives> {
+pub(super) fn parse(
+    root: &At,
+    layout: &Layout,
+    materials: usize,
+    variants: Variants,
+    notes: &mut Notes,
+) -> List<MeshPrimitives> {
     List::parse(root, "meshes", |at| {
         let primitives = at.objects("primitives");
         let weights = at.weights("weights");
         let parsed = primitives.iter().filter_map(|at| {
-            let primitive = parse_primitive(at, layout, materials, notes)?;
+            let primitive = parse_primitive(at, layout, materials, variants, notes)?;
             let weights = weights.clone();
             Some((Primitive { weights, ..primitive }, at.path.clone()))
         });
@@ -70,7 +77,13 @@ pub(super) fn parse(root: &At, layout: &Layout, materials: usize, notes: &mut No
     })
 }
 
-fn parse_primitive(at: &At, layout: &Layout, materials: usize, notes: &mut Notes) -> Option<Primitive> {
+fn parse_primitive(
+    at: &At,
+    layout: &Layout,
+    materials: usize,
+    variants: Variants,
+    notes: &mut Notes,
+) -> Option<Primitive> {
     let mode = match at.uint("mode") {
         None if at.get("mode").is_some() => return None,
         None | Some(4) => Mode::Triangles,
@@ -95,6 +108,7 @@ fn parse_primitive(at: &At, layout: &Layout, materials: usize, notes: &mut Notes
         return None;
     };
     let material = at.index("material", materials, "materials");
+    let material = variants.material(at, materials).or(material);
     if attributes.get("POSITION").is_none() {
         notes.count("primitives without positions left out", 1);
         return None;
@@ -160,13 +174,14 @@ fn parse_primitive(at: &At, layout: &Layout, materials: usize, notes: &mut Notes
     notes.count("vertex attributes of 0 elements left out", empty);
     uvs.truncate(uvs.iter().rposition(Option::is_some).map_or(0, |last| last + 1));
     if info.view.is_none() && info.sparse.is_none() {
-        let name = ["KHR_draco_mesh_compression"]
-            .into_iter()
-            .find(|name| at.extension(name).is_some());
         attributes.fault_at(
             "POSITION",
-            match name {
-                Some(name) => format!("has its data in {name} only: {}", advice(name)),
+            match at.extension(draco::NAME) {
+                Some(_) => format!(
+                    "has its data in {} only, which needs a bufferView, attributes, indices and triangles (mode 4); \
+                     export the scene again",
+                    draco::NAME
+                ),
                 None => format!("uses accessors[{positions}], which holds no data; export the scene again"),
             },
         );

@@ -105,7 +105,11 @@ impl Doc {
         let folder = tempfile::tempdir().expect("folder");
         let file = folder.path().join("scene.glb");
         std::fs::write(&file, self.glb()).expect("write");
-        import(&file, &ImportOptions { light_units }).unwrap_or_else(|e| panic!("{e}"))
+        let options = ImportOptions {
+            light_units,
+            variant: None,
+        };
+        import(&file, &options).unwrap_or_else(|e| panic!("{e}"))
     }
 }
 

@@ -1,0 +1,68 @@
+//! KHR_texture_basisu: KTX 2.0 textures of ETC1S or UASTC, read by the `ktx2` crate and transcoded by `basisu`.
+//!
+//! The level of full size becomes a PNG, so that players need no transcoder. Whether colours are sRGB says the place in
+//! the material where the texture is used, as for other images; the file's own word for it is not needed.
+
+use super::guard::guarded;
+use crate::image::{Image8, Limits, encode_png};
+use basisu::{DecodeFlags, SourceFormat, TargetFormat, Transcoder};
+use ktx2::{Reader, SupercompressionScheme};
+
+/// How a KTX 2.0 file starts.
+pub(super) const MAGIC: &[u8] = b"\xabKTX 20\xbb\r\n\x1a\n";
+
+/// Bytes of a block of 4 × 4 texels in UASTC.
+const BLOCK_BYTES: u64 = 16;
+
+/// The texture as a PNG. `name` says in errors which it is.
+///
+/// # Errors
+/// What is wrong with the file and what to do, as the rest of a sentence about it.
+pub(super) fn png(name: &str, bytes: &[u8]) -> Result<Vec<u8>, String> {
+    let image = decode(name, bytes).map_err(|why| format!("{why}; write the texture again"))?;
+    encode_png(name, &image).map_err(|e| e.to_string())
+}
+
+fn decode(name: &str, bytes: &[u8]) -> Result<Image8, String> {
+    let reader = Reader::new(bytes).map_err(|e| format!("is no whole KTX 2.0 file ({e})"))?;
+    let header = reader.header();
+    let (width, height) = (header.pixel_width, header.pixel_height);
+    if width == 0 || height == 0 || header.pixel_depth > 0 || header.layer_count > 1 || header.face_count != 1
+    {
+        return Err("is not one two-dimensional picture".into());
+    }
+    // As much again for the PNG.
+    Limits::default()
+        .check(name, width.into(), height.into(), 8)
+        .map_err(|e| e.to_string())?;
+    let level = reader.levels().next().ok_or("has no level")?;
+    let blocks = u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4));
+    let declared = match header.supercompression_scheme {
+        None => level.data.len() as u64,
+        Some(SupercompressionScheme::BasisLZ) => 0,
+        Some(_) => level.uncompressed_byte_length,
+    };
+    // The transcoder reserves what the file declares. ETC1S declares nothing.
+    if declared != 0 && declared != blocks * BLOCK_BYTES {
+        let size = format!("{width} × {height} texels");
+        return Err(format!(
+            "declares {declared} bytes for {size}, which have {}",
+            blocks * BLOCK_BYTES
+        ));
+    }
+    let texels = guarded(|| {
+        let transcoder = Transcoder::new(bytes).map_err(|e| format!("can't be transcoded ({e:?})"))?;
+        match transcoder.source_format() {
+            SourceFormat::Etc1s | SourceFormat::UastcLdr => {}
+            other => return Err(format!("holds {other:?}, where ETC1S and UASTC are read")),
+        }
+        transcoder
+            .transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE)
+            .map_err(|e| format!("can't be transcoded ({e:?})"))
+    })?;
+    Ok(Image8 {
+        width: width as usize,
+        height: height as usize,
+        rgba8: texels.as_chunks().0.to_vec(),
+    })
+}

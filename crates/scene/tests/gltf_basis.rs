@@ -1,0 +1,172 @@
+//! KHR_texture_basisu. Independent truth: the texels from which Basis Universal 2.10 wrote the files below.
+#![cfg(feature = "gltf")]
+
+mod gltf_support;
+
+use base64::Engine;
+use gltf_support::Doc;
+use relight_scene::gltf::ImportError;
+use relight_scene::image::{Image8, Limits, decode_ldr};
+use relight_scene::scene::Scene;
+use serde_json::json;
+
+/// 10 × 6 texels of [`texel`] with four levels, opaque.
+const ETC1S: &str = "\
+    q0tUWCAyMLsNChoKAAAAAAEAAAAKAAAABgAAAAAAAAAAAAAAAQAAAAQAAAABAAAAsAAAACwAAADcAAAAJAAAAAABAAAAAAAA6AAA\
+    AAAAAADsAQAAAAAAAAQAAAAAAAAAAAAAAAAAAADqAQAAAAAAAAIAAAAAAAAAAAAAAAAAAADpAQAAAAAAAAEAAAAAAAAAAAAAAAAA\
+    AADoAQAAAAAAAAEAAAAAAAAAAAAAAAAAAAAsAAAAAAAAAAIAKACjAQIAAwMAAAgAAAAAAAAAAAA/AAAAAAAAAAAA/////x8AAABL\
+    VFh3cml0ZXIAQmFzaXMgVW5pdmVyc2FsIDIuMTAAAAoABQA/AAAAFQAAADAAAAAAAAAAAAAAAAAAAAAEAAAAAAAAAAAAAAAAAAAA\
+    AAAAAAIAAAAAAAAAAAAAAAAAAAAAAAAAAQAAAAAAAAAAAAAAAAAAAAAAAAABAAAAAAAAAAAAAAAgwNsAAQAAIGwi5QMgwBMAAQAA\
+    QY1OQqehJzQDmAEAAAAAAIJ82zoApgAAAAAAgiBsZOQIHJc8KSHqb+s7SNjs7+/vr6r6/6+qqqoCgPL3V1VVVQUAwUQAAAAAAADy\
+    X00BmAIwAAAABMC8GCbAEwECAIAhtyEIoicIACYAAAAAAAAQQABOJgoH8kaFEQ==";
+/// The same with alpha, in a slice of its own.
+const ETC1S_ALPHA: &str = "\
+    q0tUWCAyMLsNChoKAAAAAAEAAAAKAAAABgAAAAAAAAAAAAAAAQAAAAQAAAABAAAAsAAAADwAAADsAAAAJAAAABABAAAAAAAAAAEA\
+    AAAAAAAZAgAAAAAAAAgAAAAAAAAAAAAAAAAAAAAVAgAAAAAAAAQAAAAAAAAAAAAAAAAAAAASAgAAAAAAAAMAAAAAAAAAAAAAAAAA\
+    AAAQAgAAAAAAAAIAAAAAAAAAAAAAAAAAAAA8AAAAAAAAAAIAOACjAQIAAwMAAAgIAAAAAAAAAAA/AAAAAAAAAAAA/////0AAPw8A\
+    AAAAAAAAAP////8fAAAAS1RYd3JpdGVyAEJhc2lzIFVuaXZlcnNhbCAyLjEwAAAOAAcASQAAAB0AAAA2AAAAAAAAAAAAAAAAAAAA\
+    BAAAAAQAAAAEAAAAAAAAAAAAAAACAAAAAgAAAAIAAAAAAAAAAAAAAAIAAAACAAAAAQAAAAAAAAAAAAAAAQAAAAEAAAABAAAAF0AU\
+    gAEAACAYmmJ7AQI8ARAAABBULUOvQUsQIArAAACAIKxaFDfdCwEEIAKAAACAIEhnkvmJQOa38KPusmGDJK2KLi7w28PFAvxXraqq\
+    qqqqqqr6///////v7+/vB4Dy91dVVVUFAMFEAAAAAEAYBpW/QTYHmAMwB0AAAEAQgGURXksBnjgQAAAIOhcEg5EnYAAwAQAAAAAA\
+    gAACBlK2AVJ+JB0JBCNnASt8iRc=";
+/// UASTC under Zstandard.
+const UASTC_ALPHA: &str = "\
+    q0tUWCAyMLsNChoKAAAAAAEAAAAKAAAABgAAAAAAAAAAAAAAAQAAAAQAAAACAAAAsAAAACwAAADcAAAAJAAAAAAAAAAAAAAAAAAA\
+    AAAAAABbAQAAAAAAAEUAAAAAAAAAYAAAAAAAAAAyAQAAAAAAACkAAAAAAAAAIAAAAAAAAAAZAQAAAAAAABkAAAAAAAAAEAAAAAAA\
+    AAAAAQAAAAAAABkAAAAAAAAAEAAAAAAAAAAsAAAAAAAAAAIAKACmAQIAAwMAABAAAAAAAAAAAAB/AwAAAAAAAAAA/////x8AAABL\
+    VFh3cml0ZXIAQmFzaXMgVW5pdmVyc2FsIDIuMTAAACi1L/0gEIEAAHfQadM7gmoCAAAAAAAAAAAotS/9IBCBAABO0uHpsNQ0QzqK\
+    +I//+I//KLUv/SAgAQEATzYg1AbvGDMHZxj/8fB4eBaw1SKrStJFMXgBkCT///8otS/9IGDlAQC0AhcFBfk/MCYDAFcQRfA/ggUC\
+    AJcbhed/1OQAFwUPeXMkDk9wM4IPj2dz1O4GAKBoYPRUxgDCQT4ZOAI=";
+/// The same, opaque.
+const UASTC: &str = "\
+    q0tUWCAyMLsNChoKAAAAAAEAAAAKAAAABgAAAAAAAAAAAAAAAQAAAAQAAAACAAAAsAAAACwAAADcAAAAJAAAAAAAAAAAAAAAAAAA\
+    AAAAAABbAQAAAAAAAEUAAAAAAAAAYAAAAAAAAAAyAQAAAAAAACkAAAAAAAAAIAAAAAAAAAAZAQAAAAAAABkAAAAAAAAAEAAAAAAA\
+    AAAAAQAAAAAAABkAAAAAAAAAEAAAAAAAAAAsAAAAAAAAAAIAKACmAQIAAwMAABAAAAAAAAAAAAB/AAAAAAAAAAAA/////x8AAABL\
+    VFh3cml0ZXIAQmFzaXMgVW5pdmVyc2FsIDIuMTAAACi1L/0gEIEAAHfQafM/gmoCAAAAAAAAAAAotS/9IBCBAAAxSfMUS00zpPH/\
+    8P/w//D/KLUv/SAgAQEAWzYQ1qm+4u8DMwAzzP/M/2FAa6GqJF0UAQAiIv////8otS/9IGDlAQC0AhcFBfk/MCYDAFcQRfA/ggUC\
+    AJcbhed/1OQAFwUP+X8kDk/wP4IPj+d/1O4GAKBoYPRUxgDCQT4ZOAI=";
+
+fn bytes(file: &str) -> Vec<u8> {
+    base64::engine::general_purpose::STANDARD.decode(file).unwrap()
+}
+
+/// Blocks of one colour each.
+fn texel(x: usize, y: usize, alpha: bool) -> [u8; 4] {
+    let (x, y) = (x / 4, y / 4);
+    let alpha = if alpha { 255 - 100 * y } else { 255 };
+    [40 + 90 * x, 40 + 80 * y, 200 - 70 * x, alpha].map(|v| v as u8)
+}
+
+/// A triangle whose base colour and normals are the KTX2 file.
+fn textured(file: &[u8]) -> Doc {
+    let mut doc = Doc::triangle();
+    let view = doc.view(file);
+    let uvs = doc.floats(&[0., 0., 1., 0., 0., 1.], "VEC2");
+    doc.set("/meshes/0/primitives/0/attributes/TEXCOORD_0", uvs.into());
+    doc.set("/meshes/0/primitives/0/material", json!(0));
+    doc.set(
+        "/images",
+        json!([{ "bufferView": view, "mimeType": "image/ktx2", "name": "blocks" }]),
+    );
+    doc.set(
+        "/textures",
+        json!([{ "extensions": { "KHR_texture_basisu": { "source": 0 } } }]),
+    );
+    doc.set(
+        "/materials",
+        json!([{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } }, "normalTexture": { "index": 0 } }]),
+    );
+    doc.set("/extensionsRequired", json!(["KHR_texture_basisu"]));
+    doc
+}
+
+fn picture(scene: &Scene) -> Image8 {
+    assert_eq!(scene.textures.len(), 1, "one for colour and for normals");
+    assert!(
+        scene.textures[0].encoded.starts_with(b"\x89PNG"),
+        "players have no transcoder"
+    );
+    decode_ldr("t", &scene.textures[0].encoded, &Limits::default()).unwrap()
+}
+
+#[test]
+fn etc1s_and_uastc_become_png() {
+    // UASTC keeps blocks of one colour; ETC1S has five bits of each channel.
+    for (file, alpha, tolerance) in [
+        (ETC1S, false, 4),
+        (ETC1S_ALPHA, true, 4),
+        (UASTC_ALPHA, true, 0),
+        (UASTC, false, 0),
+    ] {
+        let scene = textured(&bytes(file)).scene();
+        assert_eq!(scene.textures[0].name, "blocks");
+        assert_eq!(scene.notes, Vec::<String>::new());
+        let image = picture(&scene);
+        assert_eq!((image.width, image.height), (10, 6));
+        for (i, found) in image.rgba8.iter().enumerate() {
+            let expected = texel(i % 10, i / 10, alpha);
+            let far = found
+                .iter()
+                .zip(expected)
+                .map(|(f, e)| f.abs_diff(e))
+                .max()
+                .unwrap();
+            assert!(far <= tolerance, "texel {i}: {found:?} where {expected:?} was");
+        }
+    }
+}
+
+#[test]
+fn another_image_of_the_texture_is_taken() {
+    let mut doc = textured(&bytes(UASTC));
+    let png = doc.view(gltf_support::PNG);
+    doc.push("/images", json!({ "bufferView": png }));
+    doc.set("/textures/0/source", json!(1));
+    assert_eq!(doc.scene().textures[0].encoded, gltf_support::PNG);
+}
+
+/// Fields of the header: at 20 the width, at 36 the faces, at 44 the supercompression, at 96 what level 0 decompresses to.
+#[test]
+fn files_of_another_kind_and_bombs_are_refused_by_place() {
+    for (file, at, value, what) in [
+        (UASTC, 20, 0u32, "is no whole KTX 2.0 file"),
+        (UASTC, 28, 2, "is not one two-dimensional picture"),
+        (UASTC, 36, 6, "is not one two-dimensional picture"),
+        (ETC1S, 20, 1 << 31, "over the limit"),
+        (UASTC, 20, 1 << 14, "declares 96 bytes for 16384 × 6 texels"),
+        (
+            UASTC,
+            96,
+            u32::MAX,
+            "declares 4294967295 bytes for 10 × 6 texels, which have 96",
+        ),
+        (UASTC, 100, u32::MAX, "bytes for 10 × 6 texels, which have 96"),
+        (UASTC, 12, 37, "can't be transcoded"),
+        (ETC1S, 64, 1, "images[0]: "),
+    ] {
+        let mut bytes = bytes(file);
+        bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        let error = textured(&bytes).import().unwrap_err().to_string();
+        assert!(
+            error.contains("images[0]: ") && error.contains(what),
+            "{what}: {error}"
+        );
+    }
+}
+
+#[test]
+fn damaged_files_are_refused_or_give_a_picture() {
+    for file in [ETC1S, ETC1S_ALPHA, UASTC_ALPHA, UASTC] {
+        let whole = bytes(file);
+        for at in 0..whole.len() {
+            let mut damaged = whole.clone();
+            damaged[at] = damaged[at].wrapping_mul(37).wrapping_add(11);
+            for bytes in [&damaged[..], &whole[..at]] {
+                match textured(bytes).import() {
+                    Ok(scene) => assert!(!picture(&scene).rgba8.is_empty()),
+                    Err(error) => assert!(!matches!(error, ImportError::Internal { .. }), "{error}"),
+                }
+            }
+        }
+    }
+}
