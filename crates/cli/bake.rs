@@ -13,6 +13,7 @@ mod slurm;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::target;
+use glam::DVec3;
 use job::{prepare, read, store, tell, timed};
 use std::time::Instant;
 
@@ -56,17 +57,20 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     if let Some(folder) = &args.long.plan {
         return farm::plan(args, seed, folder, console);
     }
-    let params = params(args, seed)?;
+    // What contradicts itself is told before anything is read.
+    params(args, seed, DVec3::ZERO)?;
     let output = args.output()?;
     prepare(args, args.replace.force)?;
     if args.long.dry_run {
         let _lock = lock::lock(output, console)?;
         let read = read(args, console)?;
+        let params = params(args, seed, read.scene.offset)?;
         return estimate::estimate(&read, &params, args.shading(), console)?.tell(output, args.json, console);
     }
     let lock = lock::lock(output, console)?;
     let start = Instant::now();
     let read = read(args, console)?;
+    let params = params(args, seed, read.scene.offset)?;
     let kept = match args.long.resume {
         true => Some(Kept::beside(output, args.long.keep_units)?),
         false => None,
@@ -78,11 +82,16 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
         source_hash: read.source_hash,
         kept,
         checked: true,
+        force: args.replace.force,
     };
     let import_seconds = start.elapsed().as_secs_f64();
     let result = match args.target_error {
         Some(target) => {
-            let order = target::Order { job: &job, target };
+            let order = target::Order {
+                job: &job,
+                target,
+                output,
+            };
             let (mut baked, seconds) = timed(|| target::search(&order, &read.scene, console))?;
             let own: f64 = baked.stats.seconds.iter().map(|stage| stage.1).sum();
             baked.stats.seconds.push(("search", seconds - own));

@@ -2,14 +2,16 @@
 //! nothing with --quiet but what nobody may miss.
 
 use crate::disk;
+use crate::failure::Failure;
 use crate::signals;
 use crate::words;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use relight_bake::error::BakeError;
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::path::Path;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 /// Seconds between two plain progress lines of one stage.
@@ -245,6 +247,10 @@ pub struct BakeProgress<'a> {
     console: &'a Console,
     /// Where the asset will be, if it will.
     target: Option<&'a Path>,
+    /// Whether it is only said that its disk is too full.
+    force: bool,
+    /// Why the bake is not to go on.
+    refused: OnceLock<String>,
     done: AtomicU64,
     start: Instant,
     /// Milliseconds since `start` when the console was told last.
@@ -262,6 +268,8 @@ impl<'a> BakeProgress<'a> {
         BakeProgress {
             console,
             target: None,
+            force: false,
+            refused: OnceLock::new(),
             done: AtomicU64::new(0),
             start: Instant::now(),
             told: AtomicU64::new(0),
@@ -270,11 +278,24 @@ impl<'a> BakeProgress<'a> {
 }
 
 impl<'a> BakeProgress<'a> {
-    /// As it is, for a bake of which an asset comes to lie there: says beforehand where its disk is too full.
-    pub fn towards(self, target: &'a Path) -> BakeProgress<'a> {
+    /// As it is, for a bake of which an asset, or a folder of units, comes to lie there: ends it before any point is spread where the
+    /// disk is too full, unless `force`, which only says so.
+    pub fn towards(self, target: &'a Path, force: bool) -> BakeProgress<'a> {
         BakeProgress {
             target: Some(target),
+            force,
             ..self
+        }
+    }
+
+    /// A bake's failure as the command's.
+    pub fn failure(&self, error: BakeError) -> Failure {
+        match (error, self.refused.get()) {
+            (BakeError::Stopped, Some(why)) => {
+                anyhow::anyhow!("{why}, or --force to bake all the same").into()
+            }
+            (BakeError::Stopped, None) => signals::failure(),
+            (other, _) => other.into(),
         }
     }
 }
@@ -283,8 +304,13 @@ impl relight_bake::Progress for BakeProgress<'_> {
     fn expects_points(&self, points: f64) {
         let Some(target) = self.target else { return };
         let bytes = (points * LEAST_BYTES_OF_POINT) as u64;
-        if let Some(text) = disk::lacks(target, bytes) {
-            self.console.warn(format!("warning: {text}"));
+        match disk::lacks(target, bytes) {
+            Some(text) if self.force => self.console.warn(format!("warning: {text}")),
+            Some(text) => {
+                // Told once a bake.
+                let _ = self.refused.set(text);
+            }
+            None => {}
         }
     }
 
@@ -322,6 +348,6 @@ impl relight_bake::Progress for BakeProgress<'_> {
         self.console.expect(total);
     }
     fn stopped(&self) -> bool {
-        signals::stopped()
+        signals::stopped() || self.refused.get().is_some()
     }
 }

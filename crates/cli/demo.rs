@@ -126,6 +126,7 @@ fn bake_scene(
         source_hash,
         kept: None,
         checked: true,
+        force: true,
     };
     bake::run_job(&job, scene, asset, reading.elapsed().as_secs_f64(), console)
 }

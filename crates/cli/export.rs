@@ -15,7 +15,7 @@ use crate::signals;
 use crate::words;
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, ValueEnum};
-use files::{Column, Folder, Positions};
+use files::{Column, Folder, Positions, Unwritten};
 use relight_format::layout::Kind;
 use relight_format::{self as format, Asset, LightSamples, Limits, WeightRows};
 use relight_transport::light_tree::sphere_direction;
@@ -94,7 +94,6 @@ pub fn run(args: &ExportArgs, console: &Console) -> Result<Outcome, Failure> {
     let name = args.asset.display();
     let asset =
         format::read_parts(&args.asset, &Limits::default(), kinds).map_err(|e| anyhow!("{name}: {e}"))?;
-    let _whole = signals::whole();
     output::make_folder(&args.output)?;
     let guard = Guard::new(args.replace.force).reads([args.asset.as_path()]);
     let mut folder = Folder::new(&args.output, &guard)?;
@@ -106,10 +105,12 @@ pub fn run(args: &ExportArgs, console: &Console) -> Result<Outcome, Failure> {
         What::Transfer => operators::transfer(&args.asset, &mut folder, Some(args.matrix_limit)),
         What::Factors => operators::transfer(&args.asset, &mut folder, None),
         What::Bounce => operators::bounce(&asset, &mut folder, args.matrix_limit),
-    }
-    .with_context(|| name.to_string());
+    };
     signals::go_on()?;
-    let facts = facts?;
+    let facts = facts.map_err(|error| match error.is::<Unwritten>() {
+        true => error,
+        false => error.context(name.to_string()),
+    })?;
     folder.finish()?;
     console.note(format!(
         "Wrote {} into {}.",

@@ -1,8 +1,8 @@
 //! What a command may write over: never a file that it reads, and no file of another kind than it writes, unless --force says so.
 
 use crate::kinds::Kind;
+use crate::text;
 use anyhow::{Result, bail};
-use serde_json::Value;
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
@@ -88,11 +88,8 @@ fn files_named_in(file: &Path) -> Vec<PathBuf> {
     }
     let bytes = std::fs::read(file).unwrap_or_default();
     let json = chunk_of_glb(&bytes).unwrap_or(&bytes);
-    let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
-    let mut names = Vec::new();
-    // What cannot be parsed is not read by the command either.
-    collect(&serde_json::from_slice(json).unwrap_or_default(), &mut names);
     let folder = file.parent().unwrap_or(Path::new(""));
+    let names = named(&text::of(json));
     names.iter().map(|name| folder.join(name)).collect()
 }
 
@@ -103,22 +100,40 @@ fn chunk_of_glb(bytes: &[u8]) -> Option<&[u8]> {
     bytes.get(16..16usize.checked_add(length)?)
 }
 
-fn collect(value: &Value, names: &mut Vec<String>) {
-    match value {
-        Value::Array(items) => items.iter().for_each(|item| collect(item, names)),
-        Value::Object(fields) => {
-            for (key, value) in fields {
-                match value.as_str() {
-                    Some(text) if ["uri", "file"].contains(&key.as_str()) && !text.starts_with("data:") => {
-                        names.push(text.to_owned());
-                        names.push(decoded(text));
-                    }
-                    _ => collect(value, names),
-                }
-            }
+/// What stands after the keys that name files, as it is and decoded. Looks at strings alone, so that it finds names in texts that
+/// readers mend first: with numbers that JSON doesn't have, or a key given twice.
+fn named(json: &str) -> Vec<String> {
+    let mut names = Vec::new();
+    let (mut rest, mut key) = (json, String::new());
+    while let Some(start) = rest.find('"') {
+        let (before, string) = rest.split_at(start);
+        let (string, after) = string.split_at(string_length(string));
+        let is_value = before.trim() == ":" && ["uri", "file"].contains(&key.as_str());
+        key = match string.starts_with("\"data:") {
+            true => String::new(),
+            false => serde_json::from_str(string).unwrap_or_default(),
+        };
+        if is_value && !key.is_empty() {
+            names.push(decoded(&key));
+            names.push(std::mem::take(&mut key));
         }
-        _ => {}
+        rest = after;
     }
+    names
+}
+
+/// Bytes of a JSON string with its quotes; to the end where it has no end.
+fn string_length(text: &str) -> usize {
+    let mut escaped = false;
+    for (i, byte) in text.bytes().enumerate().skip(1) {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' => escaped = true,
+            b'"' => return i + 1,
+            _ => {}
+        }
+    }
+    text.len()
 }
 
 /// With %20 and the like as what they stand for.
@@ -151,10 +166,23 @@ mod tests {
     }
 
     #[test]
+    fn names_are_found_in_what_is_no_json_yet() {
+        let text = r#"{"min": [NaN], "images": [{"uri" : "a\u0041.png", "uri": "b.png"}, {"name": "uri"}], "uri": {"x": "no"},
+            "file": ["no"], "extras": "uri", "a": "no \" \"file\": \"no\"", "file":"sky.hdr"#;
+        assert_eq!(named(text), ["aA.png", "aA.png", "b.png", "b.png"]);
+        assert_eq!(named(r#"{"file": "c d.hdr"}"#), ["c d.hdr", "c d.hdr"]);
+        let utf16: Vec<u8> = "\u{feff}{\"file\": \"ü.hdr\"}"
+            .encode_utf16()
+            .flat_map(u16::to_le_bytes)
+            .collect();
+        assert_eq!(named(&text::of(&utf16)), ["ü.hdr", "ü.hdr"]);
+    }
+
+    #[test]
     fn the_json_of_a_binary_scene_is_found() {
         let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/cornell.glb");
         let bytes = std::fs::read(data).unwrap();
-        let json: Value = serde_json::from_slice(chunk_of_glb(&bytes).unwrap()).unwrap();
+        let json: serde_json::Value = serde_json::from_slice(chunk_of_glb(&bytes).unwrap()).unwrap();
         assert_eq!(json["asset"]["version"], "2.0");
         for cut in [0, 4, 11, 19, 30] {
             let _ = chunk_of_glb(&bytes[..cut]);

@@ -1,6 +1,7 @@
 //! What a file is, by how it begins: so that one of the wrong kind is named, with the command that takes it, and none is
 //! replaced by something else.
 
+use crate::text;
 use anyhow::{Result, bail};
 use relight_format::layout;
 use serde::de::IgnoredAny;
@@ -118,13 +119,10 @@ impl Kind {
                 Kind::Hdr
             };
         }
-        let text = String::from_utf8_lossy(&head);
-        let start = text
-            .trim_start_matches('\u{feff}')
-            .trim_start()
-            .to_ascii_lowercase();
+        let text = text::of(&head);
+        let start = text.trim_start().to_ascii_lowercase();
         if start.starts_with('{') {
-            return of_json(&read(MOST_JSON).unwrap_or_default());
+            return of_json(&text::of(&read(MOST_JSON).unwrap_or_default()));
         }
         if ["<!doctype html", "<html"]
             .iter()
@@ -135,8 +133,11 @@ impl Kind {
         if start.starts_with("<svg") || (start.starts_with("<?xml") && start.contains("<svg")) {
             return Kind::Svg;
         }
-        // A letter may be cut in two at the end of the head.
-        let is_text = !head.contains(&0) && !text.trim_end_matches('\u{fffd}').contains('\u{fffd}');
+        let is_text = match std::str::from_utf8(&head) {
+            Ok(_) => !head.contains(&0),
+            // A letter may be cut in two at the end of the head; UTF-16 has a mark.
+            Err(error) => (error.error_len().is_none() || is_utf16(&head)) && !text.contains('\0'),
+        };
         match (is_text, start.lines().next().unwrap_or_default().contains(',')) {
             (false, _) => Kind::Unknown,
             (true, true) => Kind::Table,
@@ -145,17 +146,17 @@ impl Kind {
     }
 }
 
+fn is_utf16(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff")
+}
+
 /// By the names of the fields of the object.
-fn of_json(bytes: &[u8]) -> Kind {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let fields: Option<BTreeMap<String, IgnoredAny>> = serde_json::from_slice(bytes).ok();
+fn of_json(text: &str) -> Kind {
+    let fields: Option<BTreeMap<String, IgnoredAny>> = serde_json::from_str(text).ok();
     let has = |name: &str| match &fields {
         Some(fields) => fields.contains_key(name),
-        // Broken, or of another encoding.
-        None => {
-            let name = format!("\"{name}\"");
-            bytes.windows(name.len()).any(|part| part == name.as_bytes())
-        }
+        // Broken, or with numbers that JSON doesn't have.
+        None => text.contains(&format!("\"{name}\"")),
     };
     match () {
         () if has("relight_sequence") => Kind::Sequence,
@@ -319,6 +320,12 @@ mod tests {
                 Kind::Sequence,
             ),
             (b"{\"relight_sequence\": 1, ", Kind::Sequence),
+            (
+                b"\xfe\xff\0{\0\"\0r\0e\0l\0i\0g\0h\0t\0_\0s\0e\0q\0u\0e\0n\0c\0e\0\"\0:\0\x31\0}",
+                Kind::Sequence,
+            ),
+            (b"\xff\xfea\0,\0b\0", Kind::Table),
+            (b"K\xfcche", Kind::Unknown),
             (b"{\"asset\": {\"version\": \"2.0\"}}", Kind::Scene),
             (b"{}", Kind::Json),
             (b"a,b\n1,2\n", Kind::Table),

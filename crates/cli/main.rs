@@ -29,6 +29,7 @@ mod schema;
 mod signals;
 mod statistics;
 mod target;
+mod text;
 mod view;
 mod words;
 
@@ -36,6 +37,7 @@ use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::{Console, ProgressStyleName};
 use failure::{Failure, Outcome};
 use options::whole;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// Precomputes how light travels through a static scene, keeps the result in one compact file, and relights
@@ -96,13 +98,11 @@ fn main() -> ExitCode {
     let console = Console::new(cli.global.quiet, cli.global.verbose, cli.global.progress);
     let result = std::thread::scope(|scope| {
         let (running, ended) = std::sync::mpsc::channel();
-        if cli.command.leaves_soon() {
-            scope.spawn(|| {
-                // Its own, so that it ends with the command.
-                let ended = ended;
-                signals::leave_soon(&ended, |failure| say(failure, &cli, &console));
-            });
-        }
+        scope.spawn(|| {
+            // Its own, so that it ends with the command.
+            let ended = ended;
+            signals::leave_soon(&ended, |failure| say(failure, &cli, &console));
+        });
         let result = run(&cli, &console);
         drop(running);
         result
@@ -131,15 +131,6 @@ fn say(failure: &Failure, cli: &Cli, console: &Console) {
 }
 
 impl Command {
-    /// Whether nothing would be left behind if it ended anywhere but where it writes files.
-    fn leaves_soon(&self) -> bool {
-        match self {
-            // It has folders of its own for a while.
-            Command::Check(args) => args.asset.is_some(),
-            _ => true,
-        }
-    }
-
     /// What is there when it was stopped, and how to go on.
     fn left_behind(&self) -> String {
         match self {
@@ -151,8 +142,23 @@ impl Command {
                 "what was measured is kept in {}: the same command goes on from there",
                 args.output.display()
             ),
-            _ => "nothing was left behind".into(),
+            Command::Demo(args) => finished(&args.output),
+            Command::Inspect(args) => args.images.as_deref().map_or_else(nothing, finished),
+            Command::Check(args) => args.images.as_deref().map_or_else(nothing, finished),
+            _ => nothing(),
         }
+    }
+}
+
+fn nothing() -> String {
+    "nothing was left behind".into()
+}
+
+/// What a command that writes file after file leaves.
+fn finished(folder: &Path) -> String {
+    match folder.exists() {
+        true => format!("files that were finished are whole in {}", folder.display()),
+        false => nothing(),
     }
 }
 

@@ -20,8 +20,8 @@ pub fn parsed<T: Args>(words: &[String]) -> Result<T, Failure> {
 /// What may be replaced.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct ReplaceArgs {
-    /// Replace files that are there although they are of another kind than what is written. What the command reads is never
-    /// replaced.
+    /// Replace files that are there although they are of another kind than what is written; of `bake`, also go on although the disk
+    /// seems to have too little room. What the command reads is never replaced.
     #[arg(long)]
     pub force: bool,
 }

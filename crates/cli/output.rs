@@ -8,6 +8,7 @@ use serde::Serialize;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+use tempfile::TempDir;
 
 /// Version of the JSON that commands print: raised when a field changes its meaning or goes.
 pub const SCHEMA: u32 = 1;
@@ -97,10 +98,43 @@ pub fn holds(lock: &Path) {
         .push(lock.to_owned());
 }
 
-/// Removes locks that are still held, and folders that were made and stayed empty, because the command failed or was stopped.
+/// Folders of this process that nobody else sees.
+static SCRATCH: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// A folder for what is only needed for a while, which [`tidy`] removes wherever the process ends; whoever writes into it says
+/// so ([`signals::whole`]).
+///
+/// # Errors
+/// The system has no room for it.
+pub fn scratch() -> Result<TempDir> {
+    let of_system = std::env::temp_dir();
+    scratch_in(&of_system)
+}
+
+/// As [`scratch`], in a folder that is there.
+///
+/// # Errors
+/// As [`scratch`].
+pub fn scratch_in(place: &Path) -> Result<TempDir> {
+    let mut scratch = SCRATCH.lock().unwrap_or_else(PoisonError::into_inner);
+    let made = tempfile::Builder::new().prefix(".relight-").tempdir_in(place);
+    let made = made.with_context(|| {
+        format!(
+            "{}: cannot write into it; check permissions and free space",
+            place.display()
+        )
+    })?;
+    scratch.push(made.path().to_owned());
+    Ok(made)
+}
+
+/// Removes scratch folders, locks that are still held, and folders that were made and stayed empty, because the command failed or was stopped.
 pub fn tidy() {
     for lock in LOCKS.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
         let _ = std::fs::remove_file(lock);
+    }
+    for folder in (SCRATCH.lock().unwrap_or_else(PoisonError::into_inner)).drain(..) {
+        let _ = std::fs::remove_dir_all(folder);
     }
     let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
     for folder in made.drain(..).rev() {

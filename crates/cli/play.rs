@@ -17,6 +17,7 @@ use crate::output::{self, SCHEMA};
 use crate::signals::{self, Signals};
 use crate::statistics::{median, milliseconds};
 use crate::words;
+use glam::DVec3;
 use relight_play::choice::CutUse;
 use relight_play::player::FrameError;
 use relight_play::{CutSites, Player, Shot, ShotSettings};
@@ -144,7 +145,12 @@ pub fn play(
             let (mut apart, mut own_shot) = (0.0, None);
             if shot.is_none() || moving {
                 let looked = player.shot(&track.at(frame.into()), &shot_settings)?;
-                let times = said(&looked, &mut report.without_points, console);
+                let times = said(
+                    &looked,
+                    player.scene().offset,
+                    &mut report.without_points,
+                    console,
+                );
                 if moving {
                     own_shot = times;
                 } else {
@@ -246,7 +252,7 @@ fn stopped(error: FrameError) -> Failure {
 }
 
 /// Tells what a shot lacks, and notes the largest share that any did; its times.
-fn said(shot: &Shot, largest: &mut Option<f64>, console: &Console) -> Option<ShotReport> {
+fn said(shot: &Shot, offset: DVec3, largest: &mut Option<f64>, console: &Console) -> Option<ShotReport> {
     let Shot::Relit(shot) = shot else {
         return None;
     };
@@ -259,7 +265,13 @@ fn said(shot: &Shot, largest: &mut Option<f64>, console: &Console) -> Option<Sho
         100.0 * share
     );
     if share > LACKING && largest.is_none_or(|largest| largest <= LACKING) {
-        let [x, y, z] = shot.seen.eye.to_array();
+        let [x, y, z] = match offset {
+            DVec3::ZERO => shot.seen.eye.to_array().map(|v| v.to_string()),
+            // In the file's coordinates.
+            _ => (shot.seen.eye.as_dvec3() + offset)
+                .to_array()
+                .map(|v| v.to_string()),
+        };
         console.note(format!(
             "warning: {text}, since the asset was baked for other places: bake it with --viewpoint={x},{y},{z}, where this \
              camera stands"

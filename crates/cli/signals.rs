@@ -1,6 +1,6 @@
 //! Ctrl-C, SIGTERM and their like: the first asks every stage to stop, the second leaves at once (outputs are written
-//! beside their targets and renamed, so nothing is half there in either case). Commands that leave nothing behind but what is
-//! written under [`whole`] don't wait for a stage that takes long: [`leave_soon`].
+//! beside their targets and renamed, so nothing is half there in either case). No command waits for a stage that takes long, only
+//! for what is written under [`whole`]: [`leave_soon`].
 
 use crate::failure::Failure;
 use relight_render::watch::Watch;

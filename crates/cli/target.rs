@@ -17,6 +17,7 @@ use crate::words;
 use relight_bake::Baked;
 use relight_bake::params::{BakeParams, Preset};
 use relight_scene::scene::Scene;
+use std::path::Path;
 use std::sync::Arc;
 
 /// A setting to try.
@@ -71,6 +72,8 @@ pub struct Order<'a> {
     pub job: &'a Job<'a>,
     /// E.
     pub target: f64,
+    /// Where the asset will be.
+    pub output: &'a Path,
 }
 
 /// Bakes step after step until one will do.
@@ -152,7 +155,9 @@ fn tried(
     console: &Console,
 ) -> Result<(Baked, Expected), Failure> {
     let params = with_step(order.job.params, step);
-    let baked = bake_job(order.job, &params, scene.clone(), None, None, console)?;
+    // What is coarsest is smallest: where that has no room, none will.
+    let target = (step.levels == LADDER[0].levels).then_some(order.output);
+    let baked = bake_job(order.job, &params, scene.clone(), None, target, console)?;
     signals::go_on()?;
     console.begin("Comparing with the probes", None);
     let estimate = probes.estimate(&baked.asset)?;

@@ -3,6 +3,8 @@
 use crate::console::Console;
 use crate::demo;
 use crate::failure::{Failure, Outcome};
+use crate::kinds::{self, Wanted};
+use crate::options::whole;
 use crate::output;
 use crate::signals;
 use clap::Args;
@@ -27,7 +29,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "SEQ.json")]
     pub lights: Option<PathBuf>,
     /// Port to listen at; 0 for any that is free.
-    #[arg(long, value_name = "N", default_value_t = 8420)]
+    #[arg(long, value_name = "N", default_value_t = 8420, value_parser = whole::<u16>(0, u16::MAX))]
     pub port: u16,
     /// Address to listen at instead of this machine's own: others who can reach it and have the page's address may look,
     /// and what is sent is not encrypted.
@@ -50,6 +52,10 @@ pub fn run(args: &ViewArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
             (asset, Some(lights))
         }
     };
+    kinds::check(&asset, Wanted::Asset)?;
+    if let Some(lights) = &lights {
+        kinds::check(lights, Wanted::Lights)?;
+    }
     console.begin("Reading the asset", None);
     let player = Player::open(&asset)?;
     let sequence = match &lights {

@@ -11,6 +11,26 @@ fn bake_complaint(scene: &Path) -> String {
     text
 }
 
+/// Readers differ in which of two they take, so nobody can tell what was meant.
+#[test]
+fn a_key_given_twice_in_a_scene_is_refused_with_its_place() {
+    let room = folder();
+    let scene = gltf(room.path(), &SQUARE);
+    let text = std::fs::read_to_string(&scene).unwrap();
+    let twice = text.replacen("\"mesh\":0", "\"mesh\":0,\n\"mesh\":0", 1);
+    assert_ne!(text, twice);
+    std::fs::write(&scene, twice).unwrap();
+    let mut bake = relight();
+    bake.arg("bake")
+        .arg(&scene)
+        .arg("-o")
+        .arg(room.path().join("a.relight"));
+    let said = complaint(&mut bake, 1);
+    for part in ["scene.gltf", "nodes[0].mesh", "twice", "line 2"] {
+        assert!(said.contains(part), "{said}");
+    }
+}
+
 #[test]
 fn a_missing_scene_is_named() {
     let text = bake_complaint(Path::new("no-such-scene.glb"));

@@ -117,6 +117,41 @@ fn a_scene_far_from_its_origin_plays_as_the_same_scene_near_it() {
     assert_eq!(near, far.collect::<Vec<f64>>());
 }
 
+/// Where a place far from the origin is given, it is one of the file, too; and the advice to give one is in its coordinates.
+#[test]
+fn viewpoints_are_in_the_coordinates_of_the_file() {
+    let (near, far) = (folder(), folder());
+    let x = 4e6;
+    let (_, near_asset) = bake(near.path(), 0.0);
+    bake(far.path(), x);
+    let again = |folder: &Path, x: f64| {
+        let place = format!("--viewpoint={},0.5,-2", x + 0.5);
+        let asset = folder.join("b.relight");
+        let said = bake_json(
+            &folder.join("scene.gltf"),
+            &asset,
+            &[&COARSE[..], &[&place]].concat(),
+        );
+        (said, asset)
+    };
+    let (near_said, near_again) = again(near.path(), 0.0);
+    let (far_said, far_again) = again(far.path(), x);
+    assert_eq!(near_said["settings"]["viewpoints"], "0.5,0.5,-2");
+    assert_eq!(far_said["settings"]["viewpoints"], "4000000.5,0.5,-2");
+    assert_eq!(near_said["points"], far_said["points"]);
+    let points = |asset: &Path| {
+        let read = |asset| relight_format::read_file(asset, &Default::default()).unwrap();
+        read(asset)
+            .points
+            .into_iter()
+            .map(|l| l.positions)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(points(&near_again), points(&far_again));
+    // A place behind the square makes a difference.
+    assert_ne!(points(&near_again), points(&near_asset));
+}
+
 #[test]
 fn lights_of_any_name_get_layers() {
     let folder = folder();

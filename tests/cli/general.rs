@@ -119,6 +119,13 @@ fn numbers_out_of_range_are_refused_with_the_range() {
             "at least 0",
         ),
         (&["check"], "--random", &["0", "-1"], "from 1 to"),
+        (&["view", "a"], "--port", &["-1", "65536"], "from 0 to 65535"),
+        (
+            &bake,
+            "--viewpoint",
+            &["1,2", "nan,1,2", "1e38,0,0"],
+            "from -1e12 to 1e12",
+        ),
         (
             &["report", "a", "--lights", "l", "-o", "d"],
             "--budget",

@@ -35,6 +35,14 @@ fn the_wrong_kind_of_file_is_named_with_the_right_command() {
             ["a glTF scene", "relight bake "],
         ),
         (
+            o("view", &[&scene, "--port", "0"]),
+            ["a glTF scene, not an asset", "relight bake "],
+        ),
+        (
+            o("view", &[&asset, "--lights", &sky, "--port", "0"]),
+            ["an HDR image", "\"type\": \"environment\""],
+        ),
+        (
             o("report", &[&scene, "--lights", &lights, "-o", &frame]),
             ["a glTF scene", "relight bake "],
         ),

@@ -136,6 +136,65 @@ fn a_play_never_replaces_what_it_reads() {
     assert!(text.contains("f_2.exr: is read"), "{text}");
 }
 
+/// Readers take UTF-16 and numbers that JSON doesn't have; what such files name is read all the same.
+#[test]
+fn what_files_in_other_encodings_name_is_kept_too() {
+    let room = folder();
+    let utf16 = |text: &str| -> Vec<u8> {
+        let units = text.encode_utf16();
+        [0xff, 0xfe]
+            .into_iter()
+            .chain(units.flat_map(u16::to_le_bytes))
+            .collect()
+    };
+    let scene = gltf(room.path(), &SQUARE);
+    let text = std::fs::read_to_string(&scene).unwrap();
+    for text in [
+        utf16(&text),
+        text.replace("\"asset\":", "\"extras\":NaN,\"asset\":")
+            .into_bytes(),
+    ] {
+        std::fs::write(&scene, text).unwrap();
+        let mut bake = with("bake", &[&scene]);
+        bake.arg("-o").arg(room.path().join("scene.bin")).arg("--force");
+        let text = refused(room.path(), &mut bake);
+        assert!(text.contains(READ), "{text}");
+    }
+    let frame = room.path().join("env.exr");
+    let size = ["--size", "16x16"];
+    with("play", &[cornell()])
+        .arg("-o")
+        .arg(&frame)
+        .args(size)
+        .assert()
+        .success();
+    let sky = crate::stage::sky(room.path(), "env.exr");
+    let text = std::fs::read_to_string(&sky).unwrap();
+    std::fs::write(&sky, utf16(&text)).unwrap();
+    let mut play = with("play", &[cornell()]);
+    play.arg("--lights").arg(&sky).args(size).arg("-o").arg(&frame);
+    let text = refused(room.path(), &mut play);
+    assert!(text.contains(READ), "{text}");
+}
+
+/// Beside an asset a bake keeps its units; what else lies there is not its own.
+#[test]
+fn a_bake_removes_no_file_that_it_has_not_made() {
+    let room = folder();
+    let asset = room.path().join("a.relight");
+    let units = room.path().join("a.relight.units");
+    std::fs::create_dir(&units).unwrap();
+    std::fs::write(units.join("thesis.unit"), "all of it").unwrap();
+    let mut bake = with("bake", &[&data("cornell.glb")]);
+    bake.args(crate::stage::TINY)
+        .arg("--resume")
+        .arg("-o")
+        .arg(&asset)
+        .assert()
+        .success();
+    assert_eq!(names(&units), ["thesis.unit"]);
+}
+
 #[test]
 fn an_export_never_replaces_its_asset_and_writes_all_or_nothing() {
     let room = folder();

@@ -114,33 +114,3 @@ fn a_bake_that_is_stopped_says_what_is_left_and_how_to_go_on() {
     assert!(words.contains("nothing was left behind"), "{words}");
     assert!(names(folder.path()).is_empty());
 }
-
-/// A limit on the size of files ends a process by a signal, unless it takes that for an error.
-#[test]
-fn a_limit_on_file_size_is_an_error_that_leaves_nothing_behind() {
-    let folder = folder();
-    let program = env!("CARGO_BIN_EXE_relight");
-    let asset = cornell().display();
-    let scene = data("cornell.glb");
-    for command in [
-        format!(
-            "bake {} -o a.relight --levels 2 --coarse-radius 0.1 --sender-levels 1",
-            scene.display()
-        ),
-        format!("play {asset} -o new/f.exr --size 200x200"),
-        format!("export {asset} --what links -o new"),
-        format!("inspect {asset} --images new"),
-    ] {
-        // Blocks of 512 or 1024 bytes.
-        let script = format!("ulimit -f 4; exec {program} {command}");
-        let output = Command::new("sh")
-            .args(["-c", &script])
-            .current_dir(folder.path())
-            .output()
-            .unwrap();
-        let text = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(1), "{command}: {text}");
-        assert!(text.contains("too large"), "{command}: {text}");
-        assert!(names(folder.path()).is_empty(), "{command}");
-    }
-}

@@ -8,9 +8,12 @@ use relight_scene::traced::TracedSceneError;
 pub enum BakeError {
     /// No surface is reached from the viewpoints.
     #[error(
-        "no surface is reachable from the viewpoint{} {}: give one inside the scene with --viewpoint X,Y,Z",
-        if viewpoints.len() == 1 { "" } else { "s" },
-        viewpoints.iter().map(|v| format!("({}, {}, {})", v.x, v.y, v.z)).collect::<Vec<_>>().join(", ")
+        "no surface is reachable from {}: give a place inside the scene with --viewpoint X,Y,Z",
+        match viewpoints.as_slice() {
+            [] => "any place that was tried".into(),
+            places => "the viewpoints ".to_owned()
+                + &places.iter().map(|v| format!("({}, {}, {})", v.x, v.y, v.z)).collect::<Vec<_>>().join(", "),
+        }
     )]
     NothingReachable {
         /// Where importance particles started.

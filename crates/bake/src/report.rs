@@ -70,7 +70,7 @@ impl Made<'_> {
 
     fn settings(&self, request: &Request) -> Vec<(String, String)> {
         let kept = |keeps: bool| if keeps { "kept" } else { setting::LEFT_OUT };
-        let mut all = settings::settings(request.params);
+        let mut all = settings::settings(request.params, self.pruned.scene.offset);
         let mut add = |name: &str, value: String| all.push((name.to_owned(), value));
         add(setting::OWN_LIGHTS, kept(self.pruned.keeps_lights).into());
         add(setting::EMISSION, kept(self.pruned.keeps_emission).into());
@@ -120,6 +120,7 @@ impl Made<'_> {
         if self.placed.automatic {
             let places = self.placed.relevance.viewpoints.iter();
             let places: Vec<String> = places
+                .map(|v| v.as_dvec3() + self.pruned.scene.offset)
                 .map(|v| format!("({:.3}, {:.3}, {:.3})", v.x, v.y, v.z))
                 .collect();
             notes.push(format!(

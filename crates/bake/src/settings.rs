@@ -2,6 +2,7 @@
 
 use crate::error::BakeError;
 use crate::params::{BakeParams, CutMode};
+use glam::DVec3;
 use relight_format::layout::setting;
 use relight_transport::light_tree::HEIGHTS;
 
@@ -85,8 +86,9 @@ pub fn validate(params: &BakeParams) -> Result<(), BakeError> {
     )
 }
 
-/// Names and values in the order of the command line's help.
-pub fn settings(params: &BakeParams) -> Vec<(String, String)> {
+/// Names and values in the order of the command line's help, places in the coordinates of the scene's file, from which it was moved by
+/// `offset`.
+pub fn settings(params: &BakeParams, offset: DVec3) -> Vec<(String, String)> {
     let of_cuts = params.cuts.iter().flat_map(|cuts| {
         let mode = match cuts.mode {
             CutMode::Environment => "environment",
@@ -105,7 +107,13 @@ pub fn settings(params: &BakeParams) -> Vec<(String, String)> {
     let viewpoints: Vec<String> = params
         .viewpoints
         .iter()
-        .map(|v| format!("{},{},{}", v.x, v.y, v.z))
+        .map(|v| match offset {
+            DVec3::ZERO => format!("{},{},{}", v.x, v.y, v.z),
+            _ => {
+                let v = v.as_dvec3() + offset;
+                format!("{},{},{}", v.x, v.y, v.z)
+            }
+        })
         .collect();
     [
         ("levels", params.levels.to_string()),

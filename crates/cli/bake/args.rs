@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::options::{ReplaceArgs, above_0, real, relative_error, whole};
 use clap::{Args, ValueEnum};
-use glam::Vec3;
+use glam::DVec3;
 use relight_bake::params::{BakeParams, CutMode, CutParams, Omittable, Preset};
 use relight_scene::traced::Shading;
 use std::path::{Path, PathBuf};
@@ -80,11 +80,11 @@ pub struct BakeArgs {
     /// What the tree of those lights minds: 1 geometry alone, 0 visibility alone [default: 0.45].
     #[arg(long, value_name = "B", value_parser = real(0.0, 1.0))]
     pub beta: Option<f32>,
-    /// A place from which the scene is looked at, beside the cameras of the scene and of --lights: surfaces from which light
+    /// A place from which the scene is looked at, in the coordinates of its file, beside the cameras of the scene and of --lights: surfaces from which light
     /// reaches none of them get no points. May be given several times [default: the cameras alone or, without any, places in open
     /// space].
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
-    pub viewpoint: Vec<Vec3>,
+    pub viewpoint: Vec<DVec3>,
     /// Keep what the scene and --lights cannot use, with commas between them: all, lights (the scene's own), emission,
     /// materials (maps, textures, coordinates, colours), points (on surfaces that no light path joins to the viewpoints), senders
     /// (levels that no link uses), bounces (the operator of the third bounce and further ones), cuts (of environments,
@@ -224,19 +224,27 @@ pub enum LightUnitsName {
     Raw,
 }
 
-fn parse_point(text: &str) -> Result<Vec3, String> {
-    let numbers: Option<Vec<f32>> = text
+/// Beyond this no scene lies; squares of distances are within 32-bit numbers.
+const FARTHEST: f64 = 1e12;
+
+fn parse_point(text: &str) -> Result<DVec3, String> {
+    let numbers: Option<Vec<f64>> = text
         .split(',')
-        .map(|part| part.trim().parse().ok().filter(|x: &f32| x.is_finite()))
+        .map(|part| part.trim().parse().ok().filter(|x: &f64| x.abs() <= FARTHEST))
         .collect();
     match numbers.as_deref() {
-        Some(&[x, y, z]) => Ok(Vec3::new(x, y, z)),
-        _ => Err("expected three numbers with commas between them, such as 1.5,2,-3".into()),
+        Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
+        _ => Err(format!(
+            "expected three numbers from -{FARTHEST:e} to {FARTHEST:e} with commas between them, such as 1.5,2,-3"
+        )),
     }
 }
 
-/// The parameters that the options make.
-pub fn params(args: &BakeArgs, seed: u64) -> Result<BakeParams, Failure> {
+/// The parameters that the options make, for a scene that was moved by `offset` from the coordinates of its file.
+///
+/// # Errors
+/// The options contradict each other.
+pub fn params(args: &BakeArgs, seed: u64, offset: DVec3) -> Result<BakeParams, Failure> {
     let mut params = BakeParams::preset(match args.preset {
         PresetName::Draft => Preset::Draft,
         PresetName::Standard => Preset::Standard,
@@ -251,7 +259,9 @@ pub fn params(args: &BakeArgs, seed: u64) -> Result<BakeParams, Failure> {
     params.bounces = args.bounces;
     params.solution = args.solution;
     params.cuts = cut_params(args)?;
-    params.viewpoints = args.viewpoint.clone();
+    params.viewpoints = (args.viewpoint.iter())
+        .map(|place| (*place - offset).as_vec3())
+        .collect();
     params.cameras_only = args.cameras_only;
     params.keep = Omittable::ALL.to_vec();
     (params.keep).retain(|part| args.keep.iter().any(|name| name.parts().contains(part)));
@@ -378,6 +388,7 @@ impl BakeArgs {
 mod tests {
     use super::*;
     use clap::Parser;
+    use glam::Vec3;
 
     #[derive(Parser)]
     struct Line {
@@ -400,7 +411,9 @@ mod tests {
                    --keep lights,senders --cameras-only --strict --force";
         let given = parsed(&all.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
         let again = parsed(&given.words().unwrap());
-        assert_eq!(params(&again, 7).unwrap(), params(&given, 7).unwrap());
+        let params = |args| params(args, 7, DVec3::X).unwrap();
+        assert_eq!(params(&again), params(&given));
+        assert_eq!(params(&given).viewpoints[0], Vec3::new(-2.0, 2.5, 3e-7));
         assert_eq!(again.words().unwrap(), given.words().unwrap());
         assert_eq!((again.lambert, again.light_units), (true, LightUnitsName::Raw));
         assert_eq!(again.variant.as_deref(), Some("beach"));

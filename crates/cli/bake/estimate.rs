@@ -4,7 +4,7 @@
 //! have is seen by spreading those of all levels but the finest. What grows with them is scaled up by powers that were
 //! fitted on the scenes of docs/notebook/reliability.md.
 
-use super::job::{Inputs, baking_failed};
+use super::job::Inputs;
 use super::memory;
 use crate::console::{BakeProgress, Console};
 use crate::disk;
@@ -58,7 +58,7 @@ impl Estimate {
     pub fn tell(&self, target: &Path, json: bool, console: &Console) -> Result<Outcome, Failure> {
         console.close();
         if let Some(text) = disk::lacks(target, self.bytes) {
-            console.note(format!("warning: {text}"));
+            console.note(format!("warning: {text}; the bake refuses unless --force"));
         }
         if let Some(machine) = memory::of_this_machine().filter(|machine| self.memory_bytes > *machine) {
             let machine = words::bytes(machine);
@@ -109,7 +109,7 @@ pub fn estimate(
     let quiet = console.silent();
     let progress = BakeProgress::new(&quiet);
     console.begin("Baking small, to see what it takes", None);
-    let (traced, radius) = coarse_radius(&request, &progress).map_err(baking_failed)?;
+    let (traced, radius) = coarse_radius(&request, &progress).map_err(|error| progress.failure(error))?;
     // With the ray caster and decoded textures, which the bake will have, too.
     let before = output::resident_bytes().unwrap_or(0);
     let without_finest = BakeParams {
@@ -121,13 +121,14 @@ pub fn estimate(
         params,
         ..request.clone()
     };
-    let coarser = point_counts(&traced, &request_of(&without_finest), &progress).map_err(baking_failed)?;
+    let coarser = point_counts(&traced, &request_of(&without_finest), &progress)
+        .map_err(|error| progress.failure(error))?;
     drop(traced);
     let small = BakeParams {
         coarse_radius: Some((radius * COARSER).min(f32::MAX)),
         ..params.clone()
     };
-    let baked = bake(&request_of(&small), None, &progress).map_err(baking_failed)?;
+    let baked = bake(&request_of(&small), None, &progress).map_err(|error| progress.failure(error))?;
     let writing = Instant::now();
     let bytes = format::write_asset(&baked.asset)?;
     let written = writing.elapsed().as_secs_f64();

@@ -5,7 +5,7 @@
 //! is; if it has changed, units and merge refuse it.
 
 use super::args::{BakeArgs, params};
-use super::job::{Inputs, Job, baking_failed, guard, prepare, read, run_job, tell};
+use super::job::{Inputs, Job, guard, prepare, read, run_job, tell};
 use super::kept::{Kept, this_program};
 use super::plan::{self, Plan};
 use super::{lock, memory, slurm};
@@ -14,6 +14,7 @@ use crate::failure::{Failure, Outcome};
 use crate::kinds::{self, Kind};
 use crate::output::{self, SCHEMA};
 use anyhow::{Context, anyhow};
+use glam::DVec3;
 use relight_bake::params::BakeParams;
 use relight_bake::units::Ledger;
 use relight_bake::{Portion, Request, bake_part};
@@ -33,7 +34,8 @@ struct FarmReport {
 
 /// `--plan`.
 pub fn plan(args: &BakeArgs, seed: u64, folder: &Path, console: &Console) -> Result<Outcome, Failure> {
-    let params = params(args, seed)?;
+    // What contradicts itself is told before anything is read.
+    params(args, seed, DVec3::ZERO)?;
     prepare(args, args.replace.force)?;
     if let Some(lights) = &args.lights {
         kinds::check_file(lights, "units read it again")?;
@@ -48,6 +50,7 @@ pub fn plan(args: &BakeArgs, seed: u64, folder: &Path, console: &Console) -> Res
     let read = read(args, console)?;
     // Before the work: a path may be one that no plan can hold.
     let words = args.words()?;
+    let params = params(args, seed, read.scene.offset)?;
     let made = compute(&folder, &read, &params, args, Portion::Shared, console)?;
     console.close();
     plan::write(&folder, words, seed, &read, made)?;
@@ -98,8 +101,8 @@ pub fn unit(piece: &Path, folder: &Path, json: bool, console: &Console) -> Resul
     if done.exists() {
         console.note(format!("Unit {number} of {} is done already.", plan.units));
     } else {
-        let params = params(&plan.args, plan.seed)?;
         let read = plan.checked_files(console)?;
+        let params = params(&plan.args, plan.seed, read.scene.offset)?;
         let part = Portion::Piece {
             index: number - 1,
             of: plan.units,
@@ -138,12 +141,12 @@ pub fn merge(folder: &Path, force: bool, json: bool, console: &Console) -> Resul
         )
         .into());
     }
-    let params = params(&plan.args, plan.seed)?;
     let target = plan.args.output()?;
     prepare(&plan.args, plan.args.replace.force || force)?;
     let lock = lock::lock(target, console)?;
     let start = Instant::now();
     let read = plan.checked_files(console)?;
+    let params = params(&plan.args, plan.seed, read.scene.offset)?;
     let job = Job {
         params: &params,
         shading: plan.args.shading(),
@@ -151,6 +154,7 @@ pub fn merge(folder: &Path, force: bool, json: bool, console: &Console) -> Resul
         source_hash: read.source_hash,
         kept: Some(Kept::shared(plan.folder.join("units"))),
         checked: true,
+        force: plan.args.replace.force || force,
     };
     let result = run_job(&job, read.scene, target, start.elapsed().as_secs_f64(), console)?;
     drop(lock);
@@ -175,7 +179,9 @@ fn compute(
         memory: memory::of_this_machine(),
     };
     let note = |text| console.note(text);
-    let store = Kept::shared(folder.join("units")).open(&note)?;
+    let units = folder.join("units");
+    let progress = BakeProgress::new(console).towards(&units, args.replace.force);
+    let store = Kept::shared(units.clone()).open(&note)?;
     let ledger = Ledger::new(&store, this_program());
-    bake_part(&request, &ledger, part, &BakeProgress::new(console)).map_err(baking_failed)
+    bake_part(&request, &ledger, part, &progress).map_err(|error| progress.failure(error))
 }

@@ -15,7 +15,6 @@ use crate::probes::check::check;
 use crate::signals;
 use crate::words;
 use anyhow::Context;
-use relight_bake::error::BakeError;
 use relight_bake::params::BakeParams;
 use relight_bake::units::Ledger;
 use relight_bake::{BakeStats, Baked, Request, bake};
@@ -133,6 +132,8 @@ pub struct Job<'a> {
     pub kept: Option<Kept>,
     /// Whether the bake ends with a check of its own.
     pub checked: bool,
+    /// Whether it goes on although the asset's disk has too little room.
+    pub force: bool,
 }
 
 /// What a bake tells.
@@ -250,10 +251,10 @@ pub fn bake_job(
     };
     let progress = BakeProgress::new(console);
     let progress = match target {
-        Some(target) => progress.towards(target),
+        Some(target) => progress.towards(target, job.force),
         None => progress,
     };
-    bake(&request, ledger, &progress).map_err(baking_failed)
+    bake(&request, ledger, &progress).map_err(|error| progress.failure(error))
 }
 
 /// Writes an asset and its log; `seconds` is what all before took, `import_seconds` of it reading the scene.
@@ -303,14 +304,6 @@ pub fn store(
             units: None,
         },
     })
-}
-
-/// A bake's failure as the command's.
-pub fn baking_failed(error: BakeError) -> Failure {
-    match error {
-        BakeError::Stopped => signals::failure(),
-        other => other.into(),
-    }
 }
 
 /// What a bake took.

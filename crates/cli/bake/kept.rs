@@ -1,8 +1,10 @@
 //! Where a bake keeps its units of work, and whose they are.
 
 use crate::failure::Failure;
+use crate::output;
 use relight_bake::units::folder::UnitFolder;
 use relight_bake::units::key::Key;
+use relight_format::unit::UnitName;
 use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -18,7 +20,7 @@ fn beside(asset: &Path) -> PathBuf {
 pub fn left_behind(asset: &Path) -> String {
     let folder = beside(asset);
     let entries = std::fs::read_dir(&folder).into_iter().flatten().flatten();
-    let units = entries.filter(|entry| entry.file_name().to_string_lossy().ends_with(".unit"));
+    let units = entries.filter(|entry| UnitName::is_file_name(&entry.file_name().to_string_lossy()));
     match units.count() {
         0 => {
             // Only if it is empty.
@@ -81,6 +83,8 @@ impl Kept {
     /// # Errors
     /// The folder cannot be made.
     pub fn open<'a>(&self, note: &'a (dyn Fn(String) + Sync)) -> Result<UnitFolder<'a>, Failure> {
+        // So that it goes again where nothing came to be in it.
+        output::make_folder(&self.folder)?;
         Ok(UnitFolder::open(&self.folder, note)?)
     }
 

@@ -4,6 +4,8 @@ use super::case::{Case, Measure, Measured};
 use super::sanity::sane;
 use super::shapes::{LAMP, cuboid, faces, join, matt, point, quad, room, scene};
 use super::stage::{SIZE, Stage, at_points, coarse, difference, mean, quick, seeds_apart};
+use crate::output;
+use crate::signals;
 use glam::Vec3;
 use relight_bake::error::BakeError;
 use relight_scene::gltf::{ImportOptions, import};
@@ -85,9 +87,11 @@ fn through_gltf(stage: &Stage) -> Measured {
         mesh.triangles.push([0, 1, first]);
     }
     stage.at("scene: import");
-    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let folder = output::scratch().map_err(|e| e.to_string())?;
     let file = folder.path().join("broken.glb");
+    let whole = signals::whole();
     std::fs::write(&file, glb(&mesh)).map_err(|e| e.to_string())?;
+    drop(whole);
     let mut imported = import(&file, &ImportOptions::default()).map_err(|e| e.to_string())?;
     imported.materials = vec![matt(Vec3::splat(0.6))];
     let clean = walls(|_| {});

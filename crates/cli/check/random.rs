@@ -11,12 +11,12 @@ use crate::kinds::Kind;
 use crate::output;
 use crate::signals;
 use crate::words;
-use anyhow::Context;
 use distribution::{COLUMNS, Spread, spreads};
 use relight_scene::image::preview::{contact_sheet, display_encoded, pbr_neutral};
 use relight_scene::image::{FloatImage, error_map, write_png};
 use serde::Serialize;
 use std::path::Path;
+use tempfile::TempDir;
 use trial::{Pictures, Trial, tried};
 
 /// Error and bias that are wanted of every seed; who has more is told, whether or not it is within the bounds.
@@ -62,8 +62,11 @@ pub fn run(
     guard: &Guard,
     console: &Console,
 ) -> Result<RandomRun, Failure> {
-    let scratch = tempfile::tempdir().context("cannot make a folder for the scenes")?;
-    let folder = images.unwrap_or(scratch.path());
+    let scratch = match images {
+        Some(_) => None,
+        None => Some(output::scratch()?),
+    };
+    let folder = images.unwrap_or(scratch.as_ref().map_or(Path::new("."), TempDir::path));
     output::make_folder(folder)?;
     console.begin("Trying random scenes", Some(number.into()));
     let mut seeds = Vec::new();
@@ -73,6 +76,7 @@ pub fn run(
         if let (Some(pictures), true) = (pictures, images.is_some()) {
             let picture = folder.join(format!("random_{}.png", trial.seed));
             guard.check(&picture, Kind::Png)?;
+            let _whole = signals::whole();
             draw(&picture, pictures)?;
         }
         console.detail(line(&trial));

@@ -3,13 +3,15 @@
 
 use crate::guard::Guard;
 use crate::kinds::Kind;
+use crate::output;
 use crate::signals;
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use relight_scene::image::write_atomically_with;
 use relight_transport::sparse::{SparseMatrix, row};
 use serde::Serialize;
 use sprs::io::write_matrix_market_to_bufwrite;
 use std::error::Error;
+use std::fmt::{self, Display};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -80,21 +82,43 @@ fn write_all_le<const N: usize>(
     Ok(())
 }
 
+/// A file that could not be written, in words that name it.
+#[derive(Debug)]
+pub struct Unwritten(String);
+
+impl Display for Unwritten {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl Error for Unwritten {}
+
+/// A file of gibibytes that no signal has to wait for.
+struct Stopping<'a>(&'a mut dyn Write);
+
+impl Write for Stopping<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match signals::stopped() {
+            true => Err(io::Error::other("stopped")),
+            false => self.0.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
+}
+
 impl<'a> Folder<'a> {
     /// Files go to `path`, which must exist, as far as `guard` lets them.
     ///
     /// # Errors
     /// Nothing can be written there.
     pub fn new(path: &Path, guard: &'a Guard) -> Result<Self> {
-        let unfinished = tempfile::Builder::new().prefix(".relight-").tempdir_in(path);
         Ok(Folder {
             path: path.to_owned(),
-            unfinished: unfinished.with_context(|| {
-                format!(
-                    "{}: cannot write into it; check permissions and free space",
-                    path.display()
-                )
-            })?,
+            unfinished: output::scratch_in(path)?,
             guard,
             written: Vec::new(),
         })
@@ -105,6 +129,7 @@ impl<'a> Folder<'a> {
     /// # Errors
     /// The system refuses.
     pub fn finish(&self) -> Result<()> {
+        let _whole = signals::whole();
         for Written { file, .. } in &self.written {
             let target = self.path.join(file);
             std::fs::rename(self.unfinished.path().join(file), &target)
@@ -128,14 +153,17 @@ impl<'a> Folder<'a> {
         if target.exists() && !target.is_file() {
             bail!("{}: is no file; a result would replace it", target.display());
         }
+        let _whole = signals::whole();
         // Whatever goes wrong concerns the target.
-        write_atomically_with(&self.unfinished.path().join(&file), write)
-            .map_err(|error| {
-                error
-                    .source()
-                    .map_or_else(|| error.to_string(), ToString::to_string)
-            })
-            .map_err(|error| anyhow!("{}: cannot be written: {error}", target.display()))?;
+        write_atomically_with(&self.unfinished.path().join(&file), |out| {
+            write(&mut Stopping(out))
+        })
+        .map_err(|error| {
+            error
+                .source()
+                .map_or_else(|| error.to_string(), ToString::to_string)
+        })
+        .map_err(|error| Unwritten(format!("{}: cannot be written: {error}", target.display())))?;
         self.written.push(Written {
             file,
             shape: shape.to_vec(),

@@ -348,7 +348,7 @@ fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf,
     .chain(options.iter().cloned())
     .collect();
     let args: BakeArgs = parsed(&words)?;
-    let params = bake::params(&args, task.seed)?;
+    let params = bake::params(&args, task.seed, runs.scene.offset)?;
     let job = Job {
         params: &params,
         shading: runs.shading,
@@ -357,6 +357,7 @@ fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf,
         kept: None,
         // By the references, which know better.
         checked: false,
+        force: false,
     };
     let result = bake::run_job(&job, runs.scene.clone(), &asset, 0.0, &console.silent())?;
     let known = result.report.inspection;

@@ -41,6 +41,19 @@ impl UnitName {
             self.stage, self.inputs, self.start, self.end
         )
     }
+
+    /// Whether a unit's file may have this name.
+    pub fn is_file_name(name: &str) -> bool {
+        let Some(name) = name.strip_suffix(".unit") else {
+            return false;
+        };
+        let mut parts = name.rsplitn(4, '-');
+        let mut is_number = || parts.next().is_some_and(|part| part.parse::<u64>().is_ok());
+        is_number()
+            && is_number()
+            && (parts.next()).is_some_and(|hash| hash.len() == 32 && u128::from_str_radix(hash, 16).is_ok())
+            && parts.next().is_some_and(|stage| !stage.is_empty())
+    }
 }
 
 /// Numbers of one type.
@@ -193,6 +206,26 @@ mod tests {
             inputs: 0x0123_4567_89ab_cdef_0011_2233_4455_6677,
             start: 64,
             end: 128,
+        }
+    }
+
+    #[test]
+    fn names_of_units_are_told_from_others() {
+        let other = UnitName {
+            stage: "light-tree_2".into(),
+            inputs: u128::MAX,
+            ..name()
+        };
+        assert!(UnitName::is_file_name(&name().file_name()) && UnitName::is_file_name(&other.file_name()));
+        for others in [
+            "",
+            ".unit",
+            "thesis.unit",
+            "a-1-2.unit",
+            "refine-xyz-0-8.unit",
+            "-0123456789abcdef0123456789abcdef-0-8.unit",
+        ] {
+            assert!(!UnitName::is_file_name(others), "{others}");
         }
     }
 

@@ -34,11 +34,11 @@ impl<'a> UnitFolder<'a> {
         unit::sweep_parts(&self.folder).map_err(|source| failed("tidy", &self.folder, source))
     }
 
-    /// Removes all units but `used` (file names). What cannot be removed stays.
+    /// Removes all units but `used` (file names). What cannot be removed stays, as do files that are no units.
     pub fn keep_only(&self, used: &BTreeSet<String>) {
         for entry in fs::read_dir(&self.folder).into_iter().flatten().flatten() {
             let name = entry.file_name().to_string_lossy().into_owned();
-            if name.ends_with(".unit") && !used.contains(&name) {
+            if UnitName::is_file_name(&name) && !used.contains(&name) {
                 let _ = fs::remove_file(entry.path());
             }
         }

@@ -124,6 +124,7 @@ pub fn tried(
         (&lights, Kind::Sequence, &scene.sequence[..]),
     ] {
         guard.check(path, kind)?;
+        let _whole = signals::whole();
         write_atomically(path, bytes)?;
     }
     match measured(&mut trial, &file, &lights, scene.has_sky, console) {
@@ -159,6 +160,7 @@ fn measured(
         source_hash: trial.seed,
         kept: None,
         checked: false,
+        force: true,
     };
     let start = Instant::now();
     let baked = bake_job(&job, &params, scene.clone(), None, None, &console.silent())?;

@@ -4,6 +4,7 @@
 //! Written by hand, because the gltf crate's splitter subtracts from lengths that it has not checked and
 //! names no offsets.
 
+use super::duplicates;
 use super::error::ImportError;
 use super::mend;
 use super::notes::Notes;
@@ -42,11 +43,11 @@ pub(super) fn read(file: &Path, notes: &mut Notes) -> Result<Container, ImportEr
         message,
     })?;
     let text = mend::text(&bytes[json_range], notes);
-    let parsed = serde_json::from_str(&text).or_else(|e| {
+    let parsed = duplicates::parse(&text).or_else(|e| {
         let Some(quoted) = mend::quoted_non_numbers(&text) else {
             return Err(e);
         };
-        let parsed = serde_json::from_str(&quoted)?;
+        let parsed = duplicates::parse(&quoted)?;
         notes.say("the JSON holds NaN or infinite numbers, which JSON doesn't have");
         Ok(parsed)
     });
@@ -54,10 +55,17 @@ pub(super) fn read(file: &Path, notes: &mut Notes) -> Result<Container, ImportEr
         file: file.into(),
         line: e.line(),
         column: e.column(),
-        message: e.to_string(),
+        message: message(&e),
     })?;
     mend::document(&mut json, notes);
     Ok(Container { bytes, json, bin })
+}
+
+/// What the parser found, without the place that it repeats at the end.
+fn message(error: &serde_json::Error) -> String {
+    let text = error.to_string();
+    let end = text.rfind(" at line ").unwrap_or(text.len());
+    text[..end].to_owned()
 }
 
 type Split = (Range<usize>, Option<Range<usize>>);

@@ -33,6 +33,7 @@ mod basis;
 mod container;
 mod deform;
 mod draco;
+mod duplicates;
 mod error;
 mod extensions;
 mod geometry;

@@ -42,7 +42,8 @@ pub fn write_atomically_with(
     let mut file = builder
         .tempfile_in(folder)
         .map_err(fail("making a temporary file beside it"))?;
-    let mut buffer = std::io::BufWriter::new(&mut file);
+    // The plain file: errors of the other name it, which nobody has heard of.
+    let mut buffer = std::io::BufWriter::new(file.as_file_mut());
     write(&mut buffer)
         .and_then(|()| buffer.flush())
         .map_err(fail("writing"))?;
