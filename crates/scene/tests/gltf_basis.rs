@@ -141,7 +141,7 @@ fn files_of_another_kind_and_bombs_are_refused_by_place() {
             "declares 4294967295 bytes for 10 × 6 texels, which have 96",
         ),
         (UASTC, 100, u32::MAX, "bytes for 10 × 6 texels, which have 96"),
-        (UASTC, 12, 37, "can't be transcoded"),
+        (UASTC, 12, 37, "where KHR_texture_basisu has ETC1S and UASTC"),
         (ETC1S, 64, 1, "images[0]: "),
     ] {
         let mut bytes = bytes(file);
@@ -158,7 +158,7 @@ fn files_of_another_kind_and_bombs_are_refused_by_place() {
 fn damaged_files_are_refused_or_give_a_picture() {
     for file in [ETC1S, ETC1S_ALPHA, UASTC_ALPHA, UASTC] {
         let whole = bytes(file);
-        for at in 0..whole.len() {
+        for at in (0..whole.len()).step_by(5) {
             let mut damaged = whole.clone();
             damaged[at] = damaged[at].wrapping_mul(37).wrapping_add(11);
             for bytes in [&damaged[..], &whole[..at]] {

@@ -3,9 +3,10 @@
 //! The crate answers out-of-range views with silence and bad types with panics, so it only ever sees a
 //! document rebuilt from what `layout` checked.
 
+use super::draco;
 use super::error::{Fault, ImportError};
 use super::json::Faults;
-use super::layout::{Accessor, Component, Compressed, Layout, Source, Sparse};
+use super::layout::{Accessor, Buffer, Component, Compressed, Layout, Source, Sparse};
 use super::uri;
 use gltf::accessor::{Item, Iter};
 use rayon::prelude::*;
@@ -59,19 +60,26 @@ pub(super) fn load_buffers<'a>(layout: &Layout, bin: Option<&'a [u8]>, folder: &
     };
     let decoded: Vec<Bytes> = layout.compressed.par_iter().map(decode).collect();
     buffers.extend(decoded);
-    let decode = |i: usize| -> Option<(usize, Bytes<'a>)> {
-        let Source::Draco(stream) = &layout.buffers.peek(i)?.source else {
-            return None;
-        };
-        let decoded = view_bytes(layout, &buffers, stream.view).and_then(|bytes| {
+    let mut primitives = Vec::new();
+    for i in 0..layout.buffers.len() {
+        if let Some(Buffer {
+            source: Source::Draco(stream),
+            ..
+        }) = layout.buffers.peek(i)
+        {
+            primitives.push((i, stream, view_bytes(layout, &buffers, stream.view)));
+        }
+    }
+    let decode = |(i, stream, bytes): (usize, &draco::Stream, Result<&[u8], Fault>)| {
+        let decoded = bytes.and_then(|bytes| {
             stream.decode(bytes).map(Cow::Owned).map_err(|why| Fault {
                 path: stream.path.clone(),
                 message: format!("its stream {why}; copy the file or compress the scene again"),
             })
         });
-        Some((i, decoded))
+        (i, decoded)
     };
-    let decoded: Vec<_> = (0..layout.buffers.len()).filter_map(decode).collect();
+    let decoded: Vec<(usize, Bytes)> = primitives.into_par_iter().map(decode).collect();
     for (i, bytes) in decoded {
         buffers[i] = bytes;
     }

@@ -19,7 +19,7 @@ const BLOCK_BYTES: u64 = 16;
 /// # Errors
 /// What is wrong with the file and what to do, as the rest of a sentence about it.
 pub(super) fn png(name: &str, bytes: &[u8]) -> Result<Vec<u8>, String> {
-    let image = decode(name, bytes).map_err(|why| format!("{why}; write the texture again"))?;
+    let image = guarded(|| decode(name, bytes)).map_err(|why| format!("{why}; write the texture again"))?;
     encode_png(name, &image).map_err(|e| e.to_string())
 }
 
@@ -30,6 +30,11 @@ fn decode(name: &str, bytes: &[u8]) -> Result<Image8, String> {
     if width == 0 || height == 0 || header.pixel_depth > 0 || header.layer_count > 1 || header.face_count != 1
     {
         return Err("is not one two-dimensional picture".into());
+    }
+    if let Some(format) = header.format {
+        return Err(format!(
+            "holds texels of {format:?}, where KHR_texture_basisu has ETC1S and UASTC"
+        ));
     }
     // As much again for the PNG.
     Limits::default()
@@ -50,16 +55,18 @@ fn decode(name: &str, bytes: &[u8]) -> Result<Image8, String> {
             blocks * BLOCK_BYTES
         ));
     }
-    let texels = guarded(|| {
-        let transcoder = Transcoder::new(bytes).map_err(|e| format!("can't be transcoded ({e:?})"))?;
-        match transcoder.source_format() {
-            SourceFormat::Etc1s | SourceFormat::UastcLdr => {}
-            other => return Err(format!("holds {other:?}, where ETC1S and UASTC are read")),
+    let transcoder = Transcoder::new(bytes).map_err(|e| format!("can't be transcoded ({e:?})"))?;
+    match transcoder.source_format() {
+        SourceFormat::Etc1s | SourceFormat::UastcLdr => {}
+        other => {
+            return Err(format!(
+                "holds {other:?}, where KHR_texture_basisu has ETC1S and UASTC"
+            ));
         }
-        transcoder
-            .transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE)
-            .map_err(|e| format!("can't be transcoded ({e:?})"))
-    })?;
+    }
+    let texels = transcoder
+        .transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE)
+        .map_err(|e| format!("can't be transcoded ({e:?})"))?;
     Ok(Image8 {
         width: width as usize,
         height: height as usize,

@@ -144,7 +144,7 @@ fn unfold_one(root: &mut Value, primitive: &Value, path: String) -> Option<(Valu
             ("bufferView".to_owned(), view.into()),
             ("byteOffset".to_owned(), offset.into()),
         ]);
-        for key in ["componentType", "count", "type", "normalized"] {
+        for key in ["componentType", "count", "type", "normalized", "sparse"] {
             accessor.extend(source.get(key).map(|value| (key.to_owned(), value.clone())));
         }
         made.push((name, Value::Object(accessor)));
