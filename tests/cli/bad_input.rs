@@ -83,6 +83,25 @@ fn a_scene_without_geometry_is_refused() {
 }
 
 #[test]
+fn an_unknown_variant_is_answered_by_those_of_the_file() {
+    let room = folder();
+    let scene = gltf(room.path(), &SQUARE);
+    let text = std::fs::read_to_string(&scene).unwrap();
+    let variants =
+        r#""extensions":{"KHR_materials_variants":{"variants":[{"name":"beach"},{"name":"snow"}]}},"asset":"#;
+    let with = text.replacen("\"asset\":", variants, 1);
+    assert_ne!(text, with);
+    std::fs::write(&scene, with).unwrap();
+    let mut bake = relight();
+    bake.arg("bake").arg(&scene).args(["--variant", "winter", "-o"]);
+    let said = complaint(bake.arg(room.path().join("a.relight")), 1);
+    assert!(
+        said.contains(r#"no variant "winter"; choose one of "beach", "snow""#),
+        "{said}"
+    );
+}
+
+#[test]
 fn vertices_that_are_no_numbers_are_dropped_and_counted() {
     let folder = folder();
     let mut vertices = SQUARE.to_vec();
