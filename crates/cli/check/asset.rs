@@ -213,10 +213,10 @@ fn bounces(transfer: &Transfer) -> Vec<Measure> {
             "bounces: products to solve for light from one cluster",
             f64::from(solve.iterations),
             MOST_PRODUCTS,
-            "at any albedo; a series would take ln(0.01·(1 − ρ))/ln(radius)",
+            "at any albedo; a series would take ln(10⁻⁵·(1 − ρ))/ln(radius)",
         ),
         Measure::none(
-            "bounces: not solved to 0.01·(1 − ρ)",
+            "bounces: not solved to 10⁻⁵·(1 − ρ)",
             usize::from(!solve.converged),
             "1 % of the light",
         ),

@@ -6,7 +6,7 @@
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_transport::basis::{FunctionsInOrder, Level};
-use relight_transport::pyramid::{LEAST_LEFT, VectorIrradiance, carried_back};
+use relight_transport::pyramid::{VectorIrradiance, carried_back};
 use relight_transport::sparse::{SparseMatrix, build_with, fill_rows, row};
 
 /// The finest level's functions at each pixel's surface; empty rows where there is no surface. `places` has
@@ -66,15 +66,9 @@ pub fn components(weights: &SparseMatrix, finest: &Level, normals: &[(Vec3, Vec3
     components
 }
 
-/// RGB irradiance for each pixel. `finest` are the points of `values`. Where a shading normal turns away from what
-/// light the points have, and vector irradiance would say nothing or less, [`LEAST_LEFT`] of the light that the points
-/// themselves receive is left.
-pub fn irradiance(
-    weights: &SparseMatrix,
-    components: &[Vec3],
-    finest: &Level,
-    values: &[VectorIrradiance],
-) -> Vec<Vec3> {
+/// RGB irradiance for each pixel from `values` of the finest points. Below zero where a shading normal turns away from most of
+/// the light that the points have: vector irradiance holds no more of it (docs/notebook/transfer.md, "Light adds up").
+pub fn irradiance(weights: &SparseMatrix, components: &[Vec3], values: &[VectorIrradiance]) -> Vec<Vec3> {
     (0..weights.rows())
         .into_par_iter()
         .with_min_len(1024)
@@ -85,38 +79,7 @@ pub fn irradiance(
                 let value = &values[j as usize];
                 sum += value.x * c.x + value.y * c.y + value.z * c.z;
             }
-            if sum.min_element() < 0.0 {
-                let received =
-                    |(j, w): (u32, f32)| values[j as usize].irradiance(finest.normals[j as usize]) * w;
-                let around: Vec3 = row(weights, i).map(received).sum();
-                return Vec3::from(sum).max(around.max(Vec3::ZERO) * LEAST_LEFT);
-            }
             Vec3::from(sum)
         })
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_shading_normal_that_turns_away_from_the_light_still_shows_some() {
-        // Light along x over a floor that also gets 0.2 of it; a normal map that leans to −x sees less than nothing.
-        let finest = Level::new(vec![Vec3::ZERO], vec![Vec3::Y], 1.0, 1.0);
-        let places = [Some((Vec3::ZERO, Vec3::Y)); 2];
-        let weights = weights_at(&finest, &places, &[], |_, _| false);
-        let leaning = Vec3::new(-0.6, 0.8, 0.0);
-        let parts = components(&weights, &finest, &[(Vec3::Y, Vec3::Y), (Vec3::Y, leaning)]);
-        let mut light = VectorIrradiance::default();
-        light.add(Vec3::new(1.0, 0.2, 0.0), Vec3A::ONE);
-        let seen = irradiance(&weights, &parts, &finest, &[light]);
-        // Rounding of numbers below 1.
-        assert!((seen[0] - 0.2).abs().max_element() < 1e-6, "{}", seen[0]);
-        assert!(
-            (seen[1] - 0.2 * LEAST_LEFT).abs().max_element() < 1e-6,
-            "{}",
-            seen[1]
-        );
-    }
 }

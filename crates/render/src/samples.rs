@@ -18,8 +18,8 @@ const STAGE_REFLECTED: u32 = 0x02;
 const STAGE_GUIDED: u32 = 0x04;
 
 /// The `index`-th random triple of a place: evenly spread over a place's samples, shifted from place to place.
-fn random_triple(stage: u32, seed: u64, place: usize, light: usize, index: u32) -> [f32; 3] {
-    let mut stream = random_stream(stage, seed, place, light);
+fn random_triple(stage: u32, seed: u64, place: usize, salt: u32, index: u32) -> [f32; 3] {
+    let mut stream = random_stream(stage, seed, place, salt);
     let start = Vec2::new(stream.uniform(), stream.uniform());
     let point = r2(index, start);
     // The third number picks a triangle or the sun: the golden ratio's own sequence.
@@ -27,8 +27,16 @@ fn random_triple(stage: u32, seed: u64, place: usize, light: usize, index: u32) 
     [point.x, point.y, third as f32]
 }
 
-fn random_stream(stage: u32, seed: u64, place: usize, light: usize) -> Stream {
-    Stream::new(seed, stage ^ ((light as u32) << 8), place as u64)
+fn random_stream(stage: u32, seed: u64, place: usize, salt: u32) -> Stream {
+    Stream::new(seed, stage ^ (salt << 8), place as u64)
+}
+
+/// Tells lights' random numbers apart. By the name, so that a light has the same noise whichever others there are: alone, as a
+/// layer, and among all, which then add up (FNV-1a).
+fn salt_of(name: &str) -> u32 {
+    (name.bytes()).fold(0x811c_9dc5, |hash: u32, byte| {
+        (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193)
+    })
 }
 
 /// Samples that are drawn beforehand of a light that comes from all around. A map's bright part of some hundred
@@ -44,6 +52,7 @@ pub struct Samples<'a> {
     pub count: u32,
     stage: u32,
     seed: u64,
+    salt: u32,
     /// What is drawn once for all places: each takes a run of its own of the sequence, which is evenly spread like all runs
     /// of it. Drawing from a map costs more than a shadow ray.
     drawn: Arc<[Option<LightSample>]>,
@@ -118,10 +127,11 @@ impl<'a> Samples<'a> {
         seed: u64,
     ) -> Samples<'a> {
         let worthwhile = places.saturating_mul(samples as usize) > 2 * DRAWN;
+        let salt = salt_of(lights.name(light));
         let drawn = if lights.is_distant(light) && worthwhile {
             (0..DRAWN)
                 .into_par_iter()
-                .map(|index| random_triple(stage, seed, 0, light, index as u32))
+                .map(|index| random_triple(stage, seed, 0, salt, index as u32))
                 .map(|random| lights.sample(light, Vec3::ZERO, random))
                 .collect()
         } else {
@@ -133,6 +143,7 @@ impl<'a> Samples<'a> {
             count: 1,
             stage,
             seed,
+            salt,
             drawn,
             guides: None,
             is_told: false,
@@ -158,7 +169,7 @@ impl<'a> Samples<'a> {
 
     /// Numbers by which the `index`-th sample of a place is drawn, and their density.
     pub(crate) fn numbers(&self, place: usize, index: u32) -> ([f32; 3], f32) {
-        let of = |place, index| random_triple(self.stage, self.seed, place, self.light, index);
+        let of = |place, index| random_triple(self.stage, self.seed, place, self.salt, index);
         match self.guide_of(place) {
             Some(guide) => guide.at(of(place, index)),
             None if self.drawn.is_empty() => (of(place, index), 1.0),
@@ -172,12 +183,12 @@ impl<'a> Samples<'a> {
 
     /// Numbers for the `index`-th of a place's rays drawn by the reflection.
     pub(crate) fn of_reflection(&self, place: usize, index: u32) -> [f32; 3] {
-        random_triple(self.stage + STAGE_REFLECTED, self.seed, place, self.light, index)
+        random_triple(self.stage + STAGE_REFLECTED, self.seed, place, self.salt, index)
     }
 
     /// Which of those that were drawn beforehand it is.
     fn drawn_of(&self, place: usize, index: u32) -> usize {
-        let mut stream = random_stream(self.stage, self.seed, place, self.light);
+        let mut stream = random_stream(self.stage, self.seed, place, self.salt);
         let start = (stream.uniform() * DRAWN as f32) as usize;
         (start + index as usize) % DRAWN
     }

@@ -5,9 +5,6 @@
 //!
 //! A = N H T Q, with Q the pull, T the links, H the push and N the dot product with the normals. The format's specification
 //! (`crates/format/SPEC.md`, 8.1) has an equation for each.
-//!
-//! Deviation from a frame: [`crate::pyramid::push`] leaves some of the light around where differences take more away than
-//! there is ([`crate::pyramid::LEAST_LEFT`]), which no matrix does. Elsewhere both agree to rounding.
 
 use crate::links::SenderLinks;
 use crate::pyramid::{FLAT, LevelRanges, carry};

@@ -204,15 +204,12 @@ pub fn carried_back(direction: Vec3, to: Vec3, from: Vec3) -> Vec3 {
     carry(from, to).transpose() * direction
 }
 
-/// Share of the irradiance found around a point that its own difference must leave of it. What arrives above a
-/// surface's own horizon is never negative, but differences lose their small links and some would take more away than
-/// there is. A twentieth removes nearly all black places of leaves and folds at no more error; a tenth starts to lift
-/// real contact shadows (docs/notebook/transfer.md).
-pub const LEAST_LEFT: f32 = 0.05;
-
 /// Reconstructs values at all points from hierarchical coefficients, in place: afterwards `values[i]` is the
-/// value at point i instead of its difference to the level above (equation 7 backwards), with irradiance of at least
-/// [`LEAST_LEFT`] of what that level gives there.
+/// value at point i instead of its difference to the level above (equation 7 backwards).
+///
+/// Linear: differences lose their small links, and where they then take more away than there is, irradiance is left below zero. To
+/// lift it would depend on the light, so that lamps apart would not sum to both together, and what it mends is a part in a
+/// thousand (docs/notebook/transfer.md, "Light adds up").
 pub fn push(
     values: &mut [VectorIrradiance],
     normals: &[Vec3],
@@ -233,11 +230,6 @@ pub fn push(
                     around.add_carried(&coarser[k as usize], normals[k as usize], normal, w);
                 }
                 value.add_scaled(&around, 1.0);
-                let least = (around.irradiance(normal) * LEAST_LEFT).max(Vec3::ZERO);
-                let missing = least - value.irradiance(normal);
-                if missing.max_element() > 0.0 {
-                    value.add(normal, missing.max(Vec3::ZERO).into());
-                }
             });
     }
 }
@@ -318,8 +310,7 @@ mod tests {
         let ranges = LevelRanges::new(levels.iter().map(Level::len));
         let rows = fine_from_coarse(&levels, |_, _| false);
         let mut s = Stream::new(9, 0, 0);
-        // No place has less than LEAST_LEFT of what is around it.
-        let wanted: Vec<f32> = (0..ranges.total()).map(|_| 0.1 + 0.9 * s.uniform()).collect();
+        let wanted: Vec<f32> = (0..ranges.total()).map(|_| s.uniform()).collect();
         let mut values = vec![VectorIrradiance::default(); ranges.total()];
         for i in 0..ranges.total() {
             let predicted: f32 = row(&rows, i).map(|(k, w)| w * wanted[k as usize]).sum();
@@ -329,27 +320,5 @@ mod tests {
         for (value, wanted) in values.iter().zip(&wanted) {
             assert!((value.irradiance(Vec3::Y).x - wanted).abs() < 1e-5);
         }
-    }
-
-    #[test]
-    fn a_difference_leaves_some_of_the_light_around() {
-        // Two points in light of 1; differences take more than all red from one, all but the least from the other.
-        let ranges = LevelRanges::new([1, 2]);
-        let rows = from_rows(&[vec![], vec![(0, 1.0)], vec![(0, 1.0)]], 3);
-        let normals = [Vec3::Y; 3];
-        let mut values = [VectorIrradiance::default(); 3];
-        values[0].add(Vec3::new(0.5, 1.0, 0.0), Vec3A::ONE);
-        values[1].add(Vec3::Y, Vec3A::new(-1.5, 0.0, 0.25));
-        values[2].add(Vec3::Y, Vec3A::splat(LEAST_LEFT - 1.0));
-        push(&mut values, &normals, &ranges, &rows);
-        let least = LEAST_LEFT;
-        // Rounding of numbers near 1.
-        let agree = |a: Vec3, b: Vec3| (a - b).abs().max_element() < 1e-6;
-        assert!(agree(values[1].irradiance(Vec3::Y), Vec3::new(least, 1.0, 1.25)));
-        assert!(agree(values[2].irradiance(Vec3::Y), Vec3::splat(least)));
-        assert!(
-            agree(values[1].irradiance(Vec3::X), Vec3::splat(0.5)),
-            "light along the surface is kept"
-        );
     }
 }

@@ -70,6 +70,12 @@ impl Sums {
 impl Task<'_> {
     /// Irradiance of one light where indirect light starts.
     pub fn received_of(&self, starts: Starts, lights: &LightSet, light: usize) -> Received {
+        if lights.is_dark(light) {
+            return Received {
+                points: starts.points.map(|places| vec![Vec3::ZERO; places.points()]),
+                samples: starts.samples.map(|hits| vec![Vec3::ZERO; hits.len()]),
+            };
+        }
         let irradiance = |hits: &[Option<SurfaceHit>], footprint: f32| {
             irradiance_at(
                 &self.prepared.scene,
@@ -92,6 +98,9 @@ impl Task<'_> {
     pub fn reflected_of(&self, lights: &LightSet, light: usize, by_cuts: bool) -> Vec<Vec3> {
         let (scene, seen) = (&self.prepared.scene, &self.shot.seen);
         let mut reflected = vec![Vec3::ZERO; seen.len()];
+        if lights.is_dark(light) {
+            return reflected;
+        }
         // Shadows of others are soft, mostly wider than a pixel. What cuts leave of an environment are its small lamps.
         let small = lights.is_delta(light) || (by_cuts && lights.is_distant(light));
         let most = self.settings.pixel_samples;

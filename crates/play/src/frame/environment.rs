@@ -18,17 +18,14 @@ pub(super) struct EvenLight {
 }
 
 impl Task<'_> {
-    /// Light of even directions at fragments and points; `None` without any, or without cuts that know of them.
-    pub fn even_light(&self, lights: &[&DistantLight], times: &mut FrameTimes) -> Option<EvenLight> {
-        if lights.is_empty() {
-            return None;
-        }
+    /// Light of one environment's or sky's even directions at fragments and points; `None` without cuts that know of them.
+    ///
+    /// One at a time, because a cut is chosen by what shines: of all together it would not be the sum of theirs.
+    pub fn even_light(&self, distant: &DistantLight, times: &mut FrameTimes) -> Option<EvenLight> {
         let cuts = self.prepared.cuts.as_ref()?;
         let (directions, sites) = (cuts.directions()?, self.shot.sites.as_ref()?);
         let start = Instant::now();
-        let parts = directions
-            .cells
-            .parts(|direction| lights.iter().map(|light| light.radiance(direction)).sum());
+        let parts = directions.cells.parts(|direction| distant.radiance(direction));
         let light = Illumination::of_parts(directions, &parts, self.settings.illumination_cut);
         times.illumination_cut += milliseconds(start);
         let start = Instant::now();
@@ -50,9 +47,7 @@ impl Task<'_> {
             &uncertain,
             &mut radiance,
         );
-        reflections.add_sky_to(&mut radiance, |direction| {
-            lights.iter().map(|light| light.radiance(direction)).sum()
-        });
+        reflections.add_sky_to(&mut radiance, |direction| distant.radiance(direction));
         times.shade += milliseconds(start);
         let start = Instant::now();
         let transfer = self.prepared.transfer.as_ref().filter(|_| self.shot.transfers);

@@ -10,7 +10,6 @@ use crate::shot::Functions;
 use crate::transfer::{Transfer, TransferStats};
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_transport::basis::Level;
 use relight_transport::pyramid::VectorIrradiance;
 use std::f32::consts::PI;
 use std::time::Instant;
@@ -63,7 +62,7 @@ impl Task<'_> {
     ) -> (Vec<Vec3>, TransferStats) {
         let (values, stats) = transfer.indirect_from_direct(received);
         let start = Instant::now();
-        let mut radiance = reflected(functions, &transfer.finest, &values);
+        let mut radiance = reflected(functions, &values);
         let indirect = (values.iter().zip(&transfer.finest.normals)).map(|(e, n)| e.irradiance(*n));
         (self.shot.reflections).add_to(&mut radiance, Some(received), indirect);
         times.reconstruct += milliseconds(start);
@@ -83,10 +82,10 @@ impl Task<'_> {
         let mut radiance = glossy;
         let (first, further, stats) = transfer.first_and_further(received);
         let start = Instant::now();
-        add(&mut radiance, &reflected(functions, &transfer.finest, &further));
+        add(&mut radiance, &reflected(functions, &further));
         for ((out, first), point) in radiance
             .iter_mut()
-            .zip(reflected(functions, &transfer.finest, &first))
+            .zip(reflected(functions, &first))
             .zip(&self.shot.seen.points)
         {
             if point.as_ref().is_some_and(|p| p.lambert) {
@@ -121,8 +120,8 @@ impl Task<'_> {
 }
 
 /// What fragments reflect, like something matt, of the points' vector irradiance.
-fn reflected(functions: &Functions, finest: &Level, values: &[VectorIrradiance]) -> Vec<Vec3> {
-    let irradiance = reconstruct::irradiance(&functions.weights, &functions.components, finest, values);
+fn reflected(functions: &Functions, values: &[VectorIrradiance]) -> Vec<Vec3> {
+    let irradiance = reconstruct::irradiance(&functions.weights, &functions.components, values);
     (irradiance
         .into_par_iter()
         .zip(&functions.albedo)

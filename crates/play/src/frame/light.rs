@@ -1,6 +1,6 @@
 //! Light of a shot's fragments, from direct to indirect.
 
-use super::direct::{ByLightcuts, Starts, Sums};
+use super::direct::{Starts, Sums};
 use super::emission::emission_at;
 use super::settings::FrameSettings;
 use super::stats::{RelitStats, milliseconds};
@@ -10,8 +10,9 @@ use crate::lights::{Distant, Lights};
 use crate::prepared::PreparedScene;
 use crate::shot::RelitShot;
 use glam::Vec3;
+use relight_render::sum::Sum;
 use relight_render::watch::{Cancelled, Watch, go_on};
-use relight_scene::light_set::{DistantLight, LightSet};
+use relight_scene::light_set::LightSet;
 use std::time::Instant;
 
 /// Radiance per fragment of a shot, W/(m² sr).
@@ -21,7 +22,7 @@ pub struct Lit {
     pub emission: Vec<Vec3>,
     /// One reflection.
     pub direct: Vec<Vec3>,
-    /// Two reflections and more; not clamped.
+    /// Two reflections and more; may be below zero by the operator's error.
     pub indirect: Vec<Vec3>,
     /// Per light of the sequence its emission + direct + indirect, if asked for.
     pub lights: Vec<(String, Vec<Vec3>)>,
@@ -59,97 +60,150 @@ pub fn light(
         points: (shot.transfers && prepared.transfer.is_some()).then_some(&prepared.places),
         samples: (samples.filter(|_| by_cuts == CutUse::FirstBounce)).map(|samples| &samples.hits[..]),
     };
-    let distant = (by_cuts == CutUse::Environments).then(|| lights.distant_at(time));
+    let even = (by_cuts == CutUse::Environments).then(|| lights.distant_at(time));
     let lights = lights.at(time);
-    let mut stats = RelitStats::default();
-    let mut lit = Lit::default();
-    let mut sums = Sums::new(shot.seen.len(), starts);
-    let shadowed = distant.as_ref().map_or(&lights, |d| &d.near);
-    let all_at_once = if settings.light_layers {
-        ByLightcuts::default()
-    } else {
-        task.add_by_lightcuts(starts, shadowed, &mut sums, &mut stats.times)
+    let shining = Shining {
+        lights: &lights,
+        shadowed: even.as_ref().map_or(&lights, |even| &even.near),
+        even: even.as_ref(),
     };
-    stats.lightcuts = all_at_once.used;
-    for light in 0..lights.len() {
-        go_on(watch)?;
-        if settings.light_layers {
-            let distant = distant.as_ref();
-            let (direct, received) =
-                light_layer(&task, starts, &lights, distant, light, &mut lit, &mut stats);
-            sums.direct.add(direct);
-            sums.add_received(received);
-        } else {
-            if !all_at_once.points {
-                let start = Instant::now();
-                sums.add_received(task.received_of(starts, shadowed, light));
-                stats.times.direct_points += milliseconds(start);
-            }
-            if !all_at_once.pixels {
-                let start = Instant::now();
-                let reflected = task.reflected_of(shadowed, light, distant.is_some());
-                sums.direct.add(reflected);
-                stats.times.direct_pixels += milliseconds(start);
-            }
-        }
-        watch.advance_to(light + 1, lights.len() + 1);
-    }
-    go_on(watch)?;
-    if let (Some(distant), false) = (&distant, settings.light_layers) {
-        let all: Vec<&DistantLight> = distant.lights.iter().flatten().collect();
-        if let Some(even) = task.even_light(&all, &mut stats.times) {
-            sums.direct.add(even.radiance);
-            sums.add_received(Received {
-                points: even.irradiance,
-                samples: None,
-            });
-            stats.cuts = Some(even.stats);
-        }
-    }
-    go_on(watch)?;
-    let received;
-    (lit.direct, received) = sums.rounded();
-    lit.emission = emission_at(&prepared.scene, &shot.seen, &lights, None);
-    let indirect = task.indirect(&received, &mut stats.times);
-    lit.indirect = indirect.radiance;
-    stats.transfer = indirect.transfer;
-    stats.cuts = stats.cuts.or(indirect.cuts);
-    stats.pixels = shot.seen.width * shot.seen.height;
+    let mut stats = RelitStats {
+        pixels: shot.seen.width * shot.seen.height,
+        ..RelitStats::default()
+    };
+    let lit = match settings.light_layers {
+        true => light_by_light(&task, starts, &shining, &mut stats, watch)?,
+        false => all_together(&task, starts, &shining, &mut stats, watch)?,
+    };
     Ok((lit, stats))
 }
 
-/// Makes the layer of one light, and returns its direct light and what it lets arrive where indirect light starts.
-fn light_layer(
+/// The lights of a frame.
+struct Shining<'a> {
+    lights: &'a LightSet<'a>,
+    /// The same, less what comes from even directions.
+    shadowed: &'a LightSet<'a>,
+    /// What comes from even directions, where visibility cuts take it.
+    even: Option<&'a Distant<'a>>,
+}
+
+/// All lights in one pass of indirect light.
+fn all_together(
     task: &Task,
     starts: Starts,
-    lights: &LightSet,
-    distant: Option<&Distant>,
+    shining: &Shining,
+    stats: &mut RelitStats,
+    watch: &dyn Watch,
+) -> Result<Lit, Cancelled> {
+    let Shining {
+        lights,
+        shadowed,
+        even,
+    } = *shining;
+    let mut sums = Sums::new(task.shot.seen.len(), starts);
+    let at_once = task.add_by_lightcuts(starts, shadowed, &mut sums, &mut stats.times);
+    stats.lightcuts = at_once.used;
+    for light in 0..lights.len() {
+        go_on(watch)?;
+        if !at_once.points {
+            let start = Instant::now();
+            sums.add_received(task.received_of(starts, shadowed, light));
+            stats.times.direct_points += milliseconds(start);
+        }
+        if !at_once.pixels {
+            let start = Instant::now();
+            let reflected = task.reflected_of(shadowed, light, even.is_some());
+            sums.direct.add(reflected);
+            stats.times.direct_pixels += milliseconds(start);
+        }
+        watch.advance_to(light + 1, lights.len() + 1);
+    }
+    for distant in even.iter().flat_map(|even| &even.lights).flatten() {
+        go_on(watch)?;
+        let Some(even) = task.even_light(distant, &mut stats.times) else {
+            break;
+        };
+        sums.direct.add(even.radiance);
+        sums.add_received(Received {
+            points: even.irradiance,
+            samples: None,
+        });
+        stats.cuts = Some(even.stats);
+    }
+    go_on(watch)?;
+    let (direct, received) = sums.rounded();
+    Ok(Lit {
+        emission: emission_at(&task.prepared.scene, &task.shot.seen, lights, None),
+        direct,
+        indirect: indirect(task, &received, stats),
+        lights: Vec::new(),
+    })
+}
+
+/// Every light by itself, and their sums.
+fn light_by_light(
+    task: &Task,
+    starts: Starts,
+    shining: &Shining,
+    stats: &mut RelitStats,
+    watch: &dyn Watch,
+) -> Result<Lit, Cancelled> {
+    let (lights, seen) = (shining.lights, &task.shot.seen);
+    let mut layers = Vec::new();
+    let nothing = || Sum::Nothing(seen.len());
+    let (mut all_direct, mut all_indirect) = (nothing(), nothing());
+    for light in 0..lights.len() {
+        go_on(watch)?;
+        let mut layer = emission_at(&task.prepared.scene, seen, lights, Some(light));
+        if !lights.is_dark(light) {
+            let (direct, received) = direct_of(task, starts, shining, light, stats);
+            let indirect = indirect(task, &received, stats);
+            add(&mut layer, &direct);
+            add(&mut layer, &indirect);
+            all_direct.add(direct);
+            all_indirect.add(indirect);
+        }
+        layers.push((lights.name(light).to_owned(), layer));
+        watch.advance_to(light + 1, lights.len() + 1);
+    }
+    Ok(Lit {
+        emission: emission_at(&task.prepared.scene, seen, lights, None),
+        direct: all_direct.rounded(),
+        indirect: all_indirect.rounded(),
+        lights: layers,
+    })
+}
+
+/// Direct light of one light at the fragments, and what it lets arrive where indirect light starts.
+fn direct_of(
+    task: &Task,
+    starts: Starts,
+    shining: &Shining,
     light: usize,
-    lit: &mut Lit,
     stats: &mut RelitStats,
 ) -> (Vec<Vec3>, Received) {
     let times = &mut stats.times;
-    let shadowed = distant.map_or(lights, |d| &d.near);
     let start = Instant::now();
-    let mut received = task.received_of(starts, shadowed, light);
+    let mut received = task.received_of(starts, shining.shadowed, light);
     times.direct_points += milliseconds(start);
     let start = Instant::now();
-    let mut direct = task.reflected_of(shadowed, light, distant.is_some());
+    let mut direct = task.reflected_of(shining.shadowed, light, shining.even.is_some());
     times.direct_pixels += milliseconds(start);
-    let own = distant.and_then(|distant| distant.lights[light].as_ref());
-    if let Some(own) = own {
-        let even = task.even_light(&[own], times);
-        if let Some(even) = &even {
-            add(&mut direct, &even.radiance);
-            if let (Some(points), Some(irradiance)) = (&mut received.points, &even.irradiance) {
-                add(points, irradiance);
-            }
+    let own = shining.even.and_then(|even| even.lights[light].as_ref());
+    if let Some(even) = own.and_then(|own| task.even_light(own, times)) {
+        add(&mut direct, &even.radiance);
+        if let (Some(points), Some(irradiance)) = (&mut received.points, &even.irradiance) {
+            add(points, irradiance);
         }
-        stats.cuts = even.map(|even| even.stats);
+        stats.cuts = Some(even.stats);
     }
-    let mut layer = emission_at(&task.prepared.scene, &task.shot.seen, lights, Some(light));
-    add(&mut layer, &direct);
-    add(&mut layer, &task.indirect(&received, times).radiance);
-    lit.lights.push((lights.name(light).to_owned(), layer));
     (direct, received)
+}
+
+/// Indirect light at the fragments of what points and samples have received.
+fn indirect(task: &Task, received: &Received, stats: &mut RelitStats) -> Vec<Vec3> {
+    let indirect = task.indirect(received, &mut stats.times);
+    stats.transfer = indirect.transfer;
+    stats.cuts = stats.cuts.or(indirect.cuts);
+    indirect.radiance
 }

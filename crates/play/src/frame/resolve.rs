@@ -8,8 +8,7 @@ use relight_render::views;
 use relight_scene::image::{BEAUTY, Layers};
 
 /// The layers of a frame: `beauty` = `emission` + `direct` + `indirect`, `light.NAME`, and with `surface_layers` `albedo`,
-/// `normal` and `depth`. Indirect light is clamped at zero here, where all of it is summed; light layers
-/// are not, so that they add up.
+/// `normal` and `depth`. Nothing is clamped, so that layers add up.
 pub fn resolve(seen: &Exposure, lit: &Lit, surface_layers: bool) -> Layers {
     let mut layers = Layers::new(seen.width, seen.height);
     let mut push = |name: &str, pixels: &[Vec3]| {
@@ -18,8 +17,7 @@ pub fn resolve(seen: &Exposure, lit: &Lit, surface_layers: bool) -> Layers {
     };
     let emission = seen.resolve(&lit.emission);
     let direct = seen.resolve(&lit.direct);
-    let mut indirect = seen.resolve(&lit.indirect);
-    (indirect.par_iter_mut().with_min_len(4096)).for_each(|v| *v = v.max(Vec3::ZERO));
+    let indirect = seen.resolve(&lit.indirect);
     let beauty: Vec<Vec3> = (0..indirect.len())
         .into_par_iter()
         .with_min_len(4096)

@@ -152,6 +152,11 @@ impl<'a> LightSet<'a> {
         self.lights[light].shape.power(disc)
     }
 
+    /// Whether a light sends nothing anywhere.
+    pub fn is_dark(&self, light: usize) -> bool {
+        self.power(light, 1.0) == Vec3::ZERO
+    }
+
     /// What light `light` is.
     pub fn form(&self, light: usize) -> LightForm<'_> {
         self.lights[light].shape.form(self.emitters)
@@ -162,7 +167,7 @@ impl<'a> LightSet<'a> {
         self.emitters
     }
 
-    /// Takes the smooth part of every environment out of the lights: per light that part, where it has one. `split`
+    /// Takes the smooth part of every environment out of the lights: per light that part, where it has one that shines. `split`
     /// gives the parts of a light's map. Of a sun with sky, the sky is taken and the sun stays.
     pub fn take_distant(&mut self, split: impl Fn(usize) -> Option<Arc<Split>>) -> Vec<Option<DistantLight>> {
         let take = |(i, light): (usize, &mut Light)| {
@@ -171,7 +176,7 @@ impl<'a> LightSet<'a> {
             }
             let (left, environment) = light.shape.split(split(i).as_deref())?;
             light.shape = left;
-            Some(DistantLight { environment })
+            (environment.scale != Vec3::ZERO).then_some(DistantLight { environment })
         };
         self.lights.iter_mut().enumerate().map(take).collect()
     }
