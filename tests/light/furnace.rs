@@ -148,7 +148,7 @@ fn varying(params: &BakeParams) -> DVec3 {
     let emitters = SceneEmitters::new(&player.prepared.scene);
     let lamp = LightSet::new(&emitters, &tracks, 0.0).unwrap();
     let transfer = player.prepared.transfer.as_ref().unwrap();
-    let direct = irradiance_at(
+    let (direct, _) = irradiance_at(
         &player.prepared.scene,
         &lamp,
         0,

@@ -231,7 +231,7 @@ pub fn at_points(stage: &Stage, player: &Player, tracks: &[LightTrack]) -> Resul
     let mut direct = vec![Vec3::ZERO; transfer.finest.len()];
     let places = &player.prepared.places;
     for light in 0..lights.len() {
-        let own = relight_render::irradiance::irradiance_at(
+        let (own, _) = relight_render::irradiance::irradiance_at(
             &player.prepared.scene,
             &lights,
             light,

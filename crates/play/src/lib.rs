@@ -65,6 +65,7 @@ pub mod player;
 pub mod prepared;
 pub mod reconstruct;
 pub mod reflections;
+mod shadow_edges;
 pub mod shot;
 mod snap;
 mod spread;

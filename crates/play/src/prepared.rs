@@ -1,6 +1,7 @@
 //! A scene with its transport, ready to be lit.
 
 use crate::cuts::VisibilityCuts;
+use crate::shadow_edges::ShadowEdges;
 use crate::snap::snapped;
 use crate::spread::PointPlaces;
 use crate::transfer::Transfer;
@@ -18,6 +19,8 @@ pub struct PreparedScene {
     pub points: Vec<Option<SurfaceHit>>,
     /// Where direct light is found for them.
     pub places: PointPlaces,
+    /// What is known around those where shadows' edges pass.
+    pub edges: ShadowEdges,
     /// Visibility cuts; `None` for an asset baked without.
     pub cuts: Option<VisibilityCuts>,
 }
@@ -41,11 +44,13 @@ impl PreparedScene {
         let places = transfer.as_ref().map_or_else(PointPlaces::default, |t| {
             PointPlaces::new(&scene, &t.finest, &points)
         });
+        let edges = ShadowEdges::new(places.hits.len());
         PreparedScene {
             scene,
             transfer,
             points,
             places,
+            edges,
             cuts,
         }
     }

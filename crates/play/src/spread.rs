@@ -126,7 +126,7 @@ fn around(
 }
 
 /// Places spread evenly over the unit disk, turned for each point (Vogel 1979).
-fn sunflower(k: usize, of: usize, point: usize) -> Vec2 {
+pub(crate) fn sunflower(k: usize, of: usize, point: usize) -> Vec2 {
     const GOLDEN: f32 = 2.399_963;
     let radius = ((k as f32 + 0.5) / of as f32).sqrt();
     Vec2::from_angle(GOLDEN * (k as f32 + point as f32)) * radius

@@ -1,7 +1,7 @@
 //! Irradiance of a light at many places at once: points of the basis.
 
 use crate::guide::Guides;
-use crate::lighting::{Reflection, Told, add_light, own_run};
+use crate::lighting::{Met, Reflection, Told, add_light, own_run};
 use crate::rare::Rare;
 use crate::samples::Samples;
 use glam::Vec3;
@@ -32,7 +32,8 @@ pub(crate) fn cosine_over(footprint: f32, distance: f32, cosine: f32) -> f32 {
 
 /// Irradiance of one light on the geometric side of each place, for its smooth normal. `samples` per place
 /// for lights with extent, more in a neighbourhood of places where most of them are in vain. `footprint`: the surface, m², that a
-/// place stands for, over which light of lamps without extent is averaged; 0 for the place alone.
+/// place stands for, over which light of lamps without extent is averaged; 0 for the place alone. Second, what each place's samples
+/// met.
 pub fn irradiance_at(
     scene: &TracedScene,
     lights: &LightSet,
@@ -41,7 +42,7 @@ pub fn irradiance_at(
     footprint: f32,
     samples: u32,
     seed: u64,
-) -> Vec<Vec3> {
+) -> (Vec<Vec3>, Vec<Met>) {
     let mut samples = Samples::of_points(lights, light, hits.len(), samples, seed);
     if samples.count > 1 {
         samples = samples.told();
@@ -58,7 +59,23 @@ pub fn irradiance_at(
             }
         }
     }
-    irradiance
+    (irradiance, told.met)
+}
+
+/// The same by one sample each, at several hits for each of some places. `runs`: of every hit its place, and which of the place's
+/// samples.
+pub fn irradiance_around(
+    scene: &TracedScene,
+    lights: &LightSet,
+    light: usize,
+    hits: &[Option<SurfaceHit>],
+    runs: &[(usize, u32)],
+    footprint: f32,
+    seed: u64,
+) -> (Vec<Vec3>, Vec<Met>) {
+    let samples = Samples::of_points(lights, light, hits.len(), 1, seed);
+    let (irradiance, told) = irradiance_by(scene, &samples, hits, footprint, |hit| runs[hit]);
+    (irradiance, told.met)
 }
 
 /// Places beside one another in their order, as points lie along a curve, that learn where a light is drawn from.
@@ -186,7 +203,7 @@ mod tests {
             let at = |k: usize| 1.8 * ((k as f32 + 0.5) / side as f32 - 0.5);
             let down = |i: usize| Ray::endless(Vec3::new(at(i % side), 1.0, at(i / side)), Vec3::NEG_Y);
             let hits: Vec<_> = (0..side * side).map(|i| scene.closest_hit(&down(i))).collect();
-            let out = irradiance_at(&scene, &lights, 0, &hits, 0.0, samples, 1);
+            let (out, _) = irradiance_at(&scene, &lights, 0, &hits, 0.0, samples, 1);
             out.iter().map(|e| f64::from(e.x)).collect()
         };
         let LightKind::Environment { map, .. } = &tracks[0].kind else {

@@ -3,11 +3,12 @@
 
 use super::stats::{DirectLightcuts, FrameTimes, milliseconds};
 use super::task::{Received, Task};
+use crate::shadow_edges::Places;
 use crate::spread::PointPlaces;
 use glam::Vec3;
-use relight_render::irradiance::irradiance_at;
+use relight_render::irradiance::{irradiance_around, irradiance_at};
 use relight_render::lightcuts::{self, AT_PIXELS, AT_POINTS, ManyLights};
-use relight_render::lighting::{self, Receivers, own_run};
+use relight_render::lighting::{self, Met, Receivers, own_run};
 use relight_render::samples::Samples;
 use relight_render::sum::Sum;
 use relight_render::{edges, refine};
@@ -88,10 +89,40 @@ impl Task<'_> {
             )
         };
         Received {
-            points: (starts.points)
-                .map(|places| places.means(irradiance(&places.hits, self.prepared.footprint()))),
-            samples: starts.samples.map(|hits| irradiance(hits, 0.0)),
+            points: starts.points.map(|places| {
+                let (mut lit, met) = irradiance(&places.hits, self.prepared.footprint());
+                self.soften(lights, light, &met, &mut lit);
+                places.means(lit)
+            }),
+            samples: starts.samples.map(|hits| irradiance(hits, 0.0).0),
         }
+    }
+
+    /// Takes the mean over a point's surface where a shadow's edge passes it.
+    fn soften(&self, lights: &LightSet, light: usize, met: &[Met], lit: &mut [Vec3]) {
+        if lights.is_emissive(light) {
+            return; // Surfaces of the scene stand still.
+        }
+        let around = |hits: &[Option<SurfaceHit>], runs: &[(usize, u32)]| {
+            irradiance_around(
+                &self.prepared.scene,
+                lights,
+                light,
+                hits,
+                runs,
+                self.prepared.footprint(),
+                self.settings.seed,
+            )
+        };
+        let Some(transfer) = &self.prepared.transfer else {
+            return;
+        };
+        let places = Places {
+            scene: &self.prepared.scene,
+            hits: &self.prepared.places.hits,
+            disk_radius: transfer.finest.disk_radius,
+        };
+        self.prepared.edges.soften(places, met, around, lit);
     }
 
     /// What fragments reflect of one light. `by_cuts`: visibility cuts have taken what is wide of environments.

@@ -173,7 +173,7 @@ mod tests {
     ) -> Vec<Vec3> {
         let mut sum = vec![Vec3::ZERO; places.len()];
         for light in 0..lights.len() {
-            let own = irradiance::irradiance_at(scene, lights, light, places, footprint, 1, 0);
+            let (own, _) = irradiance::irradiance_at(scene, lights, light, places, footprint, 1, 0);
             sum.iter_mut().zip(&own).for_each(|(s, o)| *s += *o);
         }
         sum

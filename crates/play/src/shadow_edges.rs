@@ -1,0 +1,267 @@
+//! Direct light where a shadow's edge passes: the mean over the surface that a place stands for.
+//!
+//! A single shadow ray switches a place from light to dark at once, and as a lamp moves, indirect light flickers with every place
+//! that its shadows pass. Where neighbours disagree, light is found at several spots around each instead, which the edge passes one
+//! after the other.
+
+use crate::spread::sunflower;
+use glam::Vec3;
+use rayon::prelude::*;
+use relight_render::lighting::{DARK, LIT, Met};
+use relight_scene::rays::Ray;
+use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
+use relight_scene::traced::TracedScene;
+use relight_transport::basis::Level;
+use relight_transport::sampling::Frame;
+use std::ops::Range;
+use std::sync::OnceLock;
+
+/// Spots of a place: a step of light is a sixteenth of the place's.
+const SPOTS: usize = 16;
+
+/// The outermost of them are asked first; where they agree with the place, no edge passes it.
+const RIM: usize = 4;
+
+/// Radius of the surface that a place stands for, in disk radii: [`relight_render::irradiance::FOOTPRINT`] is its area.
+const REACH: f32 = 0.6;
+
+/// Neighbours of a place are within this many disk radii: an edge that passes its surface has places of a maximal set on its other side
+/// there.
+const NEAR: f32 = 2.0;
+
+/// Times the mean light from which on a place's has much.
+const MUCH: f32 = 4.0;
+
+/// How far above a place's plane its spots are looked for, as a share of the way there.
+const HEIGHT: f32 = 0.25;
+
+/// Shares of a spot's distance at which it is looked for, one after the other.
+const NEARER: [f32; 3] = [1.0, 0.5, 0.25];
+
+/// What is known of the places' surroundings; found when it is first asked for.
+#[derive(Debug, Default)]
+pub struct ShadowEdges {
+    neighbours: OnceLock<Neighbours>,
+    /// Spots of each place on its own surface, that nothing separates from it.
+    spots: Vec<OnceLock<Box<[Spot]>>>,
+}
+
+/// Places near each other that face the same way: ends of the rows, and all rows.
+#[derive(Debug)]
+struct Neighbours {
+    ends: Vec<u32>,
+    rows: Vec<u32>,
+}
+
+/// A spot of the scene's surfaces.
+#[derive(Debug)]
+struct Spot {
+    /// Which of the place's.
+    which: u32,
+    primitive: u32,
+    barycentric: [f32; 2],
+    front: bool,
+}
+
+/// Places where light is found.
+#[derive(Clone, Copy)]
+pub struct Places<'a> {
+    /// The surfaces that they lie on.
+    pub scene: &'a TracedScene,
+    /// Where.
+    pub hits: &'a [Option<SurfaceHit>],
+    /// Disk radius of the maximal set that they are, m.
+    pub disk_radius: f32,
+}
+
+/// Lights hits, of each the place and which of its spots it is: irradiance, and what its sample met.
+pub trait Lighting: Fn(&[Option<SurfaceHit>], &[(usize, u32)]) -> (Vec<Vec3>, Vec<Met>) {}
+impl<F: Fn(&[Option<SurfaceHit>], &[(usize, u32)]) -> (Vec<Vec3>, Vec<Met>)> Lighting for F {}
+
+impl ShadowEdges {
+    /// Nothing known yet of so many places.
+    pub fn new(places: usize) -> ShadowEdges {
+        let mut spots = Vec::new();
+        spots.resize_with(places, OnceLock::new);
+        ShadowEdges {
+            neighbours: OnceLock::new(),
+            spots,
+        }
+    }
+
+    /// Replaces light at shadows' edges by means over the places' surfaces. `met` and `lit`: of each place.
+    pub fn soften(&self, places: Places, met: &[Met], lighting: impl Lighting, lit: &mut [Vec3]) {
+        let near_edges = self.near_edges(places, met, lit);
+        let rims = self.lit_at(places, &near_edges, SPOTS - RIM..SPOTS, &lighting);
+        let crossed: Vec<(u32, Lit)> = (near_edges.into_iter().zip(rims))
+            .filter(|(place, rim)| rim.is_crossed(met[*place as usize]))
+            .collect();
+        let inside: Vec<u32> = crossed.iter().map(|(place, _)| *place).collect();
+        let inner = self.lit_at(places, &inside, 0..SPOTS - RIM, &lighting);
+        for ((place, rim), inner) in crossed.into_iter().zip(inner) {
+            let count = rim.count + inner.count;
+            if count > 0 {
+                lit[place as usize] = (rim.sum + inner.sum) / count as f32;
+            }
+        }
+    }
+
+    /// Places that neighbours see the light otherwise than, that see it in part, or that have much of it: what passes between places
+    /// steps most there.
+    fn near_edges(&self, places: Places, met: &[Met], lit: &[Vec3]) -> Vec<u32> {
+        let Neighbours { ends, rows } = self.neighbours.get_or_init(|| Neighbours::of(places));
+        let sum: f64 = lit.iter().map(|lit| f64::from(lit.max_element())).sum();
+        let mean = (sum / lit.len().max(1) as f64) as f32;
+        let is_near = |&place: &u32| {
+            let place = place as usize;
+            let row = &rows[ends[place] as usize..ends[place + 1] as usize];
+            let own = lit[place].max_element();
+            let differs = |&other: &u32| {
+                let other = other as usize;
+                met[other] != met[place]
+                    && (met[other] != 0 && met[place] != 0 || own.max(lit[other].max_element()) > mean)
+            };
+            met[place] == LIT | DARK || own > MUCH * mean || row.iter().any(differs)
+        };
+        (0..met.len() as u32)
+            .into_par_iter()
+            .with_min_len(1024)
+            .filter(is_near)
+            .collect()
+    }
+
+    /// Light at some of the spots of places.
+    fn lit_at(
+        &self,
+        places: Places,
+        wanted: &[u32],
+        which: Range<usize>,
+        lighting: &impl Lighting,
+    ) -> Vec<Lit> {
+        let spots: Vec<Vec<(SurfaceHit, u32)>> = (wanted.par_iter())
+            .with_min_len(64)
+            .map(|&place| self.spots_of(places, place as usize, &which))
+            .collect();
+        let (mut hits, mut runs) = (Vec::new(), Vec::new());
+        for (&place, spots) in wanted.iter().zip(&spots) {
+            hits.extend(spots.iter().map(|spot| Some(spot.0)));
+            runs.extend(spots.iter().map(|spot| (place as usize, spot.1)));
+        }
+        let (irradiance, met) = lighting(&hits, &runs);
+        let mut next = irradiance.into_iter().zip(met);
+        (spots.iter())
+            .map(|spots| {
+                let mut lit = Lit::default();
+                for (sum, met) in next.by_ref().take(spots.len()) {
+                    lit.sum += sum;
+                    lit.count += 1;
+                    lit.met[usize::from(met)] = true;
+                }
+                lit
+            })
+            .collect()
+    }
+
+    fn spots_of(&self, places: Places, place: usize, which: &Range<usize>) -> Vec<(SurfaceHit, u32)> {
+        let Some(hit) = &places.hits[place] else {
+            return Vec::new();
+        };
+        let reach = REACH * places.disk_radius;
+        let spots = self.spots[place].get_or_init(|| spots_around(places.scene, hit, place, reach));
+        let of = |spot: &Spot| {
+            (
+                (places.scene).surface_at(spot.primitive, spot.barycentric, spot.front),
+                spot.which,
+            )
+        };
+        let wanted = spots.iter().filter(|spot| which.contains(&(spot.which as usize)));
+        wanted.map(of).collect()
+    }
+}
+
+/// Light of several spots.
+#[derive(Clone, Copy, Default)]
+struct Lit {
+    sum: Vec3,
+    count: u32,
+    /// What any of them met.
+    met: [bool; 1 + (LIT | DARK) as usize],
+}
+
+impl Lit {
+    /// Whether any has met something else than the place.
+    fn is_crossed(&self, place: Met) -> bool {
+        (0..).zip(self.met).any(|(met, any)| any && met != place) || place == LIT | DARK
+    }
+}
+
+/// Spots on the surface around a hit, on its own side of all others.
+fn spots_around(scene: &TracedScene, hit: &SurfaceHit, place: usize, reach: f32) -> Box<[Spot]> {
+    let frame = Frame::around(hit.geometric_normal);
+    let at = |which: usize, reach: f32| {
+        let offset = frame.world_from_local((sunflower(which, SPOTS, place) * reach).extend(0.0));
+        let height = HEIGHT * offset.length();
+        let way = Ray {
+            t_max: 1.0,
+            ..ray_from(hit, offset + hit.geometric_normal * height)
+        };
+        if scene.occluded(&way) {
+            return None;
+        }
+        let down = Ray {
+            origin: way.origin + way.direction,
+            direction: -hit.geometric_normal,
+            t_min: 0.0,
+            t_max: 2.0 * height,
+        };
+        let hit = scene.closest_hit(&down)?;
+        Some(Spot {
+            which: which as u32,
+            primitive: hit.primitive,
+            barycentric: hit.barycentric,
+            front: hit.front,
+        })
+    };
+    // On what is small or bent, nearer ones.
+    let found = |which: usize| (NEARER.iter()).find_map(|nearer| at(which, reach * nearer));
+    (0..SPOTS).filter_map(found).collect()
+}
+
+impl Neighbours {
+    fn of(places: Places) -> Neighbours {
+        let reach = NEAR * places.disk_radius;
+        let (mut numbers, mut positions, mut normals) = (Vec::new(), Vec::new(), Vec::new());
+        for (place, hit) in (0u32..).zip(places.hits) {
+            if let Some(hit) = hit {
+                numbers.push(place);
+                positions.push(hit.position);
+                normals.push(hit.normal);
+            }
+        }
+        let level = Level::new(positions, normals, places.disk_radius, reach);
+        let near: Vec<Vec<u32>> = (0..level.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|own| {
+                let mut row = Vec::new();
+                level.weights_at(level.positions[own], level.normals[own], |other, _| {
+                    if other as usize != own {
+                        row.push(numbers[other as usize]);
+                    }
+                });
+                row
+            })
+            .collect();
+        let mut neighbours = Neighbours {
+            ends: vec![0; places.hits.len() + 1],
+            rows: near.concat(),
+        };
+        for (&place, row) in numbers.iter().zip(&near) {
+            neighbours.ends[place as usize + 1] = row.len() as u32;
+        }
+        for place in 0..places.hits.len() {
+            neighbours.ends[place + 1] += neighbours.ends[place];
+        }
+        neighbours
+    }
+}
