@@ -14,6 +14,7 @@ mod sanity;
 mod scales;
 mod shapes;
 mod stage;
+mod steady;
 mod sums;
 
 use crate::console::Console;
@@ -147,6 +148,7 @@ fn suite() -> Vec<Case> {
         lights::cases(),
         geometry::cases(),
         materials::cases(),
+        steady::cases(),
         sums::cases(),
     ]
     .into_iter()

@@ -1,5 +1,7 @@
 //! `relight compare`: how far an image is from a reference.
 
+mod sequences;
+
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::kinds::{self, Wanted};
@@ -18,12 +20,15 @@ use std::path::PathBuf;
 /// the relative error; HDR-FLIP (what the eye sees, 0 to 1). Layers of the same pass belong together although other
 /// programs name them otherwise (ViewLayer.Combined is beauty, RenderLayer.DiffDir is DiffDir); layers that only one
 /// image has are named and left aside. Colours are compared in Rec. 709, over the display window.
-#[derive(Args)]
+///
+/// Two sequences, given with #### or %04d for the frame number, are compared frame by frame; then flicker is told, too: the absolute
+/// second difference in time of a pixel over its mean, of the image, of the reference, and of what differs between them.
+#[derive(Args, Clone)]
 pub struct CompareArgs {
-    /// Image to judge.
+    /// Image to judge, or a sequence (frame_####.exr).
     #[arg(value_name = "A.exr")]
     pub image: PathBuf,
-    /// Reference.
+    /// Reference; of a sequence the sequence with the same frame numbers.
     #[arg(value_name = "B.exr")]
     pub reference: PathBuf,
     /// Compare this layer only. A reference without it is taken by its only layer.
@@ -117,6 +122,9 @@ fn tell_black(args: &CompareArgs, layer: &str, black: [bool; 2], console: &Conso
 
 /// Runs the command.
 pub fn run(args: &CompareArgs, console: &Console) -> Result<Outcome, Failure> {
+    if let Some(both) = sequences::given(args)? {
+        return sequences::run(args, &both, console);
+    }
     for file in [&args.image, &args.reference] {
         kinds::check(file, Wanted::Image)?;
     }
@@ -152,15 +160,21 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<Outcome, Failure> {
     } else {
         output::print_text(&(results_table(&results) + "\n"))?;
     }
-    if short {
-        // Asked for, so said even with --quiet.
-        console.fail(&format!(
-            "relight: relMSE is {worst:.6}, above --max-relmse {}",
-            args.max_relmse.unwrap_or(0.0)
-        ));
-        return Ok(Outcome::FellShort);
+    Ok(judged(worst, args.max_relmse, console))
+}
+
+/// Whether the worst relMSE is allowed.
+fn judged(worst: f64, most: Option<f64>, console: &Console) -> Outcome {
+    match most.filter(|&most| worst > most) {
+        Some(most) => {
+            // Asked for, so said even with --quiet.
+            console.fail(&format!(
+                "relight: relMSE is {worst:.6}, above --max-relmse {most}"
+            ));
+            Outcome::FellShort
+        }
+        None => Outcome::Done,
     }
-    Ok(Outcome::Done)
 }
 
 type Pair = (String, FloatImage, FloatImage);

@@ -1,6 +1,6 @@
 //! Which frames, and what their files are called.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Frames to play: first to last inclusive, every so many.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,6 +105,31 @@ impl Pattern {
     /// Whether different frames get different names.
     pub fn has_number(&self) -> bool {
         self.digits > 0
+    }
+
+    /// The frames that have a file, ascending.
+    ///
+    /// # Errors
+    /// The folder can't be read.
+    pub fn found(&self) -> std::io::Result<Vec<u32>> {
+        let file = self.file(0);
+        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let before = self.before.rsplit('/').next().unwrap_or_default();
+        let mut frames = Vec::new();
+        for entry in std::fs::read_dir(folder.unwrap_or(Path::new(".")))? {
+            let name = entry?.file_name();
+            let number = (name.to_str())
+                .and_then(|name| {
+                    name.strip_prefix(before)?
+                        .strip_suffix(&*self.after)?
+                        .parse()
+                        .ok()
+                })
+                .filter(|&frame| self.file(frame).file_name() == Some(&name));
+            frames.extend(number);
+        }
+        frames.sort_unstable();
+        Ok(frames)
     }
 
     /// The file of a frame.

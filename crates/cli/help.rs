@@ -160,8 +160,8 @@ const EXAMPLES: [(&str, [&str; 3]); 10] = [
         "compare",
         [
             "relight compare relit.exr path.exr",
-            "relight compare relit.exr path.exr --layer indirect --json",
-            "relight compare relit.exr path.exr --max-relmse 0.02",
+            "relight compare relit.exr path.exr --layer indirect --max-relmse 0.02 --json",
+            "relight compare 'relit_####.exr' 'path_####.exr'",
         ],
     ),
     (

@@ -192,7 +192,6 @@ fn sun_and_night(stage: &Stage) -> Measured {
     let apart = [&day, &night].map(|light| stage.lit(&player, &shot, std::slice::from_ref(light)));
     let [by_sun, by_night] = apart;
     let (by_sun, by_night) = (by_sun?, by_night?);
-    // The sky first, as when it is alone: a light's rays differ with its number in the list.
     let settings = FrameSettings {
         light_layers: true,
         ..FrameSettings::default()
@@ -212,8 +211,8 @@ fn sun_and_night(stage: &Stage) -> Measured {
     measures.push(Measure::new(
         "both lights against their sum",
         difference(&both.indirect, &sum),
-        0.01,
-        "linear up to where the bounces stop: 1 % of the sum",
+        1e-4,
+        "linear up to where the bounces stop: 10⁻⁵ of the sum, and rounding",
     ));
     let night: Vec<Vec3> = (by_night.emission.iter().zip(&by_night.direct))
         .zip(&by_night.indirect)

@@ -13,14 +13,14 @@ use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::TracedScene;
 use relight_transport::basis::Level;
 use relight_transport::sampling::Frame;
-use std::ops::Range;
 use std::sync::OnceLock;
 
 /// Spots of a place: a step of light is a sixteenth of the place's.
 const SPOTS: usize = 16;
 
-/// The outermost of them are asked first; where they agree with the place, no edge passes it.
-const RIM: usize = 4;
+/// Those asked first: along the rim, some 70° apart by the golden angle. Where they agree with the place, no edge passes it, or one that
+/// cuts off less than an eighth.
+const RIM: [u32; 5] = [9, 11, 12, 13, 15];
 
 /// Radius of the surface that a place stands for, in disk radii: [`relight_render::irradiance::FOOTPRINT`] is its area.
 const REACH: f32 = 0.6;
@@ -92,12 +92,12 @@ impl ShadowEdges {
     /// Replaces light at shadows' edges by means over the places' surfaces. `met` and `lit`: of each place.
     pub fn soften(&self, places: Places, met: &[Met], lighting: impl Lighting, lit: &mut [Vec3]) {
         let near_edges = self.near_edges(places, met, lit);
-        let rims = self.lit_at(places, &near_edges, SPOTS - RIM..SPOTS, &lighting);
+        let rims = self.lit_at(places, &near_edges, true, &lighting);
         let crossed: Vec<(u32, Lit)> = (near_edges.into_iter().zip(rims))
             .filter(|(place, rim)| rim.is_crossed(met[*place as usize]))
             .collect();
         let inside: Vec<u32> = crossed.iter().map(|(place, _)| *place).collect();
-        let inner = self.lit_at(places, &inside, 0..SPOTS - RIM, &lighting);
+        let inner = self.lit_at(places, &inside, false, &lighting);
         for ((place, rim), inner) in crossed.into_iter().zip(inner) {
             let count = rim.count + inner.count;
             if count > 0 {
@@ -130,17 +130,11 @@ impl ShadowEdges {
             .collect()
     }
 
-    /// Light at some of the spots of places.
-    fn lit_at(
-        &self,
-        places: Places,
-        wanted: &[u32],
-        which: Range<usize>,
-        lighting: &impl Lighting,
-    ) -> Vec<Lit> {
+    /// Light at the spots of places on the rim, or at all others.
+    fn lit_at(&self, places: Places, wanted: &[u32], on_rim: bool, lighting: &impl Lighting) -> Vec<Lit> {
         let spots: Vec<Vec<(SurfaceHit, u32)>> = (wanted.par_iter())
             .with_min_len(64)
-            .map(|&place| self.spots_of(places, place as usize, &which))
+            .map(|&place| self.spots_of(places, place as usize, on_rim))
             .collect();
         let (mut hits, mut runs) = (Vec::new(), Vec::new());
         for (&place, spots) in wanted.iter().zip(&spots) {
@@ -162,7 +156,7 @@ impl ShadowEdges {
             .collect()
     }
 
-    fn spots_of(&self, places: Places, place: usize, which: &Range<usize>) -> Vec<(SurfaceHit, u32)> {
+    fn spots_of(&self, places: Places, place: usize, on_rim: bool) -> Vec<(SurfaceHit, u32)> {
         let Some(hit) = &places.hits[place] else {
             return Vec::new();
         };
@@ -174,7 +168,7 @@ impl ShadowEdges {
                 spot.which,
             )
         };
-        let wanted = spots.iter().filter(|spot| which.contains(&(spot.which as usize)));
+        let wanted = (spots.iter()).filter(|spot| RIM.contains(&spot.which) == on_rim);
         wanted.map(of).collect()
     }
 }
@@ -263,5 +257,95 @@ impl Neighbours {
             neighbours.ends[place + 1] += neighbours.ends[place];
         }
         neighbours
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_scenes::{level, matt, quad, traced};
+
+    /// Disk radius of the places, m.
+    const RADIUS: f32 = 0.1;
+
+    /// Light from straight above: 1 where nothing is over a hit.
+    fn from_above(scene: &TracedScene) -> impl Lighting {
+        |hits: &[Option<SurfaceHit>], _: &[(usize, u32)]| {
+            let is_lit =
+                |hit: &Option<SurfaceHit>| hit.is_some_and(|hit| !scene.occluded(&ray_from(&hit, Vec3::Y)));
+            let met: Vec<Met> = (hits.iter())
+                .map(|hit| if is_lit(hit) { LIT } else { DARK })
+                .collect();
+            let lit = met
+                .iter()
+                .map(|&met| Vec3::splat(f32::from(u8::from(met == LIT))));
+            (lit.collect(), met)
+        }
+    }
+
+    /// Places on a floor, as far apart as points of a maximal set.
+    fn floor_places(scene: &TracedScene) -> Vec<Option<SurfaceHit>> {
+        let at = |i: i32| 0.1 * i as f32 + 0.013;
+        let from = |i: i32| Vec3::new(at(i % 11 - 5), 0.3, at(i / 11 - 5));
+        (0..121)
+            .map(|i| scene.closest_hit(&Ray::endless(from(i), Vec3::NEG_Y)))
+            .collect()
+    }
+
+    /// A roof over x < edge that is pushed on. Truth: the share of each place's disk that is not under it. Tolerance: spots are spread
+    /// evenly, so that an edge is off by some of sixteen.
+    #[test]
+    fn a_place_goes_dark_bit_by_bit_as_a_shadow_passes_it() {
+        let mut before: Option<f32> = None;
+        for step in 0..24 {
+            let edge = -0.12 + 0.01 * step as f32;
+            let roof =
+                [[-2.0, 2.0], [edge, 2.0], [edge, -2.0], [-2.0, -2.0]].map(|[x, z]| Vec3::new(x, 0.5, z));
+            let scene = traced(vec![level(1.0, 0.0, 0), quad(roof, 0)], vec![matt(0.5, 0.0)]);
+            let hits = floor_places(&scene);
+            let places = Places {
+                scene: &scene,
+                hits: &hits,
+                disk_radius: RADIUS,
+            };
+            let lighting = from_above(&scene);
+            let (mut lit, met) = lighting(&hits, &[]);
+            ShadowEdges::new(hits.len()).soften(places, &met, lighting, &mut lit);
+            for (hit, lit) in hits.iter().flatten().zip(&lit) {
+                let d = ((hit.position.x - edge) / (REACH * RADIUS)).clamp(-1.0, 1.0);
+                let truth = 0.5 + (d * (1.0 - d * d).sqrt() + d.asin()) / std::f32::consts::PI;
+                assert!((lit.x - truth).abs() < 3.0 / 16.0, "{d}: {}, not {truth}", lit.x);
+            }
+            let sum: f32 = lit.iter().map(|lit| lit.x).sum();
+            // A hundredth of a step of the places, eleven of them abreast: a switch at once would be eleven.
+            if let Some(before) = before {
+                assert!((0.0..2.2).contains(&(before - sum)), "{before} to {sum}");
+            }
+            before = Some(sum);
+        }
+    }
+
+    /// Truth: a floor, a thin wall on it and a carpet beside it.
+    #[test]
+    fn spots_are_on_the_surface_that_shows_and_not_beyond_a_wall() {
+        let wall = [[0.0, -1.0], [0.5, -1.0], [0.5, 1.0], [0.0, 1.0]].map(|[y, z]| Vec3::new(0.02, y, z));
+        let mut carpet = level(1.0, 0.002, 0);
+        carpet.positions.iter_mut().for_each(|p| p.x -= 1.03);
+        let scene = traced(
+            vec![level(1.0, 0.0, 0), quad(wall, 0), carpet],
+            vec![matt(0.5, 0.0)],
+        );
+        let from = Vec3::new(-0.01, 0.3, 0.0);
+        let hit = scene.closest_hit(&Ray::endless(from, Vec3::NEG_Y)).unwrap();
+        let spots = spots_around(&scene, &hit, 0, REACH * RADIUS);
+        assert!(spots.len() > SPOTS / 2, "{}", spots.len());
+        for spot in &spots {
+            let at = scene
+                .surface_at(spot.primitive, spot.barycentric, spot.front)
+                .position;
+            assert!(at.x < 0.02, "{at}");
+            let height = if at.x < -0.03 { 0.002 } else { 0.0 };
+            assert!((at.y - height).abs() < 1e-5, "{at}");
+        }
     }
 }

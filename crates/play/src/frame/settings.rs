@@ -18,6 +18,9 @@ pub struct FrameSettings {
     /// Shadow rays per finest point for each light with extent. Fewer than per pixel: a sender averages some
     /// hundreds of points.
     pub point_samples: u32,
+    /// Whether direct light of points is averaged over their surface where shadows' edges pass; without, indirect light flickers as
+    /// lamps move.
+    pub steady: bool,
     /// Most nodes of the illumination cut, by which an environment, or what surfaces reflect, is taken with visibility cuts.
     pub illumination_cut: usize,
 }
@@ -30,6 +33,7 @@ impl Default for FrameSettings {
             surface_layers: false,
             pixel_samples: 8,
             point_samples: 4,
+            steady: true,
             illumination_cut: ILLUMINATION_CUT,
         }
     }

@@ -6,7 +6,7 @@
 //! - [`environment`]: Radiance `.hdr` and OpenEXR as environment maps.
 //! - [`ldr`]: 8-bit PNG and JPEG (textures) and PNG writing; [`preview`]: tone mapped previews and contact sheets.
 //! - [`colormap`]: false-colour error maps.
-//! - [`metrics`], [`flip`]: how far an image is from its reference.
+//! - [`metrics`], [`flip`]: how far an image is from its reference; [`flicker`]: how steady a sequence is.
 //!
 //! Conventions: linear Rec. 709, `f32`, row 0 is the top, row after row, pixel after pixel, channels side by side.
 //! Every reader works under [`Limits`] and returns a typed [`ImageError`]; every writer replaces its target
@@ -21,6 +21,7 @@ pub mod exr_header;
 pub mod exr_read;
 mod exr_space;
 pub mod exr_write;
+pub mod flicker;
 pub mod flip;
 pub mod layers;
 pub mod ldr;

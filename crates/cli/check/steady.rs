@@ -1,0 +1,137 @@
+//! Sequences in which light changes little from frame to frame: what flickers, and whether lights add up.
+
+use super::case::{Case, Measure, Measured};
+use super::shapes::{LAMP, globe, panel, point, room};
+use super::stage::{SIZE, Stage, difference, quick};
+use glam::{Vec2, Vec3};
+use relight_play::FrameSettings;
+use relight_scene::image::flicker::{FlickerMeter, PixelMeans};
+use relight_scene::light::LightTrack;
+
+/// Frames of a sequence.
+const FRAMES: u32 = 16;
+
+const WANTED: &str = "a person watches it as a film: half of all pixels within 0.05 % from frame to frame, 99 of 100 within 0.5 %";
+
+/// Flicker of indirect light in the room while `light` moves, 0 to 1.
+fn flicker(
+    stage: &Stage,
+    light: impl Fn(f32) -> LightTrack,
+    bounds: [f64; 3],
+    why: &'static str,
+) -> Measured {
+    let player = stage.player(room(), &quick())?;
+    let shot = stage.shot(&player, SIZE)?;
+    let mut frames = Vec::new();
+    for frame in 0..FRAMES {
+        let at = frame as f32 / (FRAMES - 1) as f32;
+        let lit = stage.lit(&player, &shot, &[light(at)])?;
+        frames.push(
+            lit.indirect
+                .iter()
+                .map(|v| v.element_sum() / 3.0)
+                .collect::<Vec<f32>>(),
+        );
+    }
+    let mut means = PixelMeans::default();
+    frames.iter().for_each(|frame| means.add(frame));
+    let mut meter = FlickerMeter::new(&means);
+    frames.into_iter().for_each(|frame| meter.add(frame));
+    let found = meter.flicker().ok_or("no light")?;
+    Ok(vec![
+        Measure::new("median", found.median, bounds[0], why),
+        Measure::new("99th percentile", found.p99, bounds[1], why),
+        Measure::new("99.9th percentile", found.p999, bounds[2], why),
+    ])
+}
+
+/// Lights apart are all of them together.
+fn sums(stage: &Stage) -> Measured {
+    let player = stage.player(room(), &quick())?;
+    let shot = stage.shot(&player, SIZE)?;
+    let tracks = [
+        LightTrack {
+            name: "near".into(),
+            ..point(LAMP, 1.0)
+        },
+        globe(Vec3::new(-0.5, 0.6, 0.4), 0.1, 30.0),
+        panel(Vec3::Y, Vec2::splat(0.5), 1.0),
+    ];
+    let together = stage.lit(&player, &shot, &tracks)?;
+    let mut apart = vec![Vec3::ZERO; together.direct.len()];
+    for track in &tracks {
+        let lit = stage.lit(&player, &shot, std::slice::from_ref(track))?;
+        for (sum, (direct, indirect)) in apart.iter_mut().zip(lit.direct.iter().zip(&lit.indirect)) {
+            *sum += *direct + *indirect;
+        }
+    }
+    let all: Vec<Vec3> = (together.direct.iter().zip(&together.indirect))
+        .map(|(direct, indirect)| *direct + *indirect)
+        .collect();
+    let settings = FrameSettings {
+        light_layers: true,
+        ..FrameSettings::default()
+    };
+    let layered = stage.lit_with(&player, &shot, &tracks, &settings)?;
+    let mut layers = vec![Vec3::ZERO; all.len()];
+    for (_, layer) in &layered.lights {
+        layers
+            .iter_mut()
+            .zip(layer)
+            .for_each(|(sum, light)| *sum += *light);
+    }
+    let beauty: Vec<Vec3> = (layered.emission.iter().zip(&layered.direct))
+        .zip(&layered.indirect)
+        .map(|((emission, direct), indirect)| *emission + *direct + *indirect)
+        .collect();
+    Ok(vec![
+        Measure::new(
+            "lights alone against all together",
+            difference(&apart, &all),
+            1e-4,
+            "transport is linear, and a light's noise is its own; bounces are solved to 10⁻⁵",
+        ),
+        Measure::new(
+            "layers of lights against the picture",
+            difference(&layers, &beauty),
+            1e-5,
+            "the picture is their sum",
+        ),
+    ])
+}
+
+/// All of them.
+pub fn cases() -> Vec<Case> {
+    let wanted = [0.0005, 0.005, 0.03];
+    vec![
+        Case::new("steady/sums", true, "lights add up", sums),
+        Case::new(
+            "steady/lamp",
+            true,
+            "a lamp that glides lights evenly",
+            move |stage| {
+                let lamp = |at: f32| point(LAMP + Vec3::X * (0.3 * at), 1.0);
+                flicker(stage, lamp, wanted, WANTED)
+            },
+        ),
+        Case::new(
+            "steady/globe",
+            true,
+            "a globe that glides lights evenly",
+            move |stage| {
+                let lamp = |at: f32| globe(LAMP + Vec3::X * (0.3 * at), 0.1, 30.0);
+                flicker(stage, lamp, wanted, WANTED)
+            },
+        ),
+        Case::new(
+            "steady/dimmed",
+            true,
+            "a lamp that is dimmed evenly goes evenly",
+            |stage| {
+                let lamp = |at: f32| point(LAMP, 2.0 - at);
+                let why = "light times k is light times k: rounding of f32";
+                flicker(stage, lamp, [1e-6, 1e-5, 1e-4], why)
+            },
+        ),
+    ]
+}
