@@ -580,7 +580,7 @@ fn a_disk_that_fills_up_between_units_is_an_error_from_which_a_bake_goes_on() {
         full=0
         for size in 4k 8k 12k 16k 24k 32k 48k 64k 96k 128k 192k 256k; do
             mount -t tmpfs -o size=$size none "$dir/small" || exit 99
-            if "$program" bake "$scene" -o "$dir/small/a.relight" --resume -q "$@" 2> "$dir/said"; then
+            if "$program" bake "$scene" -o "$dir/small/a.relight" --resume --force -q "$@" 2> "$dir/said"; then
                 echo "$size is enough" >&2
             else
                 code=$?
