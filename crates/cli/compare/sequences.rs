@@ -1,6 +1,7 @@
 //! Sequences of images: errors frame by frame, and flicker.
 
-use super::{CompareArgs, judged, pairs};
+use super::args::CompareArgs;
+use super::layers::{judged, pairs};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{Pattern, parse_pattern};
@@ -15,14 +16,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Two sequences with the same frame numbers.
-pub(super) struct Both {
+pub struct Both {
     image: Pattern,
     reference: Pattern,
     frames: Vec<u32>,
 }
 
 /// The sequences that were asked for; `None` if they are single images.
-pub(super) fn given(args: &CompareArgs) -> Result<Option<Both>, Failure> {
+pub fn given(args: &CompareArgs) -> Result<Option<Both>, Failure> {
     let pattern = |file: &Path| {
         (!file.exists())
             .then(|| parse_pattern(&file.to_string_lossy()).ok())
@@ -171,7 +172,7 @@ impl Both {
 }
 
 /// Compares them.
-pub(super) fn run(args: &CompareArgs, both: &Both, console: &Console) -> Result<Outcome, Failure> {
+pub fn run(args: &CompareArgs, both: &Both, console: &Console) -> Result<Outcome, Failure> {
     let mut layers: BTreeMap<String, OfLayer> = BTreeMap::new();
     let mut size = None;
     both.each(args, console, |layer, image, reference| {
