@@ -239,7 +239,6 @@ mod tests {
     use super::*;
     use crate::poisson::{Dart, Disks};
     use crate::random::Stream;
-    use crate::sparse::from_rows;
 
     fn levels(count: usize) -> Vec<Level> {
         let mut s = Stream::new(4, 0, 0);
