@@ -6,7 +6,7 @@
 use super::guard::guarded;
 use crate::image::{Image8, Limits, encode_png};
 use basisu::{DecodeFlags, SourceFormat, TargetFormat, Transcoder};
-use ktx2::{Reader, SupercompressionScheme};
+use ktx2::{Header, LevelIndex, SupercompressionScheme};
 
 /// How a KTX 2.0 file starts.
 pub(super) const MAGIC: &[u8] = b"\xabKTX 20\xbb\r\n\x1a\n";
@@ -24,8 +24,16 @@ pub(super) fn png(name: &str, bytes: &[u8]) -> Result<Vec<u8>, String> {
 }
 
 fn decode(name: &str, bytes: &[u8]) -> Result<Image8, String> {
-    let reader = Reader::new(bytes).map_err(|e| format!("is no whole KTX 2.0 file ({e})"))?;
-    let header = reader.header();
+    // Of the container only what says how much there is: the whole reader adds up bytes of the format's description
+    // that may overflow, and the transcoder checks all that it reads.
+    let (Some(head), Some(level)) = (
+        bytes.first_chunk::<{ Header::LENGTH }>(),
+        bytes[bytes.len().min(Header::LENGTH)..].first_chunk::<{ LevelIndex::LENGTH }>(),
+    ) else {
+        return Err("is no whole KTX 2.0 file (it ends in its header)".into());
+    };
+    let header = Header::from_bytes(head).map_err(|e| format!("is no whole KTX 2.0 file ({e})"))?;
+    let level = LevelIndex::from_bytes(level);
     let (width, height) = (header.pixel_width, header.pixel_height);
     if width == 0 || height == 0 || header.pixel_depth > 0 || header.layer_count > 1 || header.face_count != 1
     {
@@ -40,10 +48,9 @@ fn decode(name: &str, bytes: &[u8]) -> Result<Image8, String> {
     Limits::default()
         .check(name, width.into(), height.into(), 8)
         .map_err(|e| e.to_string())?;
-    let level = reader.levels().next().ok_or("has no level")?;
     let blocks = u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4));
     let declared = match header.supercompression_scheme {
-        None => level.data.len() as u64,
+        None => level.byte_length,
         Some(SupercompressionScheme::BasisLZ) => 0,
         Some(_) => level.uncompressed_byte_length,
     };
