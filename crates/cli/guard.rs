@@ -3,6 +3,7 @@
 use crate::kinds::Kind;
 use crate::text;
 use anyhow::{Result, bail};
+use relight_scene::json::token::string_length;
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
@@ -120,20 +121,6 @@ fn named(json: &str) -> Vec<String> {
         rest = after;
     }
     names
-}
-
-/// Bytes of a JSON string with its quotes; to the end where it has no end.
-fn string_length(text: &str) -> usize {
-    let mut escaped = false;
-    for (i, byte) in text.bytes().enumerate().skip(1) {
-        match byte {
-            _ if escaped => escaped = false,
-            b'\\' => escaped = true,
-            b'"' => return i + 1,
-            _ => {}
-        }
-    }
-    text.len()
 }
 
 /// With %20 and the like as what they stand for.

@@ -98,19 +98,25 @@ fn what_stands_beside_an_output_and_what_a_scene_names_is_kept_too() {
     assert!(text.contains("a.relight.log.json: is read"), "{text}");
 }
 
+const SIZE: [&str; 2] = ["--size", "16x16"];
+
+/// A frame as an environment map in a folder, and a sequence that it lights.
+fn environment(folder: &Path) -> (PathBuf, PathBuf) {
+    let frame = folder.join("env.exr");
+    with("play", &[cornell()])
+        .arg("-o")
+        .arg(&frame)
+        .args(SIZE)
+        .assert()
+        .success();
+    (frame, crate::stage::sky(folder, "env.exr"))
+}
+
 #[test]
 fn a_play_never_replaces_what_it_reads() {
     let room = folder();
     // An environment map, which a frame's name may hit.
-    let frame = room.path().join("env.exr");
-    let size = ["--size", "16x16"];
-    with("play", &[cornell()])
-        .arg("-o")
-        .arg(&frame)
-        .args(size)
-        .assert()
-        .success();
-    let sky = crate::stage::sky(room.path(), "env.exr");
+    let (frame, sky) = environment(room.path());
     let asset = copy(cornell(), room.path(), "asset.exr");
     for force in [None, Some("--force")] {
         for output in [&frame, &asset] {
@@ -119,7 +125,7 @@ fn a_play_never_replaces_what_it_reads() {
                 .arg(&sky)
                 .arg("-o")
                 .arg(output)
-                .args(size)
+                .args(SIZE)
                 .args(force);
             let text = refused(room.path(), &mut play);
             assert!(text.contains(READ), "{text}");
@@ -131,7 +137,7 @@ fn a_play_never_replaces_what_it_reads() {
     std::fs::rename(&frame, room.path().join("f_2.exr")).unwrap();
     let lights = sequence(room.path(), "three.json", lights);
     let mut play = with("play", &[cornell()]);
-    play.arg("--lights").arg(&lights).args(size).arg("-o");
+    play.arg("--lights").arg(&lights).args(SIZE).arg("-o");
     let text = refused(room.path(), play.arg(room.path().join("f_#.exr")));
     assert!(text.contains("f_2.exr: is read"), "{text}");
 }
@@ -160,19 +166,11 @@ fn what_files_in_other_encodings_name_is_kept_too() {
         let text = refused(room.path(), &mut bake);
         assert!(text.contains(READ), "{text}");
     }
-    let frame = room.path().join("env.exr");
-    let size = ["--size", "16x16"];
-    with("play", &[cornell()])
-        .arg("-o")
-        .arg(&frame)
-        .args(size)
-        .assert()
-        .success();
-    let sky = crate::stage::sky(room.path(), "env.exr");
+    let (frame, sky) = environment(room.path());
     let text = std::fs::read_to_string(&sky).unwrap();
     std::fs::write(&sky, utf16(&text)).unwrap();
     let mut play = with("play", &[cornell()]);
-    play.arg("--lights").arg(&sky).args(size).arg("-o").arg(&frame);
+    play.arg("--lights").arg(&sky).args(SIZE).arg("-o").arg(&frame);
     let text = refused(room.path(), &mut play);
     assert!(text.contains(READ), "{text}");
 }

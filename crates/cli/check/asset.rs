@@ -218,7 +218,7 @@ fn bounces(transfer: &Transfer) -> Vec<Measure> {
         Measure::none(
             "bounces: not solved to 10⁻⁵·(1 − ρ)",
             usize::from(!solve.converged),
-            "1 % of the light",
+            "10⁻⁵ of the light",
         ),
     ]
 }

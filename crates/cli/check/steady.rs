@@ -5,7 +5,7 @@ use super::shapes::{LAMP, globe, panel, point, room};
 use super::stage::{SIZE, Stage, difference, quick};
 use glam::{Vec2, Vec3};
 use relight_play::FrameSettings;
-use relight_scene::image::flicker::{FlickerMeter, PixelMeans};
+use relight_scene::image::flicker::Flicker;
 use relight_scene::light::LightTrack;
 
 /// Frames of a sequence.
@@ -22,22 +22,14 @@ fn flicker(
 ) -> Measured {
     let player = stage.player(room(), &quick())?;
     let shot = stage.shot(&player, SIZE)?;
-    let mut frames = Vec::new();
-    for frame in 0..FRAMES {
-        let at = frame as f32 / (FRAMES - 1) as f32;
-        let lit = stage.lit(&player, &shot, &[light(at)])?;
-        frames.push(
-            lit.indirect
-                .iter()
-                .map(|v| v.element_sum() / 3.0)
-                .collect::<Vec<f32>>(),
-        );
-    }
-    let mut means = PixelMeans::default();
-    frames.iter().for_each(|frame| means.add(frame));
-    let mut meter = FlickerMeter::new(&means);
-    frames.into_iter().for_each(|frame| meter.add(frame));
-    let found = meter.flicker().ok_or("no light")?;
+    let frames: Result<Vec<Vec<f32>>, String> = (0..FRAMES)
+        .map(|frame| {
+            let at = frame as f32 / (FRAMES - 1) as f32;
+            let lit = stage.lit(&player, &shot, &[light(at)])?;
+            Ok(lit.indirect.iter().map(|v| v.element_sum() / 3.0).collect())
+        })
+        .collect();
+    let found = Flicker::of(frames?).ok_or("no light")?;
     Ok(vec![
         Measure::new("median", found.median, bounds[0], why),
         Measure::new("99th percentile", found.p99, bounds[1], why),

@@ -4,10 +4,9 @@ use super::args::CompareArgs;
 use super::layers::{judged, pairs};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
-use crate::kinds::{self, Wanted};
 use crate::output::{self, SCHEMA};
+use relight_scene::image::FloatImage;
 use relight_scene::image::metrics::{Comparison, compare};
-use relight_scene::image::{FloatImage, Limits, read_exr};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -84,17 +83,8 @@ fn tell_black(args: &CompareArgs, layer: &str, black: [bool; 2], console: &Conso
 
 /// Compares them.
 pub fn run(args: &CompareArgs, console: &Console) -> Result<Outcome, Failure> {
-    for file in [&args.image, &args.reference] {
-        kinds::check(file, Wanted::Image)?;
-    }
-    let limits = Limits::default();
-    let (image, reference) = (
-        read_exr(&args.image, &limits)?,
-        read_exr(&args.reference, &limits)?,
-    );
-    let pairs = pairs(args, &image, &reference, console)?;
     let (mut results, mut black) = (Vec::new(), Vec::new());
-    for (name, a, b) in pairs {
+    for (name, a, b) in pairs(args, console)? {
         black.push([is_black(&a), is_black(&b)]);
         tell_black(args, &name, [is_black(&a), is_black(&b)], console);
         let measured = compare(&a, &b)

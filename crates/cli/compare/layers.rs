@@ -3,7 +3,8 @@
 use super::args::CompareArgs;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
-use relight_scene::image::{FloatImage, Layers};
+use crate::kinds::{self, Wanted};
+use relight_scene::image::{FloatImage, Limits, read_exr};
 
 /// Whether the worst relMSE is allowed.
 pub fn judged(worst: f64, most: Option<f64>, console: &Console) -> Outcome {
@@ -22,24 +23,19 @@ pub fn judged(worst: f64, most: Option<f64>, console: &Console) -> Outcome {
 /// A layer's name, the image's and the reference's.
 pub type Pair = (String, FloatImage, FloatImage);
 
-/// The layers that both have, or the one asked for.
+/// The layers that both files have, or the one asked for.
 ///
 /// # Errors
-/// They have none in common, or one lacks what was asked for.
-pub fn pairs(
-    args: &CompareArgs,
-    image: &Layers,
-    reference: &Layers,
-    console: &Console,
-) -> Result<Vec<Pair>, Failure> {
-    let names = |layers: &Layers| {
-        layers
-            .layers
-            .iter()
-            .map(|l| l.name.as_str())
-            .collect::<Vec<_>>()
-            .join(", ")
-    };
+/// A file can't be read, they have no layer in common, or one lacks what was asked for.
+pub fn pairs(args: &CompareArgs, console: &Console) -> Result<Vec<Pair>, Failure> {
+    for file in [&args.image, &args.reference] {
+        kinds::check(file, Wanted::Image)?;
+    }
+    let limits = Limits::default();
+    let (image, reference) = (
+        read_exr(&args.image, &limits)?,
+        read_exr(&args.reference, &limits)?,
+    );
     let (a, b) = (args.image.display(), args.reference.display());
     if let Some(name) = &args.layer {
         let only = || match reference.layers.as_slice() {
@@ -49,12 +45,12 @@ pub fn pairs(
         let left = image
             .find(name)
             .and_then(|layer| image.rgb(&layer.name))
-            .ok_or_else(|| anyhow::anyhow!("{a}: has no layer {name:?}; it has {}", names(image)))?;
+            .ok_or_else(|| anyhow::anyhow!("{a}: has no layer {name:?}; it has {}", image.names()))?;
         let right = reference
             .find(name)
             .and_then(|layer| reference.rgb(&layer.name))
             .or_else(only)
-            .ok_or_else(|| anyhow::anyhow!("{b}: has no layer {name:?}; it has {}", names(reference)))?;
+            .ok_or_else(|| anyhow::anyhow!("{b}: has no layer {name:?}; it has {}", reference.names()))?;
         return Ok(vec![(name.clone(), left, right)]);
     }
     let mut pairs = Vec::new();
@@ -83,8 +79,8 @@ pub fn pairs(
     if pairs.is_empty() {
         return Err(anyhow::anyhow!(
             "{a} and {b} have no layer in common: {} against {}; --layer compares one with the reference's only one",
-            names(image),
-            names(reference)
+            image.names(),
+            reference.names()
         )
         .into());
     }

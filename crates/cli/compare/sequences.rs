@@ -5,12 +5,11 @@ use super::layers::{judged, pairs};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{Pattern, parse_pattern};
-use crate::kinds::{self, Wanted};
 use crate::output::{self, SCHEMA};
 use anyhow::{Context, anyhow};
+use relight_scene::image::FloatImage;
 use relight_scene::image::flicker::{Flicker, FlickerMeter, PixelMeans, greys};
 use relight_scene::image::metrics::{Comparison, compare};
-use relight_scene::image::{FloatImage, Limits, read_exr};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -153,16 +152,8 @@ impl Both {
                 reference: self.reference.file(frame),
                 ..args.clone()
             };
-            for file in [&of_frame.image, &of_frame.reference] {
-                kinds::check(file, Wanted::Image)?;
-            }
-            let limits = Limits::default();
-            let (image, reference) = (
-                read_exr(&of_frame.image, &limits)?,
-                read_exr(&of_frame.reference, &limits)?,
-            );
             let told = if frame == self.frames[0] { console } else { &silent };
-            for (layer, image, reference) in pairs(&of_frame, &image, &reference, told)? {
+            for (layer, image, reference) in pairs(&of_frame, told)? {
                 visit(&layer, &image, &reference)
                     .with_context(|| format!("{}: layer {layer}", of_frame.image.display()))?;
             }

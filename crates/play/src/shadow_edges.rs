@@ -13,6 +13,7 @@ use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::TracedScene;
 use relight_transport::basis::Level;
 use relight_transport::sampling::Frame;
+use relight_transport::sparse::{SparseMatrix, build, row};
 use std::sync::OnceLock;
 
 /// Spots of a place: a step of light is a sixteenth of the place's.
@@ -29,7 +30,8 @@ const REACH: f32 = 0.6;
 /// there.
 const NEAR: f32 = 2.0;
 
-/// Times the mean light from which on a place's has much.
+/// Times the mean light from which on a place's has much: without, the 99.9th percentile of the atrium's flicker is a fifth more
+/// (docs/notebook/transfer.md).
 const MUCH: f32 = 4.0;
 
 /// How far above a place's plane its spots are looked for, as a share of the way there.
@@ -41,16 +43,9 @@ const NEARER: [f32; 3] = [1.0, 0.5, 0.25];
 /// What is known of the places' surroundings; found when it is first asked for.
 #[derive(Debug, Default)]
 pub struct ShadowEdges {
-    neighbours: OnceLock<Neighbours>,
+    neighbours: OnceLock<SparseMatrix>,
     /// Spots of each place on its own surface, that nothing separates from it.
     spots: Vec<OnceLock<Box<[Spot]>>>,
-}
-
-/// Places near each other that face the same way: ends of the rows, and all rows.
-#[derive(Debug)]
-struct Neighbours {
-    ends: Vec<u32>,
-    rows: Vec<u32>,
 }
 
 /// A spot of the scene's surfaces.
@@ -109,19 +104,18 @@ impl ShadowEdges {
     /// Places that neighbours see the light otherwise than, that see it in part, or that have much of it: what passes between places
     /// steps most there.
     fn near_edges(&self, places: Places, met: &[Met], lit: &[Vec3]) -> Vec<u32> {
-        let Neighbours { ends, rows } = self.neighbours.get_or_init(|| Neighbours::of(places));
+        let neighbours = self.neighbours.get_or_init(|| neighbours(places));
         let sum: f64 = lit.iter().map(|lit| f64::from(lit.max_element())).sum();
         let mean = (sum / lit.len().max(1) as f64) as f32;
         let is_near = |&place: &u32| {
             let place = place as usize;
-            let row = &rows[ends[place] as usize..ends[place + 1] as usize];
             let own = lit[place].max_element();
-            let differs = |&other: &u32| {
+            let differs = |(other, _): (u32, f32)| {
                 let other = other as usize;
                 met[other] != met[place]
                     && (met[other] != 0 && met[place] != 0 || own.max(lit[other].max_element()) > mean)
             };
-            met[place] == LIT | DARK || own > MUCH * mean || row.iter().any(differs)
+            met[place] == LIT | DARK || own > MUCH * mean || row(neighbours, place).any(differs)
         };
         (0..met.len() as u32)
             .into_par_iter()
@@ -221,43 +215,28 @@ fn spots_around(scene: &TracedScene, hit: &SurfaceHit, place: usize, reach: f32)
     (0..SPOTS).filter_map(found).collect()
 }
 
-impl Neighbours {
-    fn of(places: Places) -> Neighbours {
-        let reach = NEAR * places.disk_radius;
-        let (mut numbers, mut positions, mut normals) = (Vec::new(), Vec::new(), Vec::new());
-        for (place, hit) in (0u32..).zip(places.hits) {
-            if let Some(hit) = hit {
-                numbers.push(place);
-                positions.push(hit.position);
-                normals.push(hit.normal);
-            }
+/// Places near each other that face the same way: a row for each, weights of no use.
+fn neighbours(places: Places) -> SparseMatrix {
+    let (mut numbers, mut positions, mut normals) = (Vec::new(), Vec::new(), Vec::new());
+    for (place, hit) in (0u32..).zip(places.hits) {
+        if let Some(hit) = hit {
+            numbers.push(place);
+            positions.push(hit.position);
+            normals.push(hit.normal);
         }
-        let level = Level::new(positions, normals, places.disk_radius, reach);
-        let near: Vec<Vec<u32>> = (0..level.len())
-            .into_par_iter()
-            .with_min_len(256)
-            .map(|own| {
-                let mut row = Vec::new();
-                level.weights_at(level.positions[own], level.normals[own], |other, _| {
-                    if other as usize != own {
-                        row.push(numbers[other as usize]);
-                    }
-                });
-                row
-            })
-            .collect();
-        let mut neighbours = Neighbours {
-            ends: vec![0; places.hits.len() + 1],
-            rows: near.concat(),
-        };
-        for (&place, row) in numbers.iter().zip(&near) {
-            neighbours.ends[place as usize + 1] = row.len() as u32;
-        }
-        for place in 0..places.hits.len() {
-            neighbours.ends[place + 1] += neighbours.ends[place];
-        }
-        neighbours
     }
+    let level = Level::new(positions, normals, places.disk_radius, NEAR * places.disk_radius);
+    let count = places.hits.len();
+    build(count, count, |place, row| {
+        if let Some(hit) = &places.hits[place] {
+            level.weights_at(hit.position, hit.normal, |other, weight| {
+                let other = numbers[other as usize];
+                if other as usize != place {
+                    row.push((other, weight));
+                }
+            });
+        }
+    })
 }
 
 #[cfg(test)]

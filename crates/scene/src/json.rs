@@ -10,3 +10,4 @@ pub mod error;
 pub(crate) mod keyed;
 pub(crate) mod path;
 pub(crate) mod quantity;
+pub mod token;

@@ -174,7 +174,8 @@ mod tests {
 
     #[test]
     fn a_closed_furnace_reaches_its_analytic_value() {
-        // Uniform emission b = ρ: E = ρ/(1 − ρ) everywhere. Tolerance: f32 weights.
+        // Uniform emission b = ρ: E = ρ/(1 − ρ) everywhere. Tolerance: weights in f32, whose sums miss 1 by
+        // 10⁻⁷ and that times 1/(1 − ρ); the stopping rule allows 10⁻⁵.
         let k = closed(40);
         for rho in [0.0f32, 0.5, 0.9, 0.99] {
             let albedo = vec![Vec3::splat(rho); 40];
@@ -182,7 +183,7 @@ mod tests {
             let exact = rho / (1.0 - rho);
             for value in &e {
                 assert!(
-                    (value.x - exact).abs() <= 0.01 * exact,
+                    (value.x - exact).abs() <= 1e-4 * exact,
                     "{rho}: {value} after {solve:?}"
                 );
             }

@@ -3,7 +3,7 @@
 use super::direct::{Starts, Sums};
 use super::emission::emission_at;
 use super::settings::FrameSettings;
-use super::stats::{RelitStats, milliseconds};
+use super::stats::{FrameTimes, RelitStats, milliseconds};
 use super::task::{Received, Task, add};
 use crate::choice::{CutKind, CutUse};
 use crate::lights::{Distant, Lights};
@@ -87,6 +87,24 @@ struct Shining<'a> {
     even: Option<&'a Distant<'a>>,
 }
 
+impl Shining<'_> {
+    /// What a light lets arrive where indirect light starts, by shadow rays.
+    fn received_of(&self, light: usize, task: &Task, starts: Starts, times: &mut FrameTimes) -> Received {
+        let start = Instant::now();
+        let received = task.received_of(starts, self.shadowed, light);
+        times.direct_points += milliseconds(start);
+        received
+    }
+
+    /// What fragments reflect of a light, by shadow rays.
+    fn reflected_of(&self, light: usize, task: &Task, times: &mut FrameTimes) -> Vec<Vec3> {
+        let start = Instant::now();
+        let reflected = task.reflected_of(self.shadowed, light, self.even.is_some());
+        times.direct_pixels += milliseconds(start);
+        reflected
+    }
+}
+
 /// All lights in one pass of indirect light.
 fn all_together(
     task: &Task,
@@ -106,15 +124,11 @@ fn all_together(
     for light in 0..lights.len() {
         go_on(watch)?;
         if !at_once.points {
-            let start = Instant::now();
-            sums.add_received(task.received_of(starts, shadowed, light));
-            stats.times.direct_points += milliseconds(start);
+            sums.add_received(shining.received_of(light, task, starts, &mut stats.times));
         }
         if !at_once.pixels {
-            let start = Instant::now();
-            let reflected = task.reflected_of(shadowed, light, even.is_some());
-            sums.direct.add(reflected);
-            stats.times.direct_pixels += milliseconds(start);
+            sums.direct
+                .add(shining.reflected_of(light, task, &mut stats.times));
         }
         watch.advance_to(light + 1, lights.len() + 1);
     }
@@ -183,12 +197,8 @@ fn direct_of(
     stats: &mut RelitStats,
 ) -> (Vec<Vec3>, Received) {
     let times = &mut stats.times;
-    let start = Instant::now();
-    let mut received = task.received_of(starts, shining.shadowed, light);
-    times.direct_points += milliseconds(start);
-    let start = Instant::now();
-    let mut direct = task.reflected_of(shining.shadowed, light, shining.even.is_some());
-    times.direct_pixels += milliseconds(start);
+    let mut received = shining.received_of(light, task, starts, times);
+    let mut direct = shining.reflected_of(light, task, times);
     let own = shining.even.and_then(|even| even.lights[light].as_ref());
     if let Some(even) = own.and_then(|own| task.even_light(own, times)) {
         add(&mut direct, &even.radiance);

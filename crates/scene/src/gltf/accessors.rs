@@ -3,10 +3,11 @@
 //! The crate answers out-of-range views with silence and bad types with panics, so it only ever sees a
 //! document rebuilt from what `layout` checked.
 
+use super::component::Component;
 use super::draco;
 use super::error::{Fault, ImportError};
 use super::json::Faults;
-use super::layout::{Accessor, Buffer, Component, Compressed, Layout, Source, Sparse};
+use super::layout::{Accessor, Buffer, Compressed, Layout, Source, Sparse};
 use super::uri;
 use gltf::accessor::{Item, Iter};
 use rayon::prelude::*;
@@ -53,13 +54,10 @@ pub(super) fn load_buffers<'a>(layout: &Layout, bin: Option<&'a [u8]>, folder: &
     let decode = |part: &Compressed| -> Bytes<'a> {
         let bytes = buffers[part.buffer].as_ref().map_err(Fault::clone)?;
         let bytes = &bytes[part.offset as usize..(part.offset + part.length) as usize];
-        part.stream.decode(bytes).map(Cow::Owned).map_err(|why| Fault {
-            path: part.path.clone(),
-            message: format!("its stream {why}; copy the file or compress the scene again"),
-        })
+        decoded(part.stream.decode(bytes), &part.path)
     };
-    let decoded: Vec<Bytes> = layout.compressed.par_iter().map(decode).collect();
-    buffers.extend(decoded);
+    let views: Vec<Bytes> = layout.compressed.par_iter().map(decode).collect();
+    buffers.extend(views);
     let mut primitives = Vec::new();
     for i in 0..layout.buffers.len() {
         if let Some(Buffer {
@@ -71,19 +69,24 @@ pub(super) fn load_buffers<'a>(layout: &Layout, bin: Option<&'a [u8]>, folder: &
         }
     }
     let decode = |(i, stream, bytes): (usize, &draco::Stream, Result<&[u8], Fault>)| {
-        let decoded = bytes.and_then(|bytes| {
-            stream.decode(bytes).map(Cow::Owned).map_err(|why| Fault {
-                path: stream.path.clone(),
-                message: format!("its stream {why}; copy the file or compress the scene again"),
-            })
-        });
-        (i, decoded)
+        (
+            i,
+            bytes.and_then(|bytes| decoded(stream.decode(bytes), &stream.path)),
+        )
     };
-    let decoded: Vec<(usize, Bytes)> = primitives.into_par_iter().map(decode).collect();
-    for (i, bytes) in decoded {
+    let primitives: Vec<(usize, Bytes)> = primitives.into_par_iter().map(decode).collect();
+    for (i, bytes) in primitives {
         buffers[i] = bytes;
     }
     buffers
+}
+
+/// What a stream at `path` decoded to.
+fn decoded<'a>(stream: Result<Vec<u8>, String>, path: &str) -> Bytes<'a> {
+    stream.map(Cow::Owned).map_err(|why| Fault {
+        path: path.to_owned(),
+        message: format!("its stream {why}; copy the file or compress the scene again"),
+    })
 }
 
 /// The bytes of a view.

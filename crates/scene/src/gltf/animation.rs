@@ -4,8 +4,9 @@
 //! property, the first one counts.
 
 use super::accessors::Data;
+use super::component::Component;
 use super::json::{At, Faults};
-use super::layout::{Accessor, Component, Layout};
+use super::layout::{Accessor, Layout};
 use super::nodes::{Graph, Local, Trs};
 use super::notes::Notes;
 use glam::{DAffine3, DQuat, DVec3, DVec4};

@@ -5,8 +5,9 @@
 //! vertices come out relative to the first joint's place, so that they keep their digits far from the origin.
 
 use super::accessors::Data;
+use super::component::Component;
 use super::json::{At, Faults};
-use super::layout::{Component, Layout};
+use super::layout::Layout;
 use super::list::List;
 use super::nodes::Graph;
 use super::notes::Notes;

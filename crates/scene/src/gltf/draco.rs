@@ -5,6 +5,7 @@
 //! what it decodes to, and the primitive gets accessors of that buffer. Their types and counts are what the file's own
 //! accessors declare; a stream that decodes to anything else is refused.
 
+use super::component::Component;
 use super::guard::guarded;
 use draco_core::{DecodeLimits, DecoderBuffer, Mesh, MeshDecoder};
 use serde_json::{Map, Value, json};
@@ -34,19 +35,9 @@ pub(super) struct Stream {
 struct Part {
     /// The stream's number of an attribute; `None` for the indices.
     attribute: Option<u32>,
-    component: u64,
+    component: Component,
     width: usize,
     offset: u64,
-}
-
-/// Bytes of a component type of glTF.
-fn component_bytes(component: u64) -> Option<u64> {
-    match component {
-        5120 | 5121 => Some(1),
-        5122 | 5123 => Some(2),
-        5125 | 5126 => Some(4),
-        _ => None,
-    }
 }
 
 fn index(value: Option<&Value>) -> Option<usize> {
@@ -123,7 +114,7 @@ fn unfold_one(root: &mut Value, primitive: &Value, path: String) -> Option<(Valu
     // The new accessors, with where they stand in the primitive; `None` for the indices.
     let mut made: Vec<(Option<&String>, Value)> = Vec::new();
     let mut add = |name, attribute, source: &Value| {
-        let component = source.get("componentType")?.as_u64()?;
+        let component = Component::of(source.get("componentType")?.as_u64()?)?;
         let width = match source.get("type")?.as_str()? {
             "SCALAR" => 1,
             "VEC2" => 2,
@@ -131,7 +122,7 @@ fn unfold_one(root: &mut Value, primitive: &Value, path: String) -> Option<(Valu
             "VEC4" => 4,
             _ => return None,
         };
-        let bytes = count(source)?.checked_mul(component_bytes(component)? * width as u64)?;
+        let bytes = count(source)?.checked_mul(component.bytes() * width as u64)?;
         let (offset, view) = (stream.length, made.len());
         stream.length = offset.checked_add(bytes)?.checked_next_multiple_of(4)?;
         stream.parts.push(Part {
@@ -233,24 +224,24 @@ impl Stream {
 }
 
 /// Writes numbers as a component type. Integers of 8 and 16 bits are exact in floats, and no attribute has longer ones.
-fn put(out: &mut [u8], component: u64, values: &[f32]) {
+fn put(out: &mut [u8], component: Component, values: &[f32]) {
     fn each<const N: usize>(out: &mut [u8], values: &[f32], bytes: impl Fn(f32) -> [u8; N]) {
         for (out, value) in out.as_chunks_mut().0.iter_mut().zip(values) {
             *out = bytes(*value);
         }
     }
     match component {
-        5120 => each(out, values, |x| (x as i8).to_le_bytes()),
-        5121 => each(out, values, |x| (x as u8).to_le_bytes()),
-        5122 => each(out, values, |x| (x as i16).to_le_bytes()),
-        5123 => each(out, values, |x| (x as u16).to_le_bytes()),
-        5125 => each(out, values, |x| (x as u32).to_le_bytes()),
-        _ => each(out, values, f32::to_le_bytes),
+        Component::I8 => each(out, values, |x| (x as i8).to_le_bytes()),
+        Component::U8 => each(out, values, |x| (x as u8).to_le_bytes()),
+        Component::I16 => each(out, values, |x| (x as i16).to_le_bytes()),
+        Component::U16 => each(out, values, |x| (x as u16).to_le_bytes()),
+        Component::U32 => each(out, values, |x| (x as u32).to_le_bytes()),
+        Component::F32 => each(out, values, f32::to_le_bytes),
     }
 }
 
-fn put_indices(out: &mut [u8], component: u64, mesh: &Mesh) -> Result<(), String> {
-    let size = component_bytes(component).unwrap_or(4) as usize;
+fn put_indices(out: &mut [u8], component: Component, mesh: &Mesh) -> Result<(), String> {
+    let size = component.bytes() as usize;
     let corners = mesh.faces().iter().flatten();
     for (out, corner) in out.chunks_exact_mut(size).zip(corners) {
         let bytes = corner.0.to_le_bytes();

@@ -460,7 +460,7 @@ fn tangents(read: Vec<[f32; 4]>, notes: &mut Notes) -> Vec<Vec4> {
 fn colors(data: &Data, accessor: usize, notes: &mut Notes) -> Vec<Vec4> {
     let info = data.layout.accessors.peek(accessor);
     let (width, max) = info.map_or((4, 1.0), |info| {
-        use super::layout::Component::*;
+        use super::component::Component::*;
         // Some exporters forget `normalized`: plain integers are meant the same way.
         let max = match (info.normalized, info.component) {
             (false, U8) => 255.0,

@@ -3,6 +3,7 @@
 //!
 //! A compressed view (`meshopt`) lies in a buffer of its own, which is what its stream decodes to.
 
+use super::component::Component;
 use super::draco;
 use super::json::At;
 use super::list::List;
@@ -89,43 +90,6 @@ pub(super) struct Sparse {
     pub indices: (usize, u64, Component),
     /// View and offset.
     pub values: (usize, u64),
-}
-
-/// Component types, with the numbers glTF inherits from OpenGL.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Component {
-    I8 = 5120,
-    U8 = 5121,
-    I16 = 5122,
-    U16 = 5123,
-    U32 = 5125,
-    F32 = 5126,
-}
-
-impl Component {
-    fn parse(at: &At) -> Option<Component> {
-        let code = at.required_uint("componentType")?;
-        use Component::*;
-        let found = [I8, U8, I16, U16, U32, F32]
-            .into_iter()
-            .find(|c| *c as u64 == code);
-        if found.is_none() {
-            at.fault_at(
-                "componentType",
-                format!("is {code}; glTF knows 5120, 5121, 5122, 5123, 5125 and 5126"),
-            );
-        }
-        found
-    }
-
-    /// Bytes of one.
-    pub fn bytes(self) -> u64 {
-        match self {
-            Component::I8 | Component::U8 => 1,
-            Component::I16 | Component::U16 => 2,
-            Component::U32 | Component::F32 => 4,
-        }
-    }
 }
 
 /// What the JSON says about data.

@@ -2,6 +2,7 @@
 //! mended before anything is read, with a note each.
 
 use super::notes::Notes;
+use crate::json::token::string_length;
 use serde_json::{Map, Value};
 use std::borrow::Cow;
 
@@ -58,20 +59,6 @@ pub(super) fn quoted_non_numbers(text: &str) -> Option<String> {
         rest = after;
     }
     found.then_some(out)
-}
-
-/// Bytes of a JSON string with its quotes; to the end where it has no end.
-fn string_length(text: &str) -> usize {
-    let mut escaped = false;
-    for (i, byte) in text.bytes().enumerate().skip(1) {
-        match byte {
-            _ if escaped => escaped = false,
-            b'\\' => escaped = true,
-            b'"' => return i + 1,
-            _ => {}
-        }
-    }
-    text.len()
 }
 
 fn is_bare(c: char) -> bool {

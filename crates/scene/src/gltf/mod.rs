@@ -30,6 +30,7 @@
 mod accessors;
 mod animation;
 mod basis;
+mod component;
 mod container;
 mod deform;
 mod draco;

@@ -1,9 +1,10 @@
 //! Mesh primitives as the JSON has them (glTF 2.0, section 3.7.2): attributes and indices checked for type,
 //! width and count before anything is decoded.
 
+use super::component::Component;
 use super::draco;
 use super::json::At;
-use super::layout::{Accessor, Component, Layout};
+use super::layout::{Accessor, Layout};
 use super::list::List;
 use super::materials::MAX_UV_SETS;
 use super::notes::Notes;

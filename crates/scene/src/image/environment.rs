@@ -46,18 +46,10 @@ pub fn decode_environment(file: &str, bytes: &[u8], limits: &Limits) -> Result<E
             [only] => only.name.as_str(),
             _ => layers.find(BEAUTY).map_or(BEAUTY, |layer| &layer.name),
         };
-        let found = || {
-            layers
-                .layers
-                .iter()
-                .map(|l| l.name.as_str())
-                .collect::<Vec<_>>()
-                .join(", ")
-        };
         layers.rgb(name).ok_or_else(|| {
             let detail = format!(
                 "an environment map needs channels R, G, B; found the layers {}",
-                found()
+                layers.names()
             );
             ImageError::invalid(file, detail)
         })?

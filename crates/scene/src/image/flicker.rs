@@ -4,6 +4,7 @@
 //! shows in full. Pixels that are dark in the mean are left out, since their flicker is relative to nothing.
 
 use super::layers::FloatImage;
+use super::metrics::grey;
 
 /// Share of the sequence's mean below which a pixel is dark.
 const DARK: f64 = 0.02;
@@ -25,6 +26,20 @@ pub struct Flicker {
     pub p999: f64,
 }
 
+impl Flicker {
+    /// Of frames that are all at hand, each as [`greys`]; `None` with fewer than three, or if all are dark.
+    ///
+    /// # Panics
+    /// Frames are of different sizes.
+    pub fn of(frames: Vec<Vec<f32>>) -> Option<Flicker> {
+        let mut means = PixelMeans::default();
+        frames.iter().for_each(|frame| means.add(frame));
+        let mut meter = FlickerMeter::new(&means);
+        frames.into_iter().for_each(|frame| meter.add(frame));
+        meter.flicker()
+    }
+}
+
 /// What pixels' differences are relative to: first pass over a sequence.
 #[derive(Clone, Debug, Default)]
 pub struct PixelMeans {
@@ -34,8 +49,7 @@ pub struct PixelMeans {
 
 /// Mean over RGB of each pixel.
 pub fn greys(image: &FloatImage) -> Vec<f32> {
-    let grey = |p: &[f32; 3]| (p[0] + p[1] + p[2]) / 3.0;
-    image.pixels.iter().map(grey).collect()
+    image.pixels.iter().map(|pixel| grey(pixel) as f32).collect()
 }
 
 impl PixelMeans {
@@ -127,18 +141,10 @@ impl FlickerMeter {
 mod tests {
     use super::*;
 
-    fn flicker(frames: &[Vec<f32>]) -> Option<Flicker> {
-        let mut means = PixelMeans::default();
-        frames.iter().for_each(|frame| means.add(frame));
-        let mut meter = FlickerMeter::new(&means);
-        frames.iter().for_each(|frame| meter.add(frame.clone()));
-        meter.flicker()
-    }
-
     #[test]
     fn light_that_rises_evenly_does_not_flicker() {
         let frames: Vec<Vec<f32>> = (0..8).map(|k| vec![1.0 + k as f32; 100]).collect();
-        assert_eq!(flicker(&frames).map(|found| found.p999), Some(0.0));
+        assert_eq!(Flicker::of(frames).map(|found| found.p999), Some(0.0));
     }
 
     /// Truth by hand: 95 pixels stand still, 5 are 1.1 and 0.9 in turns: second differences of 0.4 over a mean of 1. A dark pixel
@@ -154,11 +160,11 @@ mod tests {
                 frame
             })
             .collect();
-        let found = flicker(&frames).unwrap();
+        assert!(Flicker::of(frames[..2].to_vec()).is_none());
+        let found = Flicker::of(frames).unwrap();
         assert_eq!(found.median, 0.0);
         // A step of the histogram.
         assert!((found.p99 / 0.4 - 1.0).abs() < 0.04, "{found:?}");
-        assert!(flicker(&frames[..2]).is_none());
-        assert!(flicker(&vec![vec![0.0; 4]; 5]).is_none());
+        assert!(Flicker::of(vec![vec![0.0; 4]; 5]).is_none());
     }
 }

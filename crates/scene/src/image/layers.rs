@@ -90,6 +90,12 @@ impl Layers {
         self.layers.iter().find(|layer| layer.name == name)
     }
 
+    /// The layers' names in words, with commas.
+    pub fn names(&self) -> String {
+        let names: Vec<&str> = self.layers.iter().map(|layer| layer.name.as_str()).collect();
+        names.join(", ")
+    }
+
     /// The layer of that name, else the only one that means the same: other programs put the name of a view layer before
     /// a pass's (`ViewLayer.DiffDir`) and call the beauty `Combined` or `rgba`.
     pub fn find(&self, name: &str) -> Option<&Layer> {

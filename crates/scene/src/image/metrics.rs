@@ -52,7 +52,7 @@ pub fn compare(test: &FloatImage, reference: &FloatImage) -> Result<Comparison, 
 }
 
 /// Mean over RGB of a pixel.
-fn grey(p: &[f32; 3]) -> f64 {
+pub(super) fn grey(p: &[f32; 3]) -> f64 {
     (f64::from(p[0]) + f64::from(p[1]) + f64::from(p[2])) / 3.0
 }
 
