@@ -37,7 +37,14 @@ const HEADINGS: [(&str, &[&str]); 9] = [
     ),
     (
         "Visibility cuts",
-        &["cuts", "cut_lights", "sigma", "beta", "illumination_cut"],
+        &[
+            "cuts",
+            "cut_lights",
+            "sigma",
+            "beta",
+            "cut_nodes",
+            "illumination_cut",
+        ],
     ),
     (
         "Long bakes",

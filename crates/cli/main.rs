@@ -92,9 +92,11 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    // clap leaves with code 2 for wrong usage, 0 for help and version.
-    let matches = help::complete(Cli::command()).get_matches();
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let matches = help::complete(Cli::command()).try_get_matches();
+    let cli = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
+        Ok(cli) => cli,
+        Err(error) => return answer(&error),
+    };
     let console = Console::new(cli.global.quiet, cli.global.verbose, cli.global.progress);
     let result = std::thread::scope(|scope| {
         let (running, ended) = std::sync::mpsc::channel();
@@ -117,6 +119,24 @@ fn main() -> ExitCode {
         Ok(Outcome::FellShort) => ExitCode::from(3),
         Err(failure) => failure.exit_code(),
     }
+}
+
+/// Help and the version, which go to stdout with code 0, or what is wrong with the command line, with code 2. Then nobody has taken
+/// `--progress json` in, which holds all the same.
+fn answer(error: &clap::Error) -> ExitCode {
+    let words: Vec<_> = std::env::args_os().collect();
+    let json = words.iter().any(|word| word == "--progress=json")
+        || words
+            .windows(2)
+            .any(|pair| pair[0] == "--progress" && pair[1] == "json");
+    if json && error.use_stderr() {
+        let console = Console::new(false, false, ProgressStyleName::Json);
+        console.fail(error.render().to_string().trim_end());
+    } else {
+        // Nobody is left to tell.
+        let _ = error.print();
+    }
+    ExitCode::from(error.exit_code() as u8)
 }
 
 /// Says how a command failed.

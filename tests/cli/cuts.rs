@@ -68,6 +68,18 @@ fn the_json_of_a_bake_says_what_cuts_there_are_and_what_they_cost() {
     assert!(said["seconds"]["cuts"].as_f64().unwrap() > 0.0);
 }
 
+/// Where σ would want more nodes, `--cut-nodes` is the limit.
+#[test]
+fn no_cut_has_more_nodes_than_are_asked_for() {
+    let folder = folder();
+    let said = bake(&folder.path().join("few.relight"), &["--cut-nodes", "5"]);
+    let mean = said["cuts"]["mean_length"].as_f64().unwrap();
+    assert!(mean > 4.0 && mean <= 5.0, "{mean}");
+    assert_eq!(said["settings"]["cut_nodes"], "5");
+    let free = &table().1["cuts"];
+    assert!(free["mean_length"].as_f64().unwrap() > 10.0, "{free}");
+}
+
 #[test]
 fn without_cuts_an_asset_has_no_section_for_them() {
     let said = inspect_json(cornell());

@@ -93,6 +93,7 @@ fn numbers_out_of_range_are_refused_with_the_range() {
         ),
         (&cuts, "--sigma", &["0", "inf", "-2"], "above 0 and at most 1000"),
         (&cuts, "--beta", &["-0.1", "nan", "2"], "from 0 to 1"),
+        (&cuts, "--cut-nodes", &["0", "-1", "1048577"], "from 1 to 1048576"),
         (&play, "--exposure", &["1e30", "-1e30", "nan"], "from -100 to 100"),
         (
             &play,
@@ -153,7 +154,12 @@ fn numbers_out_of_range_are_refused_with_the_range() {
         assert!(text.contains(option), "{text}");
     }
     // Without cuts these would do nothing.
-    for (option, value) in [("--cut-lights", "1024"), ("--sigma", "2"), ("--beta", "0.5")] {
+    for (option, value) in [
+        ("--cut-lights", "1024"),
+        ("--sigma", "2"),
+        ("--beta", "0.5"),
+        ("--cut-nodes", "9"),
+    ] {
         let text = complaint(relight().args(bake).args([option, value]), 2);
         assert!(text.contains(option) && text.contains("--cuts"), "{text}");
     }
@@ -234,7 +240,13 @@ fn with_json_progress_all_that_is_said_is_json() {
         frame.to_str().unwrap(),
     ];
     let gone = ["inspect", "no such file"];
-    for (words, code, last) in [(&play[..], 0, "note"), (&gone[..], 1, "error")] {
+    let (unknown, range) = (["inspect", "a", "--levels"], ["check", "--random", "-1"]);
+    for (words, code, last) in [
+        (&play[..], 0, "note"),
+        (&gone[..], 1, "error"),
+        (&unknown[..], 2, "error"),
+        (&range[..], 2, "error"),
+    ] {
         let mut run = relight();
         let run = run.args(words).args(["--progress", "json"]).assert().code(code);
         let text = String::from_utf8(run.get_output().stderr.clone()).unwrap();
@@ -243,7 +255,7 @@ fn with_json_progress_all_that_is_said_is_json() {
             .collect();
         let is = |kind: &str| lines.iter().any(|line| line[kind].is_string());
         assert!(is(last), "{text}");
-        assert!(code == 1 || (is("stage") && is("detail")), "{text}");
+        assert!(code != 0 || (is("stage") && is("detail")), "{text}");
     }
 }
 

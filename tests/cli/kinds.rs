@@ -90,6 +90,17 @@ fn the_wrong_kind_of_file_is_named_with_the_right_command() {
             o("compare", &[&sky, &sky]),
             ["an HDR image, not an OpenEXR image", "give"],
         ),
+        (
+            o("bake", &["--merge", &asset]),
+            ["an asset, not the folder of a plan", "--plan"],
+        ),
+        (
+            o(
+                "report",
+                &[&asset, "--lights", &lights, "--reference", &sky, "-o", &frame],
+            ),
+            ["an HDR image, not a folder with references", "frame_0000.exr"],
+        ),
     ] {
         let text = complaint(relight().args(&words), 1);
         assert!(said.iter().all(|said| text.contains(said)), "{words:?}: {text}");
@@ -147,6 +158,25 @@ fn sequences_with_byte_order_marks_are_read() {
     play.arg("play").arg(cornell()).arg("--lights").arg(&lights);
     let text = complaint(play.arg("-o").arg(&frame), 1);
     assert!(text.contains("l.json") && text.contains("UTF-8"), "{text}");
+}
+
+#[test]
+fn scene_descriptions_with_byte_order_marks_are_read() {
+    let room = folder();
+    let text = r#"{ "relight_scene": 1, "camera": { "position": [0, 0, 4], "look_at": [0, 0, 0], "vfov_deg": 40 },
+        "boxes": [{ "name": "box", "min": [-1, -1, -1], "max": [1, 1, 1], "albedo": [0.5, 0.5, 0.5] }] }"#;
+    let text = format!("\u{feff}{text}");
+    let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    for bytes in [text.into_bytes(), wide] {
+        let scene = room.path().join("box.scene.json");
+        std::fs::write(&scene, bytes).unwrap();
+        let mut bake = relight();
+        bake.arg("bake").arg(&scene).args(["--dry-run", "-o"]);
+        bake.arg(room.path().join("a.relight"))
+            .args(crate::stage::TINY)
+            .assert()
+            .success();
+    }
 }
 
 /// A map is read from front to back, once.

@@ -1,7 +1,7 @@
 //! Checks of a bake's parameters, and their names and values for provenance.
 
 use crate::error::BakeError;
-use crate::params::{BakeParams, CutMode};
+use crate::params::{BakeParams, CutMode, CutParams};
 use glam::DVec3;
 use relight_format::layout::setting;
 use relight_transport::light_tree::HEIGHTS;
@@ -94,12 +94,16 @@ pub fn settings(params: &BakeParams, offset: DVec3) -> Vec<(String, String)> {
             CutMode::Environment => "environment",
             CutMode::Indirect => "indirect",
         };
+        // Said where it is another than ever before.
+        let most = (cuts.most != CutParams::default().most).then(|| ("cut_nodes", cuts.most.to_string()));
         [
             ("cuts", mode.to_owned()),
             ("cut_lights", cuts.lights.to_string()),
             ("sigma", cuts.sigma.to_string()),
             ("beta", cuts.beta.to_string()),
         ]
+        .into_iter()
+        .chain(most)
     });
     let names: Vec<&str> = params.keep.iter().map(|part| part.name()).collect();
     let kept = (!names.is_empty()).then(|| ("keep", names.join(" ")));

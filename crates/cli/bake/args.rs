@@ -80,6 +80,9 @@ pub struct BakeArgs {
     /// What the tree of those lights minds: 1 geometry alone, 0 visibility alone [default: 0.45].
     #[arg(long, value_name = "B", value_parser = real(0.0, 1.0))]
     pub beta: Option<f32>,
+    /// Most nodes of one visibility cut [default: 4096].
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 1_048_576))]
+    pub cut_nodes: Option<u32>,
     /// A place from which the scene is looked at, in the coordinates of its file, beside the cameras of the scene and of --lights: surfaces from which light
     /// reaches none of them get no points. May be given several times [default: the cameras alone or, without any, places in open
     /// space].
@@ -275,6 +278,7 @@ fn cut_params(args: &BakeArgs) -> Result<Option<CutParams>, Failure> {
         ("--cut-lights", args.cut_lights.is_some()),
         ("--sigma", args.sigma.is_some()),
         ("--beta", args.beta.is_some()),
+        ("--cut-nodes", args.cut_nodes.is_some()),
     ];
     let mode = match args.cuts {
         CutsName::Environment | CutsName::Auto => CutMode::Environment,
@@ -294,8 +298,8 @@ fn cut_params(args: &BakeArgs) -> Result<Option<CutParams>, Failure> {
         lights: args.cut_lights.unwrap_or(defaults.lights),
         sigma: args.sigma.unwrap_or(defaults.sigma),
         beta: args.beta.unwrap_or(defaults.beta),
+        most: args.cut_nodes.map_or(defaults.most, |most| most as usize),
         if_used: args.cuts == CutsName::Auto,
-        ..defaults
     }))
 }
 
@@ -359,6 +363,7 @@ impl BakeArgs {
             ("--cut-lights", self.cut_lights.map(|n| n.to_string())),
             ("--sigma", number(self.sigma)),
             ("--beta", number(self.beta)),
+            ("--cut-nodes", self.cut_nodes.map(|n| n.to_string())),
             ("--light-units", name(&self.light_units)),
             ("--variant", self.variant.clone()),
         ] {
@@ -407,7 +412,7 @@ mod tests {
     fn words_say_all_that_was_asked_for() {
         let all = "/s.glb -o /a.relight --preset fine --lights /l.json --levels 5 --sender-levels 3 --coarse-radius 0.3 \
                    --epsilon 0.07 --bounces 3 --solution --cuts indirect --cut-lights 1024 \
-                   --sigma 1.7 --beta 0.1 --viewpoint -1,2.5,3e-7 --viewpoint 0,0,0.1 --lambert --light-units raw --variant beach \
+                   --sigma 1.7 --beta 0.1 --cut-nodes 77 --viewpoint -1,2.5,3e-7 --viewpoint 0,0,0.1 --lambert --light-units raw --variant beach \
                    --keep lights,senders --cameras-only --strict --force";
         let given = parsed(&all.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
         let again = parsed(&given.words().unwrap());

@@ -5,6 +5,7 @@ use super::job::{Inputs, read};
 use super::kept::this_program;
 use crate::console::Console;
 use crate::failure::Failure;
+use crate::kinds::Kind;
 use crate::output;
 use crate::signals;
 use anyhow::{Context, anyhow};
@@ -118,6 +119,14 @@ impl Plan {
     /// # Errors
     /// There is none, or it is of another version or build of relight.
     pub fn read(folder: &Path) -> Result<Plan, Failure> {
+        if folder.is_file() {
+            return Err(anyhow!(
+                "{}: is {}, not the folder of a plan; give what --plan named",
+                folder.display(),
+                Kind::of(folder).name()
+            )
+            .into());
+        }
         let path = folder.join(NAME);
         let text = std::fs::read_to_string(&path).with_context(|| {
             format!(

@@ -5,6 +5,7 @@ use super::task::Task;
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::frames::FrameRange;
+use crate::kinds::Kind;
 use crate::output;
 use crate::play::{self, Pace};
 use crate::signals;
@@ -112,6 +113,13 @@ fn half_names(frame: u32) -> [String; 2] {
 /// # Errors
 /// A frame is missing, unreadable, of another size, or lacks the beauty.
 pub fn read(task: &Task, folder: &Path) -> Result<Vec<Reference>, Failure> {
+    if folder.is_file() {
+        let (name, kind) = (folder.display(), Kind::of(folder).name());
+        return Err(anyhow::anyhow!(
+            "{name}: is {kind}, not a folder with references: give the one in which frame_0000.exr lies"
+        )
+        .into());
+    }
     let fitting = |path: &Path| -> Result<Layers, Failure> {
         let layers = read_exr(path, &Limits::default())?;
         if (layers.width, layers.height) != task.size || layers.layer(BEAUTY).is_none() {

@@ -137,6 +137,7 @@ impl Facts {
             ("cut_lights", "--cut-lights"),
             ("sigma", "--sigma"),
             ("beta", "--beta"),
+            ("cut_nodes", "--cut-nodes"),
         ] {
             if let (Some(text), Some(_)) = (value(name), number(name)) {
                 base.push((option, text.to_owned()));

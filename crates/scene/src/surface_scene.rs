@@ -9,7 +9,7 @@ use crate::camera::CameraTrack;
 use crate::composite::{Composite, CompositeSurface};
 use crate::implicit::{ImplicitSurface, Sdf};
 use crate::isosurface::{Isosurface, VolumeError};
-use crate::json::decode::Document;
+use crate::json::decode::{Document, decoded};
 use crate::json::error::JsonError;
 use crate::json::path::JsonPath;
 use crate::json::quantity::{Fixed, Position};
@@ -170,7 +170,8 @@ fn push(scene: &mut Scene, name: &str, albedo: Vec3, mesh: impl FnOnce(u32) -> M
 
 fn read(path: &Path) -> Result<Described, SurfaceSceneError> {
     let mut bytes = read_bounded(path, MAX_DESCRIPTION_BYTES)?;
-    let text = String::from_utf8_lossy(&bytes).into_owned();
+    // What is no text is told by the reader of JSON.
+    let text = decoded(bytes.clone()).unwrap_or_else(|| String::from_utf8_lossy(&bytes).into_owned());
     let check = Checker {
         file: path,
         document: Document {

@@ -44,7 +44,7 @@ pub(crate) fn read_text(path: &Path, what: &'static str) -> Result<String, JsonE
 }
 
 /// Text of UTF-8 with or without a byte-order mark, or of UTF-16 with one.
-fn decoded(bytes: Vec<u8>) -> Option<String> {
+pub(crate) fn decoded(bytes: Vec<u8>) -> Option<String> {
     let utf16 = |bytes: &[u8], unit: fn([u8; 2]) -> u16| {
         let (units, rest) = bytes.as_chunks::<2>();
         let units: Vec<u16> = units.iter().map(|pair| unit(*pair)).collect();
