@@ -19,7 +19,7 @@ use std::time::Instant;
 
 pub use args::{BakeArgs, LightUnitsName, params};
 pub use job::{Job, read_scene, run_job};
-pub use kept::Kept;
+pub use kept::{Kept, this_program};
 
 /// What a bake that was stopped leaves behind, and how to go on.
 pub fn left_behind(args: &BakeArgs) -> String {
@@ -83,6 +83,7 @@ pub fn run(args: &BakeArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
         kept,
         checked: true,
         force: args.replace.force,
+        until: None,
     };
     let import_seconds = start.elapsed().as_secs_f64();
     let result = match args.target_error {

@@ -3,10 +3,11 @@
 
 use crate::disk;
 use crate::failure::Failure;
-use crate::signals;
+use crate::signals::{self, Until};
 use crate::words;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use relight_bake::error::BakeError;
+use relight_render::watch::Watch;
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::path::Path;
@@ -249,6 +250,8 @@ pub struct BakeProgress<'a> {
     target: Option<&'a Path>,
     /// Whether it is only said that its disk is too full.
     force: bool,
+    /// When the bake is to be over.
+    until: Until,
     /// Why the bake is not to go on.
     refused: OnceLock<String>,
     done: AtomicU64,
@@ -269,6 +272,7 @@ impl<'a> BakeProgress<'a> {
             console,
             target: None,
             force: false,
+            until: Until(None),
             refused: OnceLock::new(),
             done: AtomicU64::new(0),
             start: Instant::now(),
@@ -284,6 +288,14 @@ impl<'a> BakeProgress<'a> {
         BakeProgress {
             target: Some(target),
             force,
+            ..self
+        }
+    }
+
+    /// As it is, for a bake that is stopped at a moment.
+    pub fn until(self, until: Option<Instant>) -> BakeProgress<'a> {
+        BakeProgress {
+            until: Until(until),
             ..self
         }
     }
@@ -348,6 +360,6 @@ impl relight_bake::Progress for BakeProgress<'_> {
         self.console.expect(total);
     }
     fn stopped(&self) -> bool {
-        signals::stopped() || self.refused.get().is_some()
+        self.until.stopped() || self.refused.get().is_some()
     }
 }

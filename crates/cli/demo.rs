@@ -127,6 +127,7 @@ fn bake_scene(
         kept: None,
         checked: true,
         force: true,
+        until: None,
     };
     bake::run_job(&job, scene, asset, reading.elapsed().as_secs_f64(), console)
 }

@@ -1,5 +1,7 @@
 //! Which frames, and what their files are called.
 
+use crate::failure::Failure;
+use crate::words;
 use std::path::{Path, PathBuf};
 
 /// Frames to play: first to last inclusive, every so many.
@@ -14,6 +16,22 @@ pub struct FrameRange {
 }
 
 impl FrameRange {
+    /// Whether a sequence of so many frames has them.
+    ///
+    /// # Errors
+    /// It ends before.
+    pub fn check(self, frames: u32) -> Result<(), Failure> {
+        let end = frames.max(1) - 1;
+        if self.last <= end {
+            return Ok(());
+        }
+        Err(Failure::Usage(format!(
+            "--frames goes up to {}, but the sequence has {} (0 to {end})",
+            self.last,
+            words::plural(frames as usize, "frame")
+        )))
+    }
+
     /// The frames in order.
     pub fn iter(self) -> impl Iterator<Item = u32> {
         (self.first..=self.last).step_by(self.step as usize)

@@ -90,6 +90,7 @@ const HEADINGS: [(&str, &[&str]); 9] = [
             "quick",
             "full",
             "budget",
+            "frames_planned",
             "verify",
             "layer",
             "max_relmse",
@@ -105,6 +106,7 @@ const HEADINGS: [(&str, &[&str]); 9] = [
             "layers",
             "png",
             "exposure",
+            "movie",
             "float",
             "images",
             "force",
@@ -114,7 +116,7 @@ const HEADINGS: [(&str, &[&str]); 9] = [
 ];
 
 /// Per command three examples.
-const EXAMPLES: [(&str, [&str; 3]); 10] = [
+const EXAMPLES: [(&str, [&str; 3]); 12] = [
     (
         "bake",
         [
@@ -127,7 +129,7 @@ const EXAMPLES: [(&str, [&str; 3]); 10] = [
         "play",
         [
             "relight play hall.relight --lights evening.json -o 'out/frame_####.exr' --png",
-            "relight play hall.relight --lights evening.json -o still.exr --frames 12-12 --size 1280x720 --layers beauty,lights",
+            "relight play hall.relight --lights evening.json --movie evening.webp --size 640x360",
             "relight play hall.relight --lights evening.json -o path.exr --frames 12-12 --integrator path --spp 256",
         ],
     ),
@@ -185,6 +187,22 @@ const EXAMPLES: [(&str, [&str; 3]); 10] = [
             "relight schema sequence",
             "relight schema materials",
             "relight schema scene",
+        ],
+    ),
+    (
+        "completions",
+        [
+            "relight completions bash",
+            "relight completions zsh",
+            "relight completions fish",
+        ],
+    ),
+    (
+        "man",
+        [
+            "relight man pages",
+            "relight man pages --force",
+            "relight man pages --quiet",
         ],
     ),
     (

@@ -33,6 +33,10 @@ pub enum Kind {
     RadianceMatrix,
     Html,
     Svg,
+    Gif,
+    WebP,
+    Mp4,
+    Man,
     Script,
     /// Of lines with commas in them.
     Table,
@@ -46,7 +50,7 @@ const HEAD: u64 = 4096;
 /// JSON up to this size is parsed for the names of its fields.
 const MOST_JSON: u64 = 64 << 20;
 
-const MAGIC: [(&[u8], Kind); 10] = [
+const MAGIC: [(&[u8], Kind); 12] = [
     (&layout::MAGIC, Kind::Asset),
     (b"glTF", Kind::Scene),
     (&[0x76, 0x2f, 0x31, 0x01], Kind::Exr),
@@ -57,6 +61,9 @@ const MAGIC: [(&[u8], Kind); 10] = [
     (b"%%MatrixMarket", Kind::Market),
     (b"#?RGBE", Kind::Hdr),
     (b"#!", Kind::Script),
+    (b"GIF8", Kind::Gif),
+    // As pages for man begin that programs write.
+    (b".ie \\n(.g .ds Aq", Kind::Man),
 ];
 
 impl Kind {
@@ -82,6 +89,10 @@ impl Kind {
             Kind::RadianceMatrix => "a Radiance matrix",
             Kind::Html => "a web page",
             Kind::Svg => "an SVG picture",
+            Kind::Gif => "a GIF picture",
+            Kind::WebP => "a WebP picture",
+            Kind::Mp4 => "an MP4 movie",
+            Kind::Man => "a page for man",
             Kind::Script => "a script",
             Kind::Table => "a table",
             Kind::Text => "a text",
@@ -110,6 +121,11 @@ impl Kind {
         };
         if let Some((_, kind)) = MAGIC.iter().find(|(magic, _)| head.starts_with(magic)) {
             return *kind;
+        }
+        match (head.get(..4), head.get(4..8), head.get(8..12)) {
+            (Some(b"RIFF"), _, Some(b"WEBP")) => return Kind::WebP,
+            (_, Some(b"ftyp"), _) => return Kind::Mp4,
+            _ => {}
         }
         if head.starts_with(b"#?RADIANCE") {
             let header = String::from_utf8_lossy(&head);

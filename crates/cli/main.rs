@@ -20,12 +20,14 @@ mod images;
 mod inspect;
 mod inspection;
 mod kinds;
+mod movie;
 mod options;
 mod output;
 mod play;
 mod probes;
 mod report;
 mod schema;
+mod shell;
 mod signals;
 mod statistics;
 mod target;
@@ -89,6 +91,8 @@ enum Command {
     Report(report::ReportArgs),
     Demo(demo::DemoArgs),
     Schema(schema::SchemaArgs),
+    Completions(shell::CompletionsArgs),
+    Man(shell::ManArgs),
 }
 
 fn main() -> ExitCode {
@@ -201,5 +205,7 @@ fn run(cli: &Cli, console: &Console) -> Result<Outcome, Failure> {
         Command::Report(args) => report::run(args, seed, console),
         Command::Demo(args) => demo::run(args, seed, console),
         Command::Schema(args) => schema::run(args),
+        Command::Completions(args) => shell::completions(args, help::complete(Cli::command())),
+        Command::Man(args) => shell::man(args, help::complete(Cli::command()), console),
     }
 }

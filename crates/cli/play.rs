@@ -13,23 +13,24 @@ use crate::failure::{Failure, Outcome};
 use crate::frames::FrameRange;
 use crate::guard::Guard;
 use crate::kinds::{self, Kind, Wanted};
+use crate::movie::{self, Movie};
 use crate::output::{self, SCHEMA};
 use crate::signals::{self, Signals};
 use crate::statistics::{median, milliseconds};
 use crate::words;
 use glam::DVec3;
 use relight_play::choice::CutUse;
-use relight_play::player::FrameError;
+use relight_play::player::{FrameError, ShotError};
 use relight_play::{CutSites, Player, Shot, ShotSettings};
+use relight_render::watch::Watch;
 use relight_scene::camera::CameraTrack;
 use relight_scene::image::preview::{auto_exposure, tone_mapped};
-use relight_scene::image::{
-    BEAUTY, ExrHeader, ExrWarning, ImageError, Layers, light_layer_names, write_exr, write_png,
-};
+use relight_scene::image::{BEAUTY, ExrHeader, ExrWarning, Layers, light_layer_names, write_exr, write_png};
 use relight_scene::sequence::{Sequence, read_sequence_at};
 use report::{Figures, OncePerShot, ShotReport};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 use std::thread::ScopedJoinHandle;
 use std::time::Instant;
 
@@ -55,8 +56,24 @@ pub fn play(
     seed: u64,
     console: &Console,
     pace: Pace,
+    seen: impl FnMut(u32, &Layers),
+) -> Result<PlayReport, Failure> {
+    play_watched(args, seed, console, pace, &Signals, seen)
+}
+
+/// As [`play`], until `watch` says to stop, which is a [`Failure::Stopped`].
+pub fn play_watched(
+    args: &PlayArgs,
+    seed: u64,
+    console: &Console,
+    pace: Pace,
+    watch: &dyn Watch,
     mut seen: impl FnMut(u32, &Layers),
 ) -> Result<PlayReport, Failure> {
+    let go_on = || match watch.stopped() {
+        true => Err(signals::failure()),
+        false => Ok(()),
+    };
     let start = Instant::now();
     for (file, wanted) in [
         (Some(&args.asset), Wanted::Asset),
@@ -68,7 +85,7 @@ pub fn play(
     console.begin("Reading the asset", None);
     let wanted = args.integrator();
     let mut player = Player::open_for(&args.asset, &wanted)?;
-    signals::go_on()?;
+    go_on()?;
     let mut sequence = match &args.lights {
         Some(file) => read_sequence_at(file, player.scene().offset)?,
         None => player.own_lights()?.clone(),
@@ -87,9 +104,19 @@ pub fn play(
     let settings = args.frame_settings(seed);
     let choice = player.choose(&wanted, &lights, range.first.into(), &settings)?;
     args.check(&choice.integrator)?;
-    for frame in range.iter().take(1) {
-        output::prepare_output(&args.output.file(frame))?;
+    if let Some(file) = args.output_of(range.first) {
+        output::prepare_output(&file)?;
     }
+    let movie = (args.movie.as_ref())
+        .map(|file| {
+            Movie::begin(
+                file,
+                (width, height),
+                f64::from(range.step) / f64::from(sequence.fps),
+            )
+        })
+        .transpose()?;
+    let movie = Mutex::new(movie);
     let load = milliseconds(start);
 
     console.note(choice.to_string());
@@ -121,6 +148,7 @@ pub fn play(
         threads: rayon::current_num_threads(),
         fixed_camera: !moving,
         without_points: None,
+        movie: args.movie.as_ref().map(|file| file.display().to_string()),
         exposure_ev: None,
         time_unit: "ms",
         once_per_shot: OncePerShot { load, shot: None },
@@ -132,10 +160,10 @@ pub fn play(
     let last_frame = range.iter().last();
     let mut warnings = BTreeSet::new();
     std::thread::scope(|scope| -> Result<(), Failure> {
-        let mut writing: Option<ScopedJoinHandle<Result<Written, ImageError>>> = None;
+        let mut writing: Option<ScopedJoinHandle<anyhow::Result<Written>>> = None;
         let mut since = Instant::now();
         for frame in range.iter() {
-            signals::go_on()?;
+            go_on()?;
             let start = Instant::now();
             player.set_time(frame.into())?;
             if let Some(shot) = shot.as_mut().filter(|_| !moving) {
@@ -144,7 +172,9 @@ pub fn play(
             let edit = player.is_edited().then(|| milliseconds(start));
             let (mut apart, mut own_shot) = (0.0, None);
             if shot.is_none() || moving {
-                let looked = player.shot(&track.at(frame.into()), &shot_settings)?;
+                let looked = player
+                    .shot_watched(&track.at(frame.into()), &shot_settings, watch)
+                    .map_err(not_looked)?;
                 let times = said(
                     &looked,
                     player.scene().offset,
@@ -163,9 +193,9 @@ pub fn play(
                 unreachable!("made above")
             };
             let lit = player
-                .frame_watched(shot, &lights, frame.into(), &settings, &Signals)
+                .frame_watched(shot, &lights, frame.into(), &settings, watch)
                 .map_err(stopped)?;
-            signals::go_on()?;
+            go_on()?;
             seen(frame, &lit.layers);
             if let Some(last) = writing.take() {
                 note_written(joined(last)?, &mut report.frames, &mut warnings, console);
@@ -177,14 +207,15 @@ pub fn play(
                 frame: Some(frame),
                 ..ExrHeader::new()
             };
-            if args.png && report.exposure_ev.is_none() {
+            if (args.png || args.movie.is_some()) && report.exposure_ev.is_none() {
                 report.exposure_ev = exposure(args, &lit.layers, console);
             }
             let exposure = report.exposure_ev.unwrap_or_default();
-            let file = args.output.file(frame);
+            let file = args.output_of(frame);
             let figures = Figures::from(&lit.stats);
             let layers = lit.layers;
-            let handle = scope.spawn(move || write(args, file, &layers, &header, exposure));
+            let movie = &movie;
+            let handle = scope.spawn(move || write(args, file, &layers, &header, exposure, movie));
             let wait = pace == Pace::OneByOne || Some(frame) == last_frame;
             let written = if wait {
                 Some(joined(handle)?)
@@ -208,6 +239,8 @@ pub fn play(
         }
         Ok(())
     })?;
+    let movie = movie.into_inner().unwrap_or_else(PoisonError::into_inner);
+    movie.map(Movie::finish).transpose()?;
     console.close();
     for warning in warnings {
         console.note(format!("warning: {warning}"));
@@ -220,7 +253,14 @@ pub fn play(
 fn check_outputs(args: &PlayArgs, range: FrameRange) -> Result<(), Failure> {
     let inputs = [Some(&args.asset), args.lights.as_ref(), args.materials.as_ref()];
     let guard = Guard::new(args.replace.force).reads(inputs.into_iter().flatten().map(PathBuf::as_path));
-    for file in range.iter().map(|frame| args.output.file(frame)) {
+    if let Some((movie, kind)) = args
+        .movie
+        .as_ref()
+        .and_then(|file| Some((file, movie::kind(file)?)))
+    {
+        guard.check(movie, kind)?;
+    }
+    for file in range.iter().filter_map(|frame| args.output_of(frame)) {
         guard.check(&file, Kind::Exr)?;
         if args.png {
             guard.check(&file.with_extension("png"), Kind::Png)?;
@@ -241,6 +281,13 @@ fn name_layers(sequence: &mut Sequence, console: &Console) {
             ));
             light.name = name;
         }
+    }
+}
+
+fn not_looked(error: ShotError) -> Failure {
+    match error {
+        ShotError::Cancelled(_) => signals::failure(),
+        other => other.into(),
     }
 }
 
@@ -308,7 +355,8 @@ fn exposure(args: &PlayArgs, layers: &Layers, console: &Console) -> Option<f32> 
 
 /// A frame's files.
 struct Written {
-    file: PathBuf,
+    /// Or none: the movie alone.
+    file: Option<PathBuf>,
     milliseconds: f64,
     warnings: Vec<ExrWarning>,
 }
@@ -316,17 +364,26 @@ struct Written {
 /// Writes the layers of a frame that are asked for.
 fn write(
     args: &PlayArgs,
-    file: PathBuf,
+    file: Option<PathBuf>,
     all: &Layers,
     header: &ExrHeader,
     exposure_ev: f32,
-) -> Result<Written, ImageError> {
+    movie: &Mutex<Option<Movie>>,
+) -> anyhow::Result<Written> {
     let _whole = signals::whole();
     let start = Instant::now();
-    let warnings = write_exr(&file, &chosen(all, &args.layers), header, args.float)?;
-    if args.png {
-        let beauty = all.rgb(BEAUTY).unwrap_or_default();
-        write_png(&file.with_extension("png"), &tone_mapped(&beauty, exposure_ev))?;
+    let mut warnings = Vec::new();
+    if let Some(file) = &file {
+        warnings = write_exr(file, &chosen(all, &args.layers), header, args.float)?;
+    }
+    if args.png || args.movie.is_some() {
+        let shown = tone_mapped(&all.rgb(BEAUTY).unwrap_or_default(), exposure_ev);
+        if let Some(file) = file.as_ref().filter(|_| args.png) {
+            write_png(&file.with_extension("png"), &shown)?;
+        }
+        if let Some(movie) = &mut *movie.lock().unwrap_or_else(PoisonError::into_inner) {
+            movie.push(&shown)?;
+        }
     }
     Ok(Written {
         file,
@@ -335,7 +392,7 @@ fn write(
     })
 }
 
-fn joined(writing: ScopedJoinHandle<Result<Written, ImageError>>) -> Result<Written, ImageError> {
+fn joined(writing: ScopedJoinHandle<anyhow::Result<Written>>) -> anyhow::Result<Written> {
     writing
         .join()
         .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
@@ -352,20 +409,26 @@ fn note_written(
     console.advance_to(frames.len() as u64);
     if let Some(frame) = frames.last_mut() {
         frame.write = written.milliseconds;
-        console.detail(format!("{}: {:.1} ms", written.file.display(), frame.total));
+        let name = (written.file).map_or_else(
+            || format!("frame {}", frame.frame),
+            |file| file.display().to_string(),
+        );
+        console.detail(format!("{name}: {:.1} ms", frame.total));
     }
 }
 
 fn summary(report: &PlayReport, args: &PlayArgs, range: FrameRange) -> String {
-    let last = args
-        .output
-        .file(range.first + (range.last - range.first) / range.step * range.step);
+    let last = args.output_of(range.first + (range.last - range.first) / range.step * range.step);
+    let files = [
+        last.map(|file| format!("up to {}", file.display())),
+        report.movie.as_ref().map(|movie| format!("as {movie}")),
+    ];
     format!(
-        "Wrote {} with {}, {:.1} ms each (median), up to {}.",
+        "Wrote {} with {}, {:.1} ms each (median), {}.",
         words::plural(report.frames.len(), "frame"),
         report.integrator,
         median(report.totals()),
-        last.display()
+        files.into_iter().flatten().collect::<Vec<_>>().join(" and ")
     )
 }
 
@@ -386,14 +449,9 @@ fn frame_range(args: &PlayArgs, sequence: &Sequence) -> Result<FrameRange, Failu
         last: end,
         step: 1,
     });
-    if range.last > end {
-        return Err(Failure::Usage(format!(
-            "--frames goes up to {}, but the sequence has {} (0 to {end})",
-            range.last,
-            words::plural(sequence.frames as usize, "frame")
-        )));
-    }
-    if range.iter().nth(1).is_some() && !args.output.has_number() {
+    range.check(sequence.frames)?;
+    let one_file = args.output.as_ref().is_some_and(|output| !output.has_number());
+    if range.iter().nth(1).is_some() && one_file {
         return Err(Failure::Usage(
             "several frames would be written to one file: put #### into the name of --output, or choose one with \
              --frames"

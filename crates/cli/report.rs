@@ -6,29 +6,38 @@
 
 mod bitmap;
 mod cache;
+mod doubt;
+mod drawing;
 mod findings;
 mod measure;
+mod measured;
 mod page;
+mod pictures;
 mod plot;
 mod reference;
 mod settings;
+mod shape;
 mod summary;
+mod tables;
 mod task;
+mod ticks;
 
+use crate::bake;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::{self, FrameRange};
 use crate::guard::Guard;
 use crate::inspection::{BakeLog, Inspection};
 use crate::kinds::{self, Kind, Wanted};
-use crate::options::ReplaceArgs;
+use crate::options::{ReplaceArgs, whole};
 use crate::output::{self, SCHEMA};
 use crate::play;
 use crate::signals;
 use crate::words;
 use anyhow::Context;
 use clap::Args;
-use measure::{Measured, Runs};
+use measure::Runs;
+use measured::Measured;
 use reference::Reference;
 use relight_format::{self as format, Estimates, Limits};
 use relight_play::Player;
@@ -46,7 +55,9 @@ use task::Task;
 /// Path-traces references of some frames, whose own error is known from two independent halves; plays the asset with
 /// every integrator over a range of its options, and bakes the scene in it again with other options; writes
 /// report.html (plots, pictures with error maps, tables; opens offline), report.json, report.csv, plots/*.svg and *.png.
-/// References, bakes and measurements are kept in DIR by what they are of: a report that was stopped goes on.
+/// Settings are played again and again, with other random numbers, until the spread of times and errors is known; what differs by less
+/// counts as equal. References, bakes and measurements are kept in DIR by what they are of: a report that was stopped, or had too
+/// little time, goes on when it is run again.
 #[derive(Args)]
 pub struct ReportArgs {
     /// Asset to report on.
@@ -64,10 +75,13 @@ pub struct ReportArgs {
     /// Three frames, 480 pixels wide, all settings, within 2 hours.
     #[arg(long)]
     pub full: bool,
-    /// Time for everything, such as 90s, 10m or 2h: a third at most goes into references; settings that find no time
-    /// any more are named.
+    /// Time for everything, such as 90s, 10m or 2h, which is kept: a third at most goes into references; settings that find no time
+    /// any more are named. At least one pass of each reference and one setting are measured.
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub budget: Option<Duration>,
+    /// Frames that will be played with a bake, over which its time counts [default: those of the sequence].
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 1_000_000_000))]
+    pub frames_planned: Option<u32>,
     /// Folder with references instead of path tracing them: frame_0000.exr, or two independent halves,
     /// frame_0000_a.exr and frame_0000_b.exr, by which their own error is known.
     #[arg(long, value_name = "DIR")]
@@ -113,6 +127,8 @@ const FULL: Preset = Preset {
 
 /// Share of the budget that references may take.
 const REFERENCE_SHARE: f64 = 1.0 / 3.0;
+/// Share of the budget that is left to draw and write pages.
+const PAGES_SHARE: f64 = 0.05;
 
 fn parse_duration(text: &str) -> Result<Duration, String> {
     let expected = || "expected a time such as 90s, 10m or 2h".to_owned();
@@ -150,6 +166,8 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
     let frames = args
         .frames
         .unwrap_or_else(|| evenly(sequence.frames, preset.frames));
+    frames.check(sequence.frames)?;
+    let planned = args.frames_planned.unwrap_or(sequence.frames.max(1));
     let scene_key = cache::scene_key(&asset, &sequence, &args.lights)?;
     let player = Player::of_asset(asset, asset_hash(&args.asset)?, &args.asset, Sections::Scene)?;
     let size = match args.size {
@@ -171,6 +189,12 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
         None => reference::converge(&task, until, console)?,
     };
     let settings = settings::sweep(&facts, args.full);
+    let times_of = format!(
+        "{} {} {:x}",
+        machine(),
+        rayon::current_num_threads(),
+        bake::this_program()
+    );
     let runs = Runs {
         task: &task,
         scene: player.scene().clone(),
@@ -178,7 +202,8 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
         references: &references,
         base_bake: &described,
         repetitions: preset.repetitions,
-        until: start + budget,
+        machine: &times_of,
+        until: start + budget.mul_f64(1.0 - PAGES_SHARE),
     };
     let (measured, skipped) = measure::all(&runs, &settings, console)?;
     let summary = summary(
@@ -190,6 +215,7 @@ pub fn run(args: &ReportArgs, seed: u64, console: &Console) -> Result<Outcome, F
         &references,
         &measured,
         &skipped,
+        planned,
         start,
     );
     write_report(&task, &summary, &measured, &references, &guard)?;
@@ -252,6 +278,7 @@ fn summary<'a>(
     references: &[Reference],
     measured: &'a [Measured],
     skipped: &[Setting],
+    planned: u32,
     start: Instant,
 ) -> Summary<'a> {
     let front = findings::pareto(measured);
@@ -263,6 +290,7 @@ fn summary<'a>(
         asset,
         lights: args.lights.display().to_string(),
         frames: task.frames.iter().collect(),
+        frames_planned: planned,
         width: task.size.0,
         height: task.size.1,
         seed: task.seed,
@@ -272,7 +300,7 @@ fn summary<'a>(
         references: references.iter().map(Reference::summary).collect(),
         settings: settings.map(|(m, &pareto)| m.summary(pareto)).collect(),
         not_measured: skipped.iter().map(Setting::command).collect(),
-        findings: findings::sentences(measured, references, skipped.len(), estimates),
+        findings: findings::sentences(measured, references, skipped.len(), planned, estimates),
         commands: commands(task, references, measured),
         seconds: start.elapsed().as_secs_f64(),
     }
@@ -329,7 +357,7 @@ fn write_report(
         output::prepare_output(&path)?;
         Ok(write_atomically(&path, text.as_bytes())?)
     };
-    let plots = plot::all(measured, references)?;
+    let plots = plot::all(measured, references);
     let _whole = signals::whole();
     for plot in &plots {
         write(&format!("plots/{}.svg", plot.name), Kind::Svg, &plot.svg)?;

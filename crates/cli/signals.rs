@@ -9,7 +9,7 @@ use signal_hook::flag;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Condvar, LazyLock, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 static STOP: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 static SIGNAL: LazyLock<Arc<AtomicUsize>> = LazyLock::new(Arc::default);
@@ -115,6 +115,15 @@ pub struct Signals;
 impl Watch for Signals {
     fn stopped(&self) -> bool {
         stopped()
+    }
+}
+
+/// As [`Signals`], and a moment stops them, too.
+pub struct Until(pub Option<Instant>);
+
+impl Watch for Until {
+    fn stopped(&self) -> bool {
+        stopped() || self.0.is_some_and(|until| Instant::now() >= until)
     }
 }
 

@@ -26,6 +26,11 @@ fn a_limit_on_file_size_is_an_error_of_any_command_that_leaves_nothing_behind() 
             "plan/units/",
         ),
         (format!("play {asset} -o new/f.exr --size 200x200"), "new/f.exr"),
+        (
+            format!("play {asset} --movie new/m.webp --size 200x200"),
+            "new/m.webp",
+        ),
+        ("man new".to_owned(), "new/relight"),
         (format!("export {asset} --what links -o new"), "new/"),
         (format!("export {asset} --what points -o new/er"), "new/er/"),
         (format!("inspect {asset} --images new"), "new/level_0.png"),

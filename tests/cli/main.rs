@@ -6,6 +6,10 @@
 mod bad_input;
 mod bake;
 mod check;
+// As view is tested with.
+#[allow(dead_code)]
+#[path = "../../crates/view/tests/chromium/mod.rs"]
+mod chromium;
 mod compare;
 mod cuts;
 mod cuts_indirect;
@@ -20,10 +24,13 @@ mod limits;
 mod loss;
 mod materials;
 mod moments;
+mod movie;
 mod pages;
 mod play;
 mod random;
 mod report;
+mod report_page;
+mod shell;
 mod signals;
 mod slurm;
 mod stage;

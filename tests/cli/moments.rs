@@ -144,6 +144,10 @@ fn plays_exports_and_pictures() {
         &format!("play {asset} --lights {lights} -o new/f_#.exr --png --frames 0-3 --size 64x64"),
         never,
     );
+    stopped_at_any_moment(
+        &format!("play {asset} --lights {lights} --movie new/m.gif --frames 0-3 --size 64x64"),
+        never,
+    );
     for what in ["points", "links", "factors"] {
         stopped_at_any_moment(&format!("export {asset} --what {what} -o new"), never);
     }

@@ -155,6 +155,7 @@ pub fn merge(folder: &Path, force: bool, json: bool, console: &Console) -> Resul
         kept: Some(Kept::shared(plan.folder.join("units"))),
         checked: true,
         force: plan.args.replace.force || force,
+        until: None,
     };
     let result = run_job(&job, read.scene, target, start.elapsed().as_secs_f64(), console)?;
     drop(lock);

@@ -134,6 +134,8 @@ pub struct Job<'a> {
     pub checked: bool,
     /// Whether it goes on although the asset's disk has too little room.
     pub force: bool,
+    /// When it is to be over, if it has not all the time that it needs.
+    pub until: Option<Instant>,
 }
 
 /// What a bake tells.
@@ -249,7 +251,7 @@ pub fn bake_job(
         source_hash: job.source_hash,
         memory: memory::of_this_machine(),
     };
-    let progress = BakeProgress::new(console);
+    let progress = BakeProgress::new(console).until(job.until);
     let progress = match target {
         Some(target) => progress.towards(target, job.force),
         None => progress,

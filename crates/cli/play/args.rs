@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::frames::{self, FrameRange, Pattern};
+use crate::movie;
 use crate::options::{ReplaceArgs, above_0, parsed, real, whole};
 use clap::{Args, ValueEnum};
 use relight_play::frame::settings::ILLUMINATION_CUT;
@@ -45,8 +46,8 @@ pub struct PlayArgs {
     #[arg(long, value_name = "EDITS.json")]
     pub materials: Option<PathBuf>,
     /// Frames to write: #### or %04d stands for the frame number.
-    #[arg(short, long, value_name = "out/frame_####.exr", value_parser = frames::parse_pattern)]
-    pub output: Pattern,
+    #[arg(short, long, value_name = "out/frame_####.exr", value_parser = frames::parse_pattern, required_unless_present = "movie")]
+    pub output: Option<Pattern>,
     /// How to make light: transfer (the asset's operators), cuts (as the asset's visibility cuts were baked: direct
     /// light of environments, or one bounce of indirect light; other direct light by shadow rays), brute (every light
     /// with its own shadow rays; direct light only, or, with --area-samples, --vpls and their like, all light of these points), lightcuts
@@ -70,12 +71,16 @@ pub struct PlayArgs {
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [LayerName::Beauty, LayerName::Direct, LayerName::Indirect])]
     pub layers: Vec<LayerName>,
     /// Write a PNG preview of the beauty beside each frame (Khronos PBR Neutral).
-    #[arg(long)]
+    #[arg(long, requires = "output")]
     pub png: bool,
-    /// Exposure of the previews, -100 to 100: 2^EV times the image. auto: the EV that makes the middle of the first frame with
+    /// Exposure of previews and movie, -100 to 100: 2^EV times the image. auto: the EV that makes the middle of the first frame with
     /// light a middle grey, the same for all frames; it is printed.
     #[arg(long, value_name = "EV", default_value = "auto", value_parser = exposure)]
     pub exposure: Exposure,
+    /// Write all frames as one moving picture, as previews show them, at the sequence's frame rate: .webp (lossless), .gif (256 colours a
+    /// frame) or .mp4 (by the program ffmpeg).
+    #[arg(long, value_name = "FILE", value_parser = movie::parse)]
+    pub movie: Option<PathBuf>,
     /// Write 32-bit floats instead of half precision.
     #[arg(long)]
     pub float: bool,
@@ -248,6 +253,11 @@ impl PlayArgs {
             "-o".into(),
             output.display().to_string(),
         ])
+    }
+
+    /// The file of a frame, if frames are written.
+    pub fn output_of(&self, frame: u32) -> Option<PathBuf> {
+        self.output.as_ref().map(|output| output.file(frame))
     }
 
     /// How to make light.

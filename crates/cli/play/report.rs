@@ -33,6 +33,9 @@ pub struct PlayReport {
     /// Largest share of a frame's fragments that have no point near them, and no indirect light; nothing where no points are used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub without_points: Option<f64>,
+    /// The moving picture, if one was written.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub movie: Option<String>,
     /// Stops that previews are exposed by: 2^stops times the image; nothing where none are written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exposure_ev: Option<f32>,

@@ -1,6 +1,6 @@
 //! What the measurements mean.
 
-use super::measure::Measured;
+use super::measured::{Measured, SURE};
 use super::reference::Reference;
 use crate::estimates::{Expected, percent};
 use crate::words;
@@ -11,18 +11,14 @@ use relight_scene::image::BEAUTY;
 const WANTED: [f64; 3] = [0.01, 0.03, 0.10];
 
 /// Whether each setting is on the Pareto front of those that make the same layers: no other is at least as fast and as
-/// right, and better in one of the two.
+/// right, and better in one of the two by more than can be chance.
 pub fn pareto(measured: &[Measured]) -> Vec<bool> {
-    let of = |m: &Measured| (m.setting.layer, m.ms(), m.judged().relative());
-    (measured.iter().map(of))
-        .map(|(layer, ms, error)| {
-            !measured.iter().map(of).any(|(other, other_ms, other_error)| {
-                other == layer
-                    && other_ms <= ms
-                    && other_error <= error
-                    && (other_ms < ms || other_error < error)
-            })
-        })
+    let beats = |a: &Measured, b: &Measured| {
+        let (faster, nearer) = (a.ms() <= b.ms(), a.judged().relative() <= b.judged().relative());
+        a.setting.layer == b.setting.layer && faster && nearer && !(a.lasts_as(b) && a.errs_as(b))
+    };
+    (measured.iter())
+        .map(|one| !measured.iter().any(|other| beats(other, one)))
         .collect()
 }
 
@@ -31,6 +27,7 @@ pub fn sentences(
     measured: &[Measured],
     references: &[Reference],
     skipped: usize,
+    frames: u32,
     estimates: Option<&Estimates>,
 ) -> Vec<String> {
     if references.iter().all(is_dark) {
@@ -40,7 +37,10 @@ pub fn sentences(
                 .into(),
         ];
     }
-    let mut all: Vec<String> = WANTED.iter().map(|&wanted| advice(measured, wanted)).collect();
+    let mut all: Vec<String> = WANTED
+        .iter()
+        .map(|&wanted| advice(measured, wanted, frames))
+        .collect();
     all.extend(asset_itself(measured, references, estimates));
     let own = references.iter().map(|r| r.floor_of(BEAUTY)).sum::<f64>() / references.len().max(1) as f64;
     if references.iter().any(|r| r.floor.is_none()) {
@@ -123,21 +123,26 @@ fn is_path(m: &Measured) -> bool {
     m.setting.integrator == "path" && m.setting.layer != "direct"
 }
 
-fn advice(measured: &[Measured], wanted: f64) -> String {
+/// What is best for an error, all that is done for so many frames counted.
+fn advice(measured: &[Measured], wanted: f64, frames: u32) -> String {
     let percent = 100.0 * wanted;
     let whole = || measured.iter().filter(|m| m.setting.layer != "direct");
+    let seconds = |m: &&Measured| m.seconds_of(frames);
+    let good_enough = |m: &&Measured| m.judged().relative() <= wanted;
     let fastest = whole()
-        .filter(|m| m.judged().relative() <= wanted)
-        .min_by(|a, b| a.ms().total_cmp(&b.ms()));
+        .filter(good_enough)
+        .min_by(|a, b| seconds(a).total_cmp(&seconds(b)));
     let path = path_ms(measured, wanted);
     let Some(best) = fastest else {
         let closest = whole().min_by(|a, b| a.judged().relative().total_cmp(&b.judged().relative()));
         let closest = closest.map_or_else(String::new, |m| {
+            let alike = whole().filter(|other| !std::ptr::eq(*other, m) && other.errs_as(m));
             format!(
-                " The closest was {}, {:.1} % in {:.0} ms a frame.",
+                " The closest was {}, {} in {:.0} ms a frame{}.",
                 m.setting.label(),
-                100.0 * m.judged().relative(),
-                m.ms()
+                m.error_words(),
+                m.ms(),
+                or_equal(alike, "as close")
             )
         });
         let path = path.map_or_else(String::new, |ms| {
@@ -145,28 +150,58 @@ fn advice(measured: &[Measured], wanted: f64) -> String {
         });
         return format!("For {percent:.0} % error no setting that was measured will do.{closest}{path}");
     };
+    // What serves as well within what is known of both: about as long in all, for an error that will do.
+    let takes = seconds(&best);
+    let alike = whole().filter(good_enough).filter(|other| {
+        let spread = |m: &Measured| f64::from(frames) * 1e-3 * m.ms_spread().unwrap_or(0.1 * m.ms());
+        !std::ptr::eq(*other, best)
+            && (seconds(other) - takes).abs() <= SURE * spread(other).hypot(spread(best))
+    });
+    let bake = best.bake_seconds.filter(|_| best.needs_bake());
+    let with_bake = bake.map_or_else(String::new, |bake| {
+        format!(" with the bake of {}", lasting(1e3 * bake))
+    });
     let first = format!(
-        "For {percent:.0} % error use {}: {:.1} ms a frame, {:.1} %",
+        "For {percent:.0} % error use {}: {}, {:.1} ms a frame, {} for {}{with_bake}{}",
         best.setting.label(),
+        best.error_words(),
         best.ms(),
-        100.0 * best.judged().relative()
+        lasting(1e3 * takes),
+        words::plural(frames as usize, "frame"),
+        or_equal(alike, "as good")
     );
-    if !best.needs_bake() {
-        return format!("{first}. Nothing that was baked is as fast at that error.");
-    }
-    let (Some(path), Some(bake)) = (path, best.bake_seconds) else {
+    let Some(path) = path else {
         return format!("{first}.");
+    };
+    let Some(bake) = bake else {
+        return format!("{first}. Nothing that was baked is as fast at that error for so few frames.");
     };
     if path <= best.ms() {
         return format!(
-            "{first}; path tracing takes {} for it, so the bake never pays.",
+            "{first}; path tracing takes {} a frame for it, so the bake never pays.",
             lasting(path)
         );
     }
-    let once = best.once_ms();
-    let frames = ((1e3 * bake + once) / (path - best.ms())).ceil();
+    let pays = ((1e3 * bake + best.once_ms()) / (path - best.ms())).ceil();
     format!(
-        "{first}; path tracing takes {} for it, so the bake of {bake:.0} s pays from frame {frames:.0} on.",
+        "{first}; path tracing takes {} a frame for it, so the bake pays from frame {pays:.0} on.",
         lasting(path)
+    )
+}
+
+/// Names of settings that can't be told from the one before; of many the first.
+fn or_equal<'a>(alike: impl Iterator<Item = &'a Measured>, how: &str) -> String {
+    const MOST: usize = 3;
+    let labels: Vec<String> = alike.map(|m| m.setting.label()).collect();
+    if labels.is_empty() {
+        return String::new();
+    }
+    let more = match labels.len().saturating_sub(MOST) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    format!(
+        " ({how}, for all that can be told: {}{more})",
+        labels[..labels.len().min(MOST)].join("; ")
     )
 }

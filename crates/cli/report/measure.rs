@@ -1,7 +1,10 @@
-//! Bakes and plays settings: errors once, times again and again, one repetition of all settings after another, so that
-//! what the machine does beside hits all alike.
+//! Bakes and plays settings again and again, each time with other random numbers, until their spread is known: one repetition of all
+//! settings after another, so that what the machine does beside hits all alike. What was measured is kept, and a later report goes on
+//! from there.
 
 use super::cache;
+use super::doubt;
+use super::measured::{Errors, Measured};
 use super::reference::{LAYERS, Reference};
 use super::settings::Setting;
 use super::task::Task;
@@ -9,19 +12,18 @@ use crate::bake::{self, BakeArgs, Job};
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::guard::Guard;
-use crate::inspection::{Bytes, Inspection};
+use crate::inspection::Inspection;
 use crate::kinds::Kind;
 use crate::options::parsed;
 use crate::output;
 use crate::play::{self, FrameReport, Pace};
-use crate::signals;
-use crate::statistics::median;
+use crate::signals::{self, Until};
 use relight_scene::image::Layers;
-use relight_scene::image::metrics::{Comparison, compare};
+use relight_scene::image::metrics::{Comparison, compare, relmse};
 use relight_scene::image::{Limits, read_exr, write_atomically};
 use relight_scene::scene::Scene;
 use relight_scene::traced::Shading;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -39,180 +41,12 @@ pub struct Runs<'a> {
     pub references: &'a [Reference],
     /// What is known of the asset's own bake.
     pub base_bake: &'a Inspection,
-    /// Times each setting is timed.
+    /// Least times that each setting is played.
     pub repetitions: usize,
-    /// When no new setting is begun.
+    /// What times are of: machine, threads and program.
+    pub machine: &'a str,
+    /// When all must be measured: what is not done by then is stopped.
     pub until: Instant,
-}
-
-/// Errors of a layer over all frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Errors {
-    /// Root of the mean square over the frames.
-    pub rmse: f64,
-    /// Mean over the frames.
-    pub relmse: f64,
-    /// The references' own, mean over the frames.
-    #[serde(rename = "floor_relmse")]
-    pub floor: f64,
-    /// Mean over the frames.
-    pub bias: f64,
-    /// Mean over the frames.
-    pub flip: f64,
-    /// Largest of the frames.
-    pub p99: f64,
-}
-
-impl Errors {
-    /// Root of relMSE less the reference's own error.
-    pub fn relative(&self) -> f64 {
-        (self.relmse - self.floor).max(0.0).sqrt()
-    }
-}
-
-/// A setting and what came of it.
-pub struct Measured {
-    /// What was tried.
-    pub setting: Setting,
-    /// The asset that was played.
-    pub asset: PathBuf,
-    /// Where frames are: one EXR per frame, `frame_0000.exr`.
-    pub images: PathBuf,
-    /// Milliseconds a frame (mean over the frames), one per repetition.
-    pub milliseconds: Vec<f64>,
-    /// Stages of a frame, likewise.
-    pub stages: BTreeMap<&'static str, Vec<f64>>,
-    /// Milliseconds of what a standing camera needs once.
-    pub once: Vec<f64>,
-    /// By the names of [`LAYERS`]; those that the integrator makes.
-    pub errors: BTreeMap<&'static str, Errors>,
-    /// Seconds of the bake; `None` where no log says.
-    pub bake_seconds: Option<f64>,
-    /// What `inspect` says of the asset.
-    pub described: Inspection,
-    /// Most memory during play, bytes.
-    pub peak_memory: Option<u64>,
-}
-
-impl Measured {
-    /// Errors of the layer by which the setting is judged.
-    pub fn judged(&self) -> Errors {
-        self.errors.get(self.setting.layer).copied().unwrap_or_default()
-    }
-
-    /// Error of indirect light, which `bake --target-error` speaks of.
-    pub fn indirect(&self) -> Option<f64> {
-        self.errors.get("indirect").map(Errors::relative)
-    }
-
-    /// Whether it is the first that plays its asset in the order of measuring: the asset itself, or one baked for it.
-    pub fn is_another_asset(&self) -> bool {
-        self.needs_bake() && self.setting.play.is_empty() && matches!(self.setting.integrator, "auto")
-    }
-
-    /// Rays of the bake, or nothing where nothing was baked.
-    pub fn bake_rays(&self) -> Option<u64> {
-        self.described.rays.filter(|_| self.needs_bake())
-    }
-
-    /// Median milliseconds a frame.
-    pub fn ms(&self) -> f64 {
-        median(self.milliseconds.iter().copied())
-    }
-
-    /// Median milliseconds of what a standing camera needs once.
-    pub fn once_ms(&self) -> f64 {
-        median(self.once.iter().copied())
-    }
-
-    /// Bytes of the asset file.
-    pub fn asset_bytes(&self) -> u64 {
-        self.described.bytes.total
-    }
-
-    /// Whether the integrator needs what the bake made.
-    pub fn needs_bake(&self) -> bool {
-        !matches!(
-            self.setting.integrator,
-            "path" | "brute" | "lightcuts" | "pixelcuts"
-        )
-    }
-
-    /// For the report; `pareto`: nothing is both faster and nearer.
-    pub fn summary(&self, pareto: bool) -> SettingSummary<'_> {
-        let judged = self.judged();
-        let knobs = self.setting.varied.iter().chain(&self.setting.play);
-        SettingSummary {
-            integrator: self.setting.integrator,
-            knobs: knobs
-                .map(|(option, value)| {
-                    let number = value.parse().map(Knob::Number);
-                    let name = option.trim_start_matches('-').replace('-', "_");
-                    (name, number.unwrap_or(Knob::Word(value)))
-                })
-                .collect(),
-            label: self.setting.label(),
-            command: self.setting.command(),
-            layer: self.setting.layer,
-            ms_per_frame: self.ms(),
-            ms_by_stage: (self.stages.iter())
-                .map(|(name, values)| (*name, median(values.iter().copied())))
-                .collect(),
-            ms_once_per_shot: self.once_ms(),
-            repetitions: &self.milliseconds,
-            bake_seconds: self.bake_seconds,
-            asset_bytes: self.asset_bytes(),
-            bytes: &self.described.bytes,
-            rays: self.described.rays,
-            error: judged.relative(),
-            error_indirect: self.indirect(),
-            rmse: judged.rmse,
-            relmse: judged.relmse,
-            bias: judged.bias,
-            flip: judged.flip,
-            p99: judged.p99,
-            layers: &self.errors,
-            peak_memory_bytes: self.peak_memory,
-            pareto,
-        }
-    }
-}
-
-/// What a report's JSON says of a setting.
-#[derive(Serialize)]
-pub struct SettingSummary<'a> {
-    integrator: &'static str,
-    /// What differs from the asset and from the integrator's defaults, by the options' names.
-    knobs: BTreeMap<String, Knob<'a>>,
-    label: String,
-    command: String,
-    layer: &'static str,
-    ms_per_frame: f64,
-    ms_by_stage: BTreeMap<&'static str, f64>,
-    ms_once_per_shot: f64,
-    repetitions: &'a [f64],
-    bake_seconds: Option<f64>,
-    asset_bytes: u64,
-    bytes: &'a Bytes,
-    rays: Option<u64>,
-    error: f64,
-    error_indirect: Option<f64>,
-    rmse: f64,
-    relmse: f64,
-    bias: f64,
-    flip: f64,
-    p99: f64,
-    layers: &'a BTreeMap<&'static str, Errors>,
-    peak_memory_bytes: Option<u64>,
-    pareto: bool,
-}
-
-/// An option's value.
-#[derive(Serialize)]
-#[serde(untagged)]
-enum Knob<'a> {
-    Number(f64),
-    Word(&'a str),
 }
 
 /// Seconds of a frame that a setting with more samples will take, if one with fewer was measured.
@@ -235,10 +69,10 @@ fn predicted(setting: &Setting, measured: &[Measured]) -> Option<f64> {
 /// Share of the time that is left that a single setting may take.
 const MOST: f64 = 0.15;
 
-/// Share of the time that is left above which a setting is not timed again.
+/// Share of the time that is left above which a setting is not played again.
 const SLOW: f64 = 0.04;
 
-/// Measures settings until all are or it is time to stop; also returns those that found no time.
+/// Measures settings until the spread of all is known or it is time to stop; also returns those that found no time.
 ///
 /// # Errors
 /// A bake or a play fails; a signal asks to stop.
@@ -249,51 +83,153 @@ pub fn all(
 ) -> Result<(Vec<Measured>, Vec<Setting>), Failure> {
     let mut measured: Vec<Measured> = Vec::new();
     let mut skipped = Vec::new();
-    console.begin(
-        "Measuring settings",
-        Some((settings.len() * runs.repetitions) as u64),
-    );
-    let mut done = 0;
+    console.begin("Measuring settings", Some(settings.len() as u64));
     let frames = runs.references.len() as f64;
-    for setting in settings {
+    for (done, setting) in settings.iter().enumerate() {
+        console.advance_to(done as u64);
+        if let Some(kept) = kept(runs, setting, console)? {
+            measured.push(kept);
+            continue;
+        }
         // Another bake takes about as long as the first one did.
-        let bake = bake_seconds(runs.base_bake).filter(|_| !setting.bake.is_empty());
+        let bake =
+            bake_seconds(runs.base_bake).filter(|_| !setting.bake.is_empty() && !is_baked(runs, setting));
         let ready = Instant::now() + Duration::from_secs_f64(bake.unwrap_or(0.0).clamp(0.0, 1e6));
         let left = runs.until.saturating_duration_since(Instant::now()).as_secs_f64();
         let slow = predicted(setting, &measured).is_some_and(|seconds| seconds * frames > MOST * left);
-        if (slow || ready > runs.until) && !measured.is_empty() {
+        // One is measured whatever time there is.
+        let until = (!measured.is_empty()).then_some(runs.until);
+        if (slow || ready > runs.until) && until.is_some() {
             skipped.push(setting.clone());
             continue;
         }
-        let mut one = begin(runs, setting, console)?;
-        play_once(runs, &mut one, console)?;
-        one.errors = errors(runs, &one)?;
-        console.detail(format!(
-            "{}: error {:.4}, {:.1} ms a frame",
-            setting.label(),
-            one.judged().relative(),
-            one.ms()
-        ));
-        measured.push(one);
-        done += 1;
-        console.advance_to(done);
-    }
-    for _ in 1..runs.repetitions {
-        if Instant::now() > runs.until {
-            break;
+        match first(runs, setting, until, console) {
+            Ok(one) => {
+                console.detail(format!(
+                    "{}: error {:.4}, {:.1} ms a frame",
+                    setting.label(),
+                    one.judged().relative(),
+                    one.ms()
+                ));
+                measured.push(one);
+            }
+            Err(error) if is_over(until, &error) => skipped.push(setting.clone()),
+            Err(error) => return Err(error),
         }
-        for one in &mut measured {
-            // What is slow is timed fewer times, so that all that is quick is timed often.
+    }
+    repeated(runs, &mut measured, console)?;
+    Ok((measured, skipped))
+}
+
+/// Plays on what is not settled, one repetition of each after another.
+fn repeated(runs: &Runs, measured: &mut [Measured], console: &Console) -> Result<(), Failure> {
+    let until = Some(runs.until);
+    console.begin("Repeating until spreads are known", Some(measured.len() as u64));
+    loop {
+        let (mut played, mut settled) = (false, 0);
+        for one in measured.iter_mut() {
+            if one.is_settled(runs.repetitions) {
+                settled += 1;
+                continue;
+            }
+            // What is slow is played fewer times, so that all that is quick is played often.
             let left = runs.until.saturating_duration_since(Instant::now());
             if one.ms() * runs.references.len() as f64 > 1e3 * SLOW * left.as_secs_f64() {
                 continue;
             }
-            play_once(runs, one, console)?;
-            done += 1;
-            console.advance_to(done);
+            match play_once(runs, one, until, console) {
+                Ok(()) => played = true,
+                Err(error) if is_over(until, &error) => return Ok(()),
+                Err(error) => return Err(error),
+            }
+        }
+        console.advance_to(settled);
+        if !played {
+            return Ok(());
         }
     }
-    Ok((measured, skipped))
+}
+
+/// Whether something failed because its time was over.
+fn is_over(until: Option<Instant>, error: &Failure) -> bool {
+    matches!(error, Failure::Stopped(_))
+        && !signals::stopped()
+        && until.is_some_and(|until| Instant::now() >= until)
+}
+
+/// Bakes a setting's asset where that is needed, and plays it once.
+fn first(
+    runs: &Runs,
+    setting: &Setting,
+    until: Option<Instant>,
+    console: &Console,
+) -> Result<Measured, Failure> {
+    let mut one = begin(runs, setting, until, console)?;
+    play_once(runs, &mut one, until, console)?;
+    Ok(one)
+}
+
+/// What is kept of a setting from report to report; errors are those of the first repetition's images, which are kept, too.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    milliseconds: Vec<f64>,
+    relmse: BTreeMap<String, Vec<f64>>,
+    stages: BTreeMap<String, Vec<f64>>,
+    once: Vec<f64>,
+    peak_memory: Option<u64>,
+}
+
+fn place_of(runs: &Runs, setting: &Setting) -> PathBuf {
+    let what = format!(
+        "{} {:016x} {}",
+        setting.command(),
+        runs.base_bake.asset_hash,
+        runs.machine
+    );
+    cache::place(runs.task, "measured", &what, ".json")
+}
+
+/// What an earlier report measured of a setting, held against the references as they are now.
+fn kept(runs: &Runs, setting: &Setting, console: &Console) -> Result<Option<Measured>, Failure> {
+    let text = std::fs::read_to_string(place_of(runs, setting)).unwrap_or_default();
+    let Ok(kept) = serde_json::from_str::<Kept>(&text) else {
+        return Ok(None);
+    };
+    if !is_baked(runs, setting) || kept.milliseconds.is_empty() {
+        return Ok(None);
+    }
+    let mut one = begin(runs, setting, None, console)?;
+    let here = |frame| one.images.join(format!("frame_{frame:04}.exr")).is_file();
+    if !runs.references.iter().all(|reference| here(reference.frame)) {
+        return Ok(None);
+    }
+    judge(runs, &mut one)?;
+    for (layer, values) in &kept.relmse {
+        // Better references move all repetitions alike.
+        let now = one.errors.get(layer.as_str()).map_or(0.0, |errors| errors.relmse);
+        let moved = values.iter().map(|value| (value - values[0] + now).max(0.0));
+        one.relmse.insert(layer.clone(), moved.collect());
+    }
+    one.milliseconds = kept.milliseconds;
+    one.stages = kept.stages;
+    one.once = kept.once;
+    one.peak_memory = kept.peak_memory;
+    average(&mut one);
+    Ok(Some(one))
+}
+
+fn keep(runs: &Runs, one: &Measured) -> Result<(), Failure> {
+    let file = place_of(runs, &one.setting);
+    output::prepare_output(&file)?;
+    let kept = Kept {
+        milliseconds: one.milliseconds.clone(),
+        relmse: one.relmse.clone(),
+        stages: one.stages.clone(),
+        once: one.once.clone(),
+        peak_memory: one.peak_memory,
+    };
+    let _whole = signals::whole();
+    Ok(write_atomically(&file, output::json_text(&kept)?.as_bytes())?)
 }
 
 /// Seconds of a bake by itself, without the search for its settings (`--target-error`).
@@ -303,17 +239,24 @@ fn bake_seconds(described: &Inspection) -> Option<f64> {
 }
 
 /// Bakes a setting's asset, if it isn't there yet.
-fn begin(runs: &Runs, setting: &Setting, console: &Console) -> Result<Measured, Failure> {
+fn begin(
+    runs: &Runs,
+    setting: &Setting,
+    until: Option<Instant>,
+    console: &Console,
+) -> Result<Measured, Failure> {
     let (asset, described) = if setting.bake.is_empty() {
         (runs.task.asset.clone(), runs.base_bake.clone())
     } else {
-        baked(runs, &setting.bake, console)?
+        baked(runs, &setting.bake, until, console)?
     };
     Ok(Measured {
         setting: setting.clone(),
         asset,
         images: cache::place(runs.task, "images", &setting.command(), ""),
         milliseconds: Vec::new(),
+        relmse: BTreeMap::new(),
+        doubt: BTreeMap::new(),
         stages: BTreeMap::new(),
         once: Vec::new(),
         errors: BTreeMap::new(),
@@ -323,10 +266,25 @@ fn begin(runs: &Runs, setting: &Setting, console: &Console) -> Result<Measured, 
     })
 }
 
+fn place_of_asset(runs: &Runs, options: &[String]) -> PathBuf {
+    cache::place(runs.task, "assets", &options.join(" "), ".relight")
+}
+
+/// Whether a setting's asset is there.
+fn is_baked(runs: &Runs, setting: &Setting) -> bool {
+    let asset = place_of_asset(runs, &setting.bake);
+    setting.bake.is_empty() || (asset.is_file() && asset.with_extension("json").is_file())
+}
+
 /// An asset by the given options of `bake`, and what is known of it.
-fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf, Inspection), Failure> {
+fn baked(
+    runs: &Runs,
+    options: &[String],
+    until: Option<Instant>,
+    console: &Console,
+) -> Result<(PathBuf, Inspection), Failure> {
     let task = runs.task;
-    let asset = cache::place(task, "assets", &options.join(" "), ".relight");
+    let asset = place_of_asset(runs, options);
     let said = asset.with_extension("json");
     let kept = std::fs::read_to_string(&said).ok();
     if let Some(known) = kept.and_then(|text| serde_json::from_str(&text).ok())
@@ -358,6 +316,7 @@ fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf,
         // By the references, which know better.
         checked: false,
         force: false,
+        until,
     };
     let result = bake::run_job(&job, runs.scene.clone(), &asset, 0.0, &console.silent())?;
     let known = result.report.inspection;
@@ -366,14 +325,40 @@ fn baked(runs: &Runs, options: &[String], console: &Console) -> Result<(PathBuf,
     Ok((asset, known))
 }
 
-/// Plays a setting once more.
-fn play_once(runs: &Runs, one: &mut Measured, console: &Console) -> Result<(), Failure> {
+/// Plays a setting once more, by random numbers of this repetition.
+fn play_once(
+    runs: &Runs,
+    one: &mut Measured,
+    until: Option<Instant>,
+    console: &Console,
+) -> Result<(), Failure> {
     let task = runs.task;
-    let output = one.images.join("frame_####.exr");
+    let repetition = one.milliseconds.len();
+    // The first one's images are those that are shown.
+    let name = ["frame_####.exr", "again_####.exr"][repetition.min(1)];
+    let output = one.images.join(name);
     let args = task.play_args(&one.asset, &output, task.frames, &one.setting.play_words())?;
     forget_peak_memory();
     // Not the references' seed: they must not share random numbers.
-    let played = play::play(&args, task.seed ^ 1, &console.silent(), Pace::OneByOne, |_, _| {})?;
+    let seed = task.seed ^ (1 + repetition as u64);
+    let mut errors: BTreeMap<String, f64> = BTreeMap::new();
+    let mut failed = None;
+    let watch = Until(until);
+    let played = play::play_watched(
+        &args,
+        seed,
+        &console.silent(),
+        Pace::OneByOne,
+        &watch,
+        |frame, layers| {
+            if let Err(error) = add_errors(runs, one, frame, layers, &mut errors) {
+                failed.get_or_insert(error);
+            }
+        },
+    )?;
+    if let Some(error) = failed {
+        return Err(error);
+    }
     one.peak_memory = one.peak_memory.max(output::peak_memory_bytes());
     let share = 1.0 / played.frames.len().max(1) as f64;
     let mut sums: BTreeMap<&'static str, f64> = BTreeMap::new();
@@ -384,10 +369,58 @@ fn play_once(runs: &Runs, one: &mut Measured, console: &Console) -> Result<(), F
     // Writing the picture costs the same for all and is no part of making light.
     one.milliseconds.push(mean("total") - mean("write"));
     for name in sums.keys() {
-        one.stages.entry(name).or_default().push(mean(name));
+        one.stages.entry((*name).to_owned()).or_default().push(mean(name));
     }
     one.once.push(played.once_per_shot.of_shot());
+    for (layer, error) in errors {
+        one.relmse.entry(layer).or_default().push(error);
+    }
+    if repetition == 0 {
+        judge(runs, one)?;
+    } else {
+        for frame in task.frames.iter() {
+            // What stays is written over.
+            let _ = args.output_of(frame).map(std::fs::remove_file);
+        }
+    }
+    average(one);
+    keep(runs, one)
+}
+
+/// Layers by which a setting is judged.
+fn layers_of(one: &Measured) -> impl Iterator<Item = &'static str> + use<> {
+    let direct_only = one.setting.layer == "direct";
+    LAYERS
+        .into_iter()
+        .filter(move |layer| !direct_only || *layer == "direct")
+}
+
+/// Adds a frame's share of relMSE by layer.
+fn add_errors(
+    runs: &Runs,
+    one: &Measured,
+    frame: u32,
+    image: &Layers,
+    errors: &mut BTreeMap<String, f64>,
+) -> Result<(), Failure> {
+    let Some(reference) = runs.references.iter().find(|reference| reference.frame == frame) else {
+        return Ok(());
+    };
+    for layer in layers_of(one) {
+        if let (Some(a), Some(b)) = (image.rgb(layer), reference.layers.rgb(layer)) {
+            *errors.entry(layer.to_owned()).or_default() += relmse(&a, &b)? / runs.references.len() as f64;
+        }
+    }
     Ok(())
+}
+
+/// relMSE is the mean over all repetitions, the other errors are those of the first.
+fn average(one: &mut Measured) {
+    for (layer, errors) in &mut one.errors {
+        if let Some(values) = one.relmse.get(*layer).filter(|values| !values.is_empty()) {
+            errors.relmse = values.iter().sum::<f64>() / values.len() as f64;
+        }
+    }
 }
 
 /// Lets the system measure the most memory anew, where it can.
@@ -396,18 +429,19 @@ fn forget_peak_memory() {
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
-fn errors(runs: &Runs, one: &Measured) -> Result<BTreeMap<&'static str, Errors>, Failure> {
-    let direct_only = one.setting.layer == "direct";
+/// Errors of the first repetition's images, and what the references' noise may do to them.
+fn judge(runs: &Runs, one: &mut Measured) -> Result<(), Failure> {
     let mut sums: BTreeMap<&'static str, Errors> = BTreeMap::new();
+    let mut doubts: BTreeMap<&'static str, f64> = BTreeMap::new();
+    let share = 1.0 / runs.references.len() as f64;
     for reference in runs.references {
         let image = read_exr(
             &one.images.join(format!("frame_{:04}.exr", reference.frame)),
             &Limits::default(),
         )?;
-        for layer in LAYERS.into_iter().filter(|l| !direct_only || *l == "direct") {
+        for layer in layers_of(one) {
             if let Some(found) = compared(&image, &reference.layers, layer)? {
                 let sum = sums.entry(layer).or_default();
-                let share = 1.0 / runs.references.len() as f64;
                 sum.rmse += found.rmse * found.rmse * share;
                 sum.relmse += found.relmse * share;
                 sum.floor += reference.floor_of(layer) * share;
@@ -415,10 +449,20 @@ fn errors(runs: &Runs, one: &Measured) -> Result<BTreeMap<&'static str, Errors>,
                 sum.flip += found.flip * share;
                 sum.p99 = sum.p99.max(found.relative_error_p99);
             }
+            let halves = reference
+                .halves
+                .as_ref()
+                .map(|halves| halves.each_ref().map(|half| half.rgb(layer)));
+            if let (Some(image), Some([Some(a), Some(b)])) = (image.rgb(layer), halves) {
+                *doubts.entry(layer).or_default() += (share * doubt::of_reference(&image, [&a, &b])).powi(2);
+            }
         }
     }
     sums.values_mut().for_each(|sum| sum.rmse = sum.rmse.sqrt());
-    Ok(sums)
+    doubts.values_mut().for_each(|doubt| *doubt = doubt.sqrt());
+    one.errors = sums;
+    one.doubt = doubts;
+    Ok(())
 }
 
 /// `None` where one of them lacks the layer.

@@ -1,21 +1,17 @@
-//! The report as a page and as a table of values.
+//! The report as a page that needs nothing beside it, and as a table of values.
 
+use super::drawing::escaped;
 use super::findings::pareto;
-use super::measure::Measured;
+use super::measured::Measured;
+use super::pictures;
 use super::plot::Plot;
 use super::reference::Reference;
 use super::summary::Summary;
+use super::tables;
 use super::task::Task;
 use crate::failure::Failure;
-use crate::statistics::median;
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
-use relight_scene::image::preview::auto_exposure;
-use relight_scene::image::{
-    BEAUTY, Image8, Limits, display_encoded, error_map, read_exr, tone_mapped, write_png,
-};
+use relight_scene::image::BEAUTY;
 use std::fmt::Write;
-use std::path::Path;
 
 /// Style and behaviour of the page.
 const STYLE: &str = include_str!("page.css");
@@ -25,7 +21,8 @@ const SCRIPT: &str = include_str!("page.js");
 pub fn csv(measured: &[Measured]) -> String {
     let mut text =
         "integrator,layer,label,ms_per_frame,ms_once_per_shot,bake_seconds,asset_bytes,error,rmse,relmse,\
-                    floor_relmse,error_indirect,bias,flip,p99,bake_rays,peak_memory_bytes,pareto\n"
+                    floor_relmse,error_indirect,bias,flip,p99,bake_rays,peak_memory_bytes,pareto,\
+         error_low,error_high,ms_spread,repetitions\n"
             .to_owned();
     for (m, pareto) in measured.iter().zip(pareto(measured)) {
         let e = m.judged();
@@ -33,7 +30,7 @@ pub fn csv(measured: &[Measured]) -> String {
         // Labels hold commas, never quotes.
         let _ = writeln!(
             text,
-            "{},{},\"{}\",{},{},{},{},{},{},{},{},{},{},{},{},{},{},{pareto}",
+            "{},{},\"{}\",{},{},{},{},{},{},{},{},{},{},{},{},{},{},{pareto},{},{},{},{}",
             m.setting.integrator,
             m.setting.layer,
             m.setting.label(),
@@ -51,6 +48,10 @@ pub fn csv(measured: &[Measured]) -> String {
             e.p99,
             known(m.bake_rays().map(|rays| rays as f64)),
             known(m.peak_memory.map(|b| b as f64)),
+            m.error_range()[1],
+            m.error_range()[2],
+            known(m.ms_spread()),
+            m.milliseconds.len(),
         );
     }
     text
@@ -75,45 +76,39 @@ pub fn html(
     let title = escaped(&format!("{name}: error against run time"));
     let _ = write!(
         page,
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n\
-         <style>\n{STYLE}</style></head>\n<body>\n<h1>{title}</h1>\n"
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title}</title>\n\
+         <style>\n{STYLE}</style></head>\n<body>\n<main>\n<h1>{title}</h1>\n<section aria-label=\"Findings\">\n"
     );
     for sentence in &summary.findings {
         let _ = writeln!(page, "<p class=\"finding\">{}</p>", escaped(sentence));
     }
+    page += "</section>\n";
     facts(&mut page, task, summary, measured, references);
-    page += "<div class=\"plots\">\n";
+    page += "<h2>Plots</h2>\n<p class=\"note\">Numbers are those of the table below; full dots are on the Pareto front: nothing is both faster \
+             and nearer. Bars are what each value may be by what was measured (two standard errors). Error is the root of relMSE, less the \
+             reference's own. Point at a dot, or step from dot to dot by Tab, for its words.</p>\n<div class=\"plots\">\n";
     for plot in plots {
         let _ = writeln!(
             page,
-            "<figure class=\"plot\" id=\"{}\"><figcaption>{}</figcaption>",
+            "<figure class=\"plot\" id=\"{}\"><figcaption>{}</figcaption>\n{}</figure>",
             plot.name,
-            escaped(&plot.title)
+            escaped(plot.title),
+            plot.svg
         );
-        page += plot
-            .svg
-            .trim_start_matches("<?xml version=\"1.0\" encoding=\"utf-8\"?>");
-        page += "</figure>\n";
     }
-    page += "</div>\n";
-    page += "<p class=\"note\">Filled dots are on the Pareto front. Error is the root of relMSE, less the reference's \
-             own.</p>\n";
-    table(&mut page, measured);
-    stages(&mut page, measured);
-    sections(&mut page, measured);
-    strip(&mut page, task, measured, references)?;
+    page += "</div>\n<div id=\"tip\" role=\"status\" hidden></div>\n";
+    tables::settings(&mut page, measured, summary.frames_planned);
+    tables::stages(&mut page, measured);
+    tables::sections(&mut page, measured);
+    pictures::strip(&mut page, task, measured, references)?;
     commands(&mut page, task, summary);
-    let _ = write!(page, "<script>\n{SCRIPT}</script>\n</body></html>\n");
+    let _ = write!(page, "</main>\n<script>\n{SCRIPT}</script>\n</body></html>\n");
     Ok(page)
 }
 
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
-}
-
+/// What all was measured with.
 fn facts(page: &mut String, task: &Task, summary: &Summary, measured: &[Measured], references: &[Reference]) {
     let frames: Vec<String> = task.frames.iter().map(|f| f.to_string()).collect();
     let references: Vec<String> = (references.iter())
@@ -124,226 +119,42 @@ fn facts(page: &mut String, task: &Task, summary: &Summary, measured: &[Measured
             format!("frame {}: {spp}, own error {own}", r.frame)
         })
         .collect();
-    let _ = writeln!(
-        page,
-        "<p class=\"note\">Lights {}, frames {}, {} × {} pixels, seed {}. Machine: {}; {} threads. References: {}. \
-         Times are medians of {} interleaved repetitions, without writing the file.</p>",
-        escaped(&task.lights.display().to_string()),
-        frames.join(", "),
-        task.size.0,
-        task.size.1,
-        task.seed,
-        escaped(&summary.machine),
-        summary.threads,
-        references.join("; "),
-        measured.first().map_or(0, |m| m.milliseconds.len()),
+    let repetitions = measured.iter().map(|m| m.milliseconds.len());
+    let (least, most) = (
+        repetitions.clone().min().unwrap_or(0),
+        repetitions.max().unwrap_or(0),
     );
-}
-
-const COLUMNS: [&str; 14] = [
-    "setting",
-    "layer",
-    "ms a frame",
-    "ms once",
-    "bake s",
-    "asset MB",
-    "error %",
-    "indirect %",
-    "bias %",
-    "FLIP",
-    "p99",
-    "M rays",
-    "peak MB",
-    "Pareto",
-];
-
-fn table(page: &mut String, measured: &[Measured]) {
-    *page += "<h2>All settings</h2>\n<div class=\"wide\"><table class=\"sortable\"><thead><tr>";
-    for column in COLUMNS {
-        let _ = write!(page, "<th tabindex=\"0\">{column}</th>");
-    }
-    *page += "</tr></thead>\n<tbody>\n";
-    for (m, pareto) in measured.iter().zip(pareto(measured)) {
-        let e = m.judged();
-        let bake = m.bake_seconds.filter(|_| m.needs_bake());
-        let megabytes = m.needs_bake().then(|| m.asset_bytes() as f64 / 1e6);
-        let known = |value: Option<f64>| value.map_or_else(|| "–".into(), |v| format!("{v:.1}"));
-        let _ = writeln!(
-            page,
-            "<tr{}><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.1}</td><td>{}</td><td>{}</td><td>{:.3}</td><td>{}</td><td>{:+.2}</td>\
-             <td>{:.4}</td><td>{:.3}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
-            if pareto { " class=\"front\"" } else { "" },
-            escaped(&m.setting.label()),
-            m.setting.layer,
-            m.ms(),
-            m.once_ms(),
-            known(bake),
-            known(megabytes),
-            100.0 * e.relative(),
-            known(m.indirect().map(|e| 100.0 * e)),
-            100.0 * e.bias,
-            e.flip,
-            e.p99,
-            known(m.bake_rays().map(|rays| rays as f64 * 1e-6)),
-            known(m.peak_memory.map(|bytes| bytes as f64 * 1e-6)),
-            if pareto { "yes" } else { "" },
-        );
-    }
-    *page += "</tbody></table></div>\n";
-}
-
-/// Names of what is in any of the lists, in the order of their first appearance.
-fn names<'a>(lists: impl Iterator<Item = Vec<&'a str>>) -> Vec<&'a str> {
-    let mut all: Vec<&str> = Vec::new();
-    for name in lists.flatten() {
-        if !all.contains(&name) {
-            all.push(name);
-        }
-    }
-    all
-}
-
-/// A table with a column for each name and a row for each setting; cells without a value stay empty.
-fn grid<'a>(
-    page: &mut String,
-    title: &str,
-    columns: &[&str],
-    rows: impl Iterator<Item = (&'a Measured, Vec<Option<f64>>)>,
-    digits: usize,
-) {
-    let heads: String = columns
-        .iter()
-        .map(|name| format!("<th tabindex=\"0\">{}</th>", escaped(name)))
-        .collect();
-    let _ = write!(
-        page,
-        "<h2>{title}</h2>\n<div class=\"wide\"><table class=\"sortable\"><thead><tr><th tabindex=\"0\">setting</th>{heads}</tr>\
-         </thead>\n<tbody>\n"
-    );
-    for (m, values) in rows {
-        let cells: String = (values.into_iter())
-            .map(|value| value.map_or_else(|| "<td></td>".into(), |v| format!("<td>{v:.digits$}</td>")))
-            .collect();
-        let _ = writeln!(page, "<tr><td>{}</td>{cells}</tr>", escaped(&m.setting.label()));
-    }
-    *page += "</tbody></table></div>\n";
-}
-
-/// Milliseconds of a frame's stages.
-fn stages(page: &mut String, measured: &[Measured]) {
-    // Counts that integrators over points tell beside their times.
-    const COUNTS: [&str; 11] = [
-        "lights",
-        "virtual_lights",
-        "tree_bytes",
-        "nodes_per_pixel",
-        "limited_cuts_per_pixel",
-        "exact_lights",
-        "shadow_rays_per_pixel",
-        "eye_rays_per_pixel",
-        "samples_per_pixel",
-        "shadow_rays_per_reconstruction_cut",
-        "illumination_cut_nodes",
+    let rows = [
+        ("Lights", task.lights.display().to_string()),
+        ("Frames measured", frames.join(", ")),
+        ("Frames planned", summary.frames_planned.to_string()),
+        (
+            "Image",
+            format!("{} × {} pixels, seed {}", task.size.0, task.size.1, task.seed),
+        ),
+        ("References", references.join("; ")),
+        (
+            "Repetitions",
+            format!(
+                "{least} to {most}, each with its own random numbers; times are medians, without writing files"
+            ),
+        ),
+        (
+            "Machine",
+            format!("{}; {} threads", summary.machine, summary.threads),
+        ),
     ];
-    let timed = |name: &str| !COUNTS.contains(&name) && !name.contains("per_fragment");
-    let of = |m: &Measured, name: &str| m.stages.get(name).map(|v| median(v.iter().copied()));
-    let all = names(measured.iter().map(|m| m.stages.keys().copied().collect()));
-    let (times, counts): (Vec<&str>, Vec<&str>) = all.into_iter().partition(|name| timed(name));
-    let rows = |columns: Vec<&str>| {
-        let of_columns = |m: &Measured| columns.iter().map(|name| of(m, name)).collect::<Vec<_>>();
-        measured
-            .iter()
-            .map(|m| (m, of_columns(m)))
-            .filter(|(_, v)| v.iter().any(Option::is_some))
-            .collect::<Vec<_>>()
-    };
-    grid(
-        page,
-        "Milliseconds of a frame by stage",
-        &times,
-        rows(times.clone()).into_iter(),
-        2,
-    );
-    if !counts.is_empty() {
-        let title = "Lights, nodes and rays of the integrators over points";
-        grid(page, title, &counts, rows(counts.clone()).into_iter(), 1);
+    *page += "<dl class=\"facts\">\n";
+    for (name, value) in rows {
+        let _ = writeln!(page, "<dt>{name}</dt><dd>{}</dd>", escaped(&value));
     }
-}
-
-fn section_names(m: &Measured) -> Vec<&str> {
-    m.described.bytes.sections.keys().map(String::as_str).collect()
-}
-
-/// Kilobytes of the assets' sections.
-fn sections(page: &mut String, measured: &[Measured]) {
-    let baked: Vec<&Measured> = measured.iter().filter(|m| m.is_another_asset()).collect();
-    let stored = |m: &Measured, name: &str| {
-        let section = m.described.bytes.sections.get(name);
-        section.map(|s| s.stored as f64 * 1e-3)
-    };
-    let columns = names(baked.iter().map(|m| section_names(m)));
-    let rows = baked
-        .iter()
-        .map(|m| (*m, columns.iter().map(|name| stored(m, name)).collect()));
-    grid(page, "Kilobytes of the assets by section", &columns, rows, 1);
-}
-
-/// A picture of each setting, to be flipped against reference and error map.
-fn strip(
-    page: &mut String,
-    task: &Task,
-    measured: &[Measured],
-    references: &[Reference],
-) -> Result<(), Failure> {
-    let Some(reference) = references.first() else {
-        return Ok(());
-    };
-    let folder = task.folder.join("pictures");
-    let frame = reference.frame;
-    let _ = writeln!(
-        page,
-        "<h2>Frame {frame}</h2>\n<p class=\"note\">Click a picture, or press a key: <b>1</b> pictures, <b>2</b> references, \
-         <b>3</b> error maps (relative error, 0.1 % dark to 100 % yellow, logarithmic).</p>\n<div class=\"strip\">"
-    );
-    for (i, m) in measured.iter().enumerate() {
-        let layer = m.setting.layer;
-        let exr = m.images.join(format!("frame_{frame:04}.exr"));
-        let image = read_exr(&exr, &Limits::default())?.rgb(layer);
-        let (Some(image), Some(truth)) = (image, reference.layers.rgb(layer)) else {
-            continue;
-        };
-        let exposure = auto_exposure(&truth).unwrap_or_default();
-        let save = |kind: &str, image: &Image8| embedded(&folder.join(format!("{i:02}_{kind}.png")), image);
-        let _ = writeln!(
-            page,
-            "<figure class=\"flip\" tabindex=\"0\"><img class=\"shown\" alt=\"picture\" src=\"{}\"><img alt=\"reference\" \
-             src=\"{}\"><img alt=\"error map\" src=\"{}\"><figcaption>{}<br>{:.2} %, {:.1} ms</figcaption></figure>",
-            save("picture", &tone_mapped(&image, exposure))?,
-            save("reference", &tone_mapped(&truth, exposure))?,
-            save("error", &display_encoded(&error_map(&image, &truth)?))?,
-            escaped(&m.setting.label()),
-            100.0 * m.judged().relative(),
-            m.ms(),
-        );
-    }
-    *page += "</div>\n";
-    Ok(())
-}
-
-/// Writes a PNG and returns it as a data URL.
-fn embedded(path: &Path, image: &Image8) -> Result<String, Failure> {
-    crate::output::prepare_output(path)?;
-    write_png(path, image)?;
-    Ok(format!(
-        "data:image/png;base64,{}",
-        STANDARD.encode(std::fs::read(path)?)
-    ))
+    *page += "</dl>\n";
 }
 
 fn commands(page: &mut String, task: &Task, summary: &Summary) {
     let _ = write!(
         page,
-        "<h2>Commands</h2>\n<p class=\"note\">SCENE is the file that {} was baked from.</p>\n<pre>",
+        "<h2>Commands</h2>\n<p class=\"note\">SCENE is the file that {} was baked from.</p>\n<pre tabindex=\"0\">",
         escaped(&task.asset.display().to_string()),
     );
     for command in &summary.commands {
@@ -351,7 +162,7 @@ fn commands(page: &mut String, task: &Task, summary: &Summary) {
     }
     *page += "</pre>\n";
     if !summary.not_measured.is_empty() {
-        *page += "<p class=\"note\">Not measured for want of time:</p>\n<pre>";
+        *page += "<p class=\"note\">Not measured for want of time:</p>\n<pre tabindex=\"0\">";
         for command in &summary.not_measured {
             let _ = writeln!(page, "{}", escaped(command));
         }

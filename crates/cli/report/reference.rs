@@ -8,7 +8,7 @@ use crate::frames::FrameRange;
 use crate::kinds::Kind;
 use crate::output;
 use crate::play::{self, Pace};
-use crate::signals;
+use crate::signals::{self, Until};
 use relight_scene::image::metrics::compare;
 use relight_scene::image::{
     BEAUTY, ExrHeader, FloatImage, ImageError, Layers, Limits, read_exr, write_atomically, write_exr,
@@ -37,6 +37,8 @@ pub struct Reference {
     pub layers: Layers,
     /// Its own relMSE by layer, in the order of [`LAYERS`], where two halves tell it.
     pub floor: Option<[f64; 3]>,
+    /// The halves, where there are two.
+    pub halves: Option<[Layers; 2]>,
     /// Samples a pixel of both halves together, where known.
     pub spp: Option<u32>,
 }
@@ -55,6 +57,9 @@ pub struct ReferenceSummary {
 struct KeptSamples {
     /// Samples a pixel of each.
     spp_of_each_half: u32,
+    /// What the last pass took, by which the next one is judged.
+    #[serde(default)]
+    seconds_of_last_pass: f64,
 }
 
 impl Reference {
@@ -87,6 +92,7 @@ impl Reference {
             frame,
             layers,
             floor: Some(floor),
+            halves: Some(halves.clone()),
             spp,
         })
     }
@@ -147,6 +153,7 @@ pub fn read(task: &Task, folder: &Path) -> Result<Vec<Reference>, Failure> {
                 frame,
                 layers: fitting(&folder.join(format!("frame_{frame:04}.exr")))?,
                 floor: None,
+                halves: None,
                 spp: None,
             })
         })
@@ -183,7 +190,12 @@ pub fn converge(task: &Task, until: Instant, console: &Console) -> Result<Vec<Re
         if next.spp > 0 && Instant::now() + next.last_pass * 2 > until {
             break;
         }
-        next.pass(task, console)?;
+        let limit = (next.spp > 0).then_some(until);
+        match next.pass(task, limit, console) {
+            // The pass took longer than it should have: what was there before holds.
+            Err(Failure::Stopped(_)) if !signals::stopped() => break,
+            other => other?,
+        }
         console.detail(format!(
             "frame {}: {} samples a pixel, own error {:.4}",
             next.frame,
@@ -201,23 +213,27 @@ impl Growing {
     fn open(task: &Task, frame: u32) -> Growing {
         let folder = cache::place(task, "reference", "path", "");
         let kept = Growing::kept(&folder, frame, task.size);
-        let (spp, halves) = kept.unwrap_or_default();
+        let (spp, halves, last_pass) = kept.unwrap_or_default();
         Growing {
             frame,
             folder,
             halves,
             spp,
-            last_pass: Duration::ZERO,
+            last_pass,
         }
     }
 
-    fn kept(folder: &Path, frame: u32, size: (usize, usize)) -> Option<(u32, [Layers; 2])> {
+    fn kept(folder: &Path, frame: u32, size: (usize, usize)) -> Option<(u32, [Layers; 2], Duration)> {
         let text = std::fs::read_to_string(folder.join(format!("frame_{frame:04}.json"))).ok()?;
-        let spp = serde_json::from_str::<KeptSamples>(&text).ok()?.spp_of_each_half;
+        let kept = serde_json::from_str::<KeptSamples>(&text).ok()?;
+        let last_pass = Duration::try_from_secs_f64(kept.seconds_of_last_pass).ok()?;
         let [a, b] = half_names(frame).map(|name| read_exr(&folder.join(name), &Limits::default()).ok());
         let halves = [a?, b?];
         let fits = |half: &Layers| (half.width, half.height) == size;
-        halves.iter().all(fits).then_some((spp, halves))
+        halves
+            .iter()
+            .all(fits)
+            .then_some((kept.spp_of_each_half, halves, last_pass))
     }
 
     fn error(&self) -> f64 {
@@ -232,11 +248,12 @@ impl Growing {
         self.spp >= MOST || (self.spp > 0 && self.error() < GOOD_ENOUGH)
     }
 
-    /// Adds samples to both halves.
-    fn pass(&mut self, task: &Task, console: &Console) -> Result<(), Failure> {
+    /// Adds samples to both halves, in the time that there is.
+    fn pass(&mut self, task: &Task, until: Option<Instant>, console: &Console) -> Result<(), Failure> {
         let start = Instant::now();
         let more = self.spp.max(FIRST_PASS);
         let quiet = console.silent();
+        let mut halves: [Layers; 2] = Default::default();
         for half in 0..2usize {
             let only = FrameRange {
                 first: self.frame,
@@ -255,7 +272,9 @@ impl Growing {
                 format!("{} {} {half} {}", task.seed, self.frame, self.spp).as_bytes(),
             );
             let mut layers = Layers::default();
-            play::play(&args, seed, &quiet, Pace::OneByOne, |_, all| layers = all.clone())?;
+            play::play_watched(&args, seed, &quiet, Pace::OneByOne, &Until(until), |_, all| {
+                layers = all.clone();
+            })?;
             let share = f64::from(more) / f64::from(self.spp + more);
             let mut sum = Layers::new(task.size.0, task.size.1);
             for name in LAYERS {
@@ -263,8 +282,9 @@ impl Growing {
                 let old = self.halves[half].rgb(name).unwrap_or_else(|| new.clone());
                 sum.push_rgb(name, &mean(&old, &new, share).pixels);
             }
-            self.halves[half] = sum;
+            halves[half] = sum;
         }
+        self.halves = halves;
         self.spp += more;
         self.last_pass = start.elapsed();
         self.keep()
@@ -278,6 +298,7 @@ impl Growing {
         }
         let samples = KeptSamples {
             spp_of_each_half: self.spp,
+            seconds_of_last_pass: self.last_pass.as_secs_f64(),
         };
         let text = output::json_text(&samples)?;
         let name = format!("frame_{:04}.json", self.frame);

@@ -1,6 +1,6 @@
 //! What a report says, as JSON and on its page.
 
-use super::measure::SettingSummary;
+use super::measured::SettingSummary;
 use super::reference::ReferenceSummary;
 use crate::inspection::Inspection;
 use serde::Serialize;
@@ -20,6 +20,8 @@ pub struct Summary<'a> {
     pub lights: String,
     /// Frames that were measured.
     pub frames: Vec<u32>,
+    /// Frames over which the time of a bake counts.
+    pub frames_planned: u32,
     /// Pixels across.
     pub width: usize,
     /// Pixels down.

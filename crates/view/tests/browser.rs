@@ -1,6 +1,8 @@
 //! The page in a real browser: Chromium, spoken to by the DevTools protocol. Skipped, loudly, where there is none; with
 //! `RELIGHT_BROWSER_REQUIRED` set it fails instead. `RELIGHT_SCREENSHOTS` names a folder for pictures of the page.
 
+// Reports are tested with it, too.
+#[allow(dead_code)]
 mod chromium;
 mod served;
 

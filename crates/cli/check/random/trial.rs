@@ -161,6 +161,7 @@ fn measured(
         kept: None,
         checked: false,
         force: true,
+        until: None,
     };
     let start = Instant::now();
     let baked = bake_job(&job, &params, scene.clone(), None, None, &console.silent())?;

@@ -5,6 +5,7 @@
 //! - [`exr_write`], [`exr_read`]: OpenEXR, all layers of a frame in one part.
 //! - [`environment`]: Radiance `.hdr` and OpenEXR as environment maps.
 //! - [`ldr`]: 8-bit PNG and JPEG (textures) and PNG writing; [`preview`]: tone mapped previews and contact sheets.
+//! - [`movie`]: animated WebP and GIF.
 //! - [`colormap`]: false-colour error maps.
 //! - [`metrics`], [`flip`]: how far an image is from its reference; [`flicker`]: how steady a sequence is.
 //!
@@ -26,6 +27,7 @@ pub mod flip;
 pub mod layers;
 pub mod ldr;
 pub mod metrics;
+pub mod movie;
 pub mod preview;
 
 pub use atomic::{write_atomically, write_atomically_with};

@@ -173,6 +173,35 @@ impl Chromium {
         self.wait("document.readyState === 'complete' && document.body.id !== 'old'");
     }
 
+    /// A screen of so many pixels, whose user likes it dark or light.
+    pub fn screen(&mut self, width: u32, height: u32, dark: bool) {
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false }),
+        );
+        let scheme = if dark { "dark" } else { "light" };
+        self.call(
+            "Emulation.setEmulatedMedia",
+            json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] }),
+        );
+    }
+
+    /// Presses a key by its name.
+    pub fn press(&mut self, key: &str) {
+        let code = match key {
+            "Tab" => 9,
+            "Enter" => 13,
+            _ => u32::from(key.as_bytes()[0]),
+        };
+        for kind in ["keyDown", "keyUp"] {
+            let mut event = json!({ "type": kind, "key": key, "code": key, "windowsVirtualKeyCode": code });
+            if kind == "keyDown" && key != "Tab" {
+                event["text"] = json!(if key == "Enter" { "\r" } else { key });
+            }
+            self.call("Input.dispatchKeyEvent", event);
+        }
+    }
+
     /// Waits until the newest wish is shown, refined.
     pub fn rest(&mut self) {
         // A change asks for a picture at the screen's next one, and for refinement soon after.
@@ -235,13 +264,21 @@ impl Chromium {
         self.mouse("mouseReleased", place);
     }
 
-    /// Keeps a picture of the whole page where `RELIGHT_SCREENSHOTS` says.
+    /// Keeps a picture of what the screen shows, or of all of the page, where `RELIGHT_SCREENSHOTS` says.
     pub fn screenshot(&mut self, name: &str) {
+        self.screenshot_of(name, false);
+    }
+
+    /// As [`Chromium::screenshot`]; `whole`: of all of the page.
+    pub fn screenshot_of(&mut self, name: &str, whole: bool) {
         use std::io::Write;
         let Some(folder) = std::env::var_os("RELIGHT_SCREENSHOTS") else {
             return;
         };
-        let shot = self.call("Page.captureScreenshot", json!({ "format": "png" }));
+        let shot = self.call(
+            "Page.captureScreenshot",
+            json!({ "format": "png", "captureBeyondViewport": whole }),
+        );
         let decoder = shot["data"].as_str().unwrap().bytes().filter_map(|c| match c {
             b'A'..=b'Z' => Some(c - b'A'),
             b'a'..=b'z' => Some(c - b'a' + 26),
