@@ -108,13 +108,7 @@ pub fn play_watched(
         output::prepare_output(&file)?;
     }
     let movie = (args.movie.as_ref())
-        .map(|file| {
-            Movie::begin(
-                file,
-                (width, height),
-                f64::from(range.step) / f64::from(sequence.fps),
-            )
-        })
+        .map(|file| Movie::begin(file, (width, height), f64::from(range.step) / sequence.fps))
         .transpose()?;
     let movie = Mutex::new(movie);
     let load = milliseconds(start);

@@ -195,8 +195,9 @@ fn drawn(title: &str, axis: &str, dots: &[Dot], floor: f64) -> Drawing {
     let (legend, height) = legend(&names);
     let [left, top, right, bottom] = MARGIN;
     let (top, base, end) = (top + height, SIZE[1] - bottom, SIZE[0] - right);
-    let x = Scale::around(dots.iter().flat_map(|d| d.x), left, end);
-    let y = Scale::around(dots.iter().flat_map(|d| d.y).chain([floor]), base, top);
+    // Bars go to the edge where nothing is known: they would make all else small.
+    let x = Scale::around(dots.iter().map(|d| d.x[0]), left, end);
+    let y = Scale::around(dots.iter().map(|d| d.y[0]).chain([floor]), base, top);
     let mut groups = axes(&x, &y, axis);
     groups.extend(legend);
     let at_floor = y.at(floor);
