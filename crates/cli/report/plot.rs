@@ -11,7 +11,7 @@ use relight_scene::image::Image8;
 
 /// Units of a plot, and its margins: left, top, right, bottom.
 const SIZE: [f64; 2] = [520.0, 380.0];
-const MARGIN: [f64; 4] = [62.0, 12.0, 16.0, 50.0];
+const MARGIN: [f64; 4] = [72.0, 12.0, 16.0, 50.0];
 /// Height of a line of the legend, and about the width of a letter.
 const LINE: f64 = 18.0;
 const LETTER: f64 = 7.0;
