@@ -1,4 +1,5 @@
-//! Which crate may use which: `cli` → `bake`, `play` → `render` → `scene`, `transport`; `bake` and `play` also → `format`; `cli` → `view` → `play`.
+//! Which crate may use which: `cli` → `bake`, `play` → `render` → `scene`, `transport`; `bake` and `play` also → `format`; `cli` → `view` → `play`;
+//! `python` → `bake`, `play`.
 //! The last three and `data/generate`, which `cli` alone uses, use none of ours; neither `play` nor `render` uses `bake`, nor the glTF importer.
 
 use serde_json::Value;
@@ -6,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// What each crate of the product may use of ours. Whoever adds a line here changes the architecture.
-const ALLOWED: [(&str, &[&str]); 9] = [
+const ALLOWED: [(&str, &[&str]); 10] = [
     (
         "relight",
         &[
@@ -22,6 +23,10 @@ const ALLOWED: [(&str, &[&str]); 9] = [
         ],
     ),
     ("relight-view", &["relight-play"]),
+    (
+        "relight-python",
+        &["relight-bake", "relight-format", "relight-play", "relight-scene"],
+    ),
     (
         "relight-bake",
         &["relight-scene", "relight-transport", "relight-format"],

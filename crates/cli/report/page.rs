@@ -136,7 +136,12 @@ fn facts(page: &mut String, task: &Task, summary: &Summary, measured: &[Measured
         (
             "Repetitions",
             format!(
-                "{least} to {most}, each with its own random numbers; times are medians, without writing files"
+                "{}, each with its own random numbers; times are medians, without writing files",
+                if least == most {
+                    least.to_string()
+                } else {
+                    format!("{least} to {most}")
+                }
             ),
         ),
         (

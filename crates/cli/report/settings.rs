@@ -297,7 +297,10 @@ fn bakes(facts: &Facts, full: bool) -> Vec<Setting> {
     }
     let factors: &[f32] = if full { &[1.4, 2.0, 0.7] } else { &[1.4] };
     for (factor, radius) in factors.iter().zip(facts.coarse_radius.into_iter().cycle()) {
-        all.push(facts.baked("--coarse-radius", (radius * factor).to_string()));
+        let radius = radius * factor;
+        // Three digits.
+        let digits = (2.0 - radius.log10().floor()).max(0.0) as usize;
+        all.push(facts.baked("--coarse-radius", format!("{radius:.digits$}")));
     }
     let factors: &[f32] = if full { &[2.0, 0.5, 0.25] } else { &[0.5] };
     all.extend(factors.iter().map(|&factor| epsilon(factor)));

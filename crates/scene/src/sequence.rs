@@ -156,13 +156,7 @@ pub fn read_sequence(path: &Path) -> Result<Sequence, JsonError> {
 pub fn read_sequence_at(path: &Path, offset: DVec3) -> Result<Sequence, JsonError> {
     let text = read_text(path, "lighting sequence")?;
     let base = path.parent().unwrap_or(Path::new(""));
-    let name = path.display().to_string();
-    let sequence = parse_sequence(&text, base, &name)?;
-    // What is wrong was found in the file as it is.
-    match moved(&text, offset) {
-        Some(text) => parse_sequence(&text, base, &name),
-        None => Ok(sequence),
-    }
+    parse_sequence_at(&text, base, &path.display().to_string(), offset)
 }
 
 /// A sequence's text with `offset` taken away from all positions; `None` if that changes nothing.
@@ -217,6 +211,24 @@ pub fn parse_sequence(text: &str, base_dir: &Path, name: &str) -> Result<Sequenc
         maps: HashMap::new(),
     }
     .sequence(text, &JsonPath::default())
+}
+
+/// As [`parse_sequence`], for a scene that was moved as in [`read_sequence_at`].
+///
+/// # Errors
+/// See [`JsonError`].
+pub fn parse_sequence_at(
+    text: &str,
+    base_dir: &Path,
+    name: &str,
+    offset: DVec3,
+) -> Result<Sequence, JsonError> {
+    let sequence = parse_sequence(text, base_dir, name)?;
+    // What is wrong was found in the text as it is.
+    match moved(text, offset) {
+        Some(text) => parse_sequence(&text, base_dir, name),
+        None => Ok(sequence),
+    }
 }
 
 /// Reads a lighting sequence from its text, without files: `maps` are the environment maps that it may name. `name` stands

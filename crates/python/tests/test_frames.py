@@ -1,0 +1,123 @@
+"""Frames: held against `relight play`, against themselves, and against what light does."""
+
+import json
+import pathlib
+
+import numpy as np
+import pytest
+import relight
+from conftest import DATA
+
+MOVING = DATA / "cornell_moving.lights.json"
+LAMPS = [
+    relight.Point(position=(0.2, 0.4, 0.1), intensity=(1.0, 0.9, 0.7), name="lamp"),
+    relight.Spot(position=(0.3, 0.5, 0.3), direction=(0, -1, -0.3), outer_angle_deg=40, intensity=3.0),
+    relight.Sphere(center=(0.4, 0.45, 0.2), radius=0.05, radiance=np.array([4, 2, 1], dtype=np.float32)),
+]
+
+
+@pytest.fixture(scope="module")
+def shot(asset):
+    return asset.shot(size=(32, 24))
+
+
+def test_frames_are_those_of_play_bit_by_bit(asset, command_line, tmp_path):
+    command_line(
+        "play", asset.path, "--lights", MOVING, "-o", tmp_path / "f_#.exr", "--size", "32x24", "--frames", "0-10x5",
+        "--float", "--layers", "beauty,direct,indirect,lights,depth,normal", "--seed", "3",
+    )  # fmt: skip
+    shot = asset.shot(size=(32, 24))
+    lights = asset.lights(MOVING)
+    for time in [0, 5, 10]:
+        played = relight.read_exr(tmp_path / f"f_{time}.exr")
+        ours = shot.frame(lights, time, light_layers=True, surface_layers=True, seed=3)
+        assert len(played) >= 6
+        for name, image in played.items():
+            np.testing.assert_array_equal(ours[name], image, err_msg=f"{name} at {time}")
+
+
+def test_a_frame_is_arrays_by_layer(shot):
+    frame = shot.frame(lights=LAMPS)
+    assert list(frame) == ["beauty", "emission", "direct", "indirect"]
+    for name, image in frame.items():
+        assert image.shape == (24, 32, 3) and image.dtype == np.float32 and image.flags.c_contiguous, name
+        # The user's own, to be written to.
+        assert image.flags.writeable
+    np.testing.assert_allclose(frame["beauty"], frame["emission"] + frame["direct"] + frame["indirect"], rtol=1e-6)
+    assert frame["indirect"].max() > 0
+    layers = shot.frame(lights=LAMPS, light_layers=True, surface_layers=True)
+    assert {"light.lamp", "light.spot_1", "light.sphere_2", "albedo", "normal", "depth"} < set(layers)
+    assert layers["depth"].shape == (24, 32)
+
+
+def test_light_of_lights_adds_up_and_is_linear(shot):
+    """Truth: light is linear in its sources."""
+    basis = shot.basis(LAMPS)
+    assert basis.shape == (3, 24, 32, 3) and basis.dtype == np.float32
+    whole = shot.frame(lights=LAMPS)["beauty"]
+    np.testing.assert_allclose(basis.sum(axis=0), whole, rtol=1e-4, atol=1e-5 * whole.max())
+    weights = np.array([0.5, 0.0, 7.0])
+    lit = [
+        relight.Point(position=(0.2, 0.4, 0.1), intensity=0.5 * np.array([1.0, 0.9, 0.7]), name="lamp"),
+        relight.Sphere(center=(0.4, 0.45, 0.2), radius=0.05, radiance=(28, 14, 7), name="sphere_2"),
+    ]
+    mixed = np.tensordot(weights, basis, axes=1)
+    np.testing.assert_allclose(mixed, shot.frame(lights=lit)["beauty"], rtol=1e-3, atol=1e-4 * mixed.max())
+
+
+def test_lights_are_taken_in_every_form(asset, shot):
+    text = MOVING.read_text()
+    forms = [MOVING, str(MOVING), text, json.loads(text), asset.lights(MOVING)]
+    frames = [shot.frame(lights=form, time=3.5)["beauty"] for form in forms]
+    for frame in frames[1:]:
+        np.testing.assert_array_equal(frame, frames[0])
+    lamp = {"type": "point", "position": [0.2, 0.4, 0.1], "intensity": [1, 1, 1]}
+    np.testing.assert_array_equal(
+        shot.frame(lights=[lamp])["beauty"], shot.frame(lights=relight.Point((0.2, 0.4, 0.1), 1.0))["beauty"]
+    )
+    assert shot.frame()["beauty"].max() > 0, "the scene's own lights"
+    lights = asset.lights(LAMPS)
+    assert lights.names == ["lamp", "spot_1", "sphere_2"] and len(lights) == 3 and lights.frames == 1
+
+
+def test_keys_move_lights(shot):
+    lamp = relight.Point(relight.Keys([(0, (0.2, 0.4, 0.1)), (10, (0.4, 0.4, 0.1))]), intensity=1.0, name="lamp")
+    for time, x in [(0, 0.2), (5, 0.3), (10, 0.4), (99, 0.4)]:
+        still = relight.Point((x, 0.4, 0.1), intensity=1.0, name="lamp")
+        np.testing.assert_allclose(shot.frame(lamp, time)["beauty"], shot.frame(still)["beauty"], rtol=1e-3, atol=1e-4)
+
+
+def test_cameras_by_name_and_of_ones_own(asset):
+    name = asset.cameras[0]
+    named = asset.shot(name, (16, 12)).frame(LAMPS)["beauty"]
+    np.testing.assert_array_equal(named, asset.shot(size=(16, 12)).frame(LAMPS)["beauty"])
+    # Two ways to say the same, and one that looks elsewhere.
+    own = relight.Camera(position=(0.1, 0.3, -0.6), look_at=(0.3, 0.2, 0.3), vfov_deg=50)
+    there = asset.shot(own, (16, 12))
+    assert there.size == (16, 12)
+    shown = there.frame(LAMPS)["beauty"]
+    np.testing.assert_array_equal(shown, asset.shot(own.to_dict(), (16, 12)).frame(LAMPS)["beauty"])
+    assert np.abs(shown - named).max() > 0.01
+
+
+def test_the_path_tracer_agrees(asset):
+    """Truth: path tracing of the same scene; of a coarse bake, so that means are held against each other."""
+    size, lamp = (24, 18), relight.Point((0.2, 0.4, 0.1), 1.0)
+    relit = asset.shot(size=size).frame(lamp)
+    traced = asset.shot(size=size, spp=256, integrator="path").frame(lamp)
+    for name, bound in [("direct", 0.02), ("indirect", 0.15)]:
+        assert abs(relit[name].mean() / traced[name].mean() - 1) < bound, name
+
+
+def test_exr_files_hold_what_was_written(tmp_path):
+    rng = np.random.default_rng(1)
+    layers = {"beauty": rng.random((5, 7, 3), dtype=np.float32), "depth": rng.random((5, 7)).astype(np.float32)}
+    relight.write_exr(tmp_path / "a.exr", layers)
+    for name, image in relight.read_exr(tmp_path / "a.exr").items():
+        np.testing.assert_array_equal(image, layers[name])
+    relight.write_exr(tmp_path / "b.exr", layers["beauty"].astype(np.float64), float=False)
+    np.testing.assert_allclose(relight.read_exr(tmp_path / "b.exr")["beauty"], layers["beauty"], rtol=1e-3)
+
+
+def test_paths_come_back_as_paths(asset):
+    assert isinstance(asset.path, pathlib.Path) and "relight.Asset" in repr(asset)
