@@ -26,6 +26,7 @@ mod materials;
 mod moments;
 mod movie;
 mod pages;
+mod panes;
 mod play;
 mod random;
 mod report;

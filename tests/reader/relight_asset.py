@@ -204,13 +204,14 @@ def geometry(cursor):
     return {"meshes": meshes, "instances": instances}
 
 
-def materials(cursor):
+def materials(cursor, version=1):
     r = Records(cursor)
 
     def alpha_mode():
         variant = cursor.u32()
-        require(variant <= 2, f"an alpha mode of 0 to 2, found {variant}")
-        return (variant, r.floats(1) if variant == 1 else None)
+        most = 3 if version == 2 else 2
+        require(variant <= most, f"an alpha mode of 0 to {most}, found {variant}")
+        return (variant, r.floats(1) if variant in (1, 3) else None)
 
     def texture_ref():
         return {"texture": cursor.u32(), "uv_set": cursor.u8(), "transform": r.floats(6)}
@@ -412,7 +413,8 @@ DECODE = {
         "parted": parted,
     }.items()
 }
-# 6.6, versions 2 and 3, and 6.7, version 2.
+# 6.3, version 2, 6.6, versions 2 and 3, and 6.7, version 2.
+DECODE["materials", 2] = lambda cursor: materials(cursor, version=2)
 DECODE["points", 2] = lambda cursor: points(cursor, version=2)
 DECODE["points", 3] = lambda cursor: points(cursor, version=3)
 DECODE["links_transfer", 2] = lambda cursor: links_transfer(cursor, bits=8)

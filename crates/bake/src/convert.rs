@@ -105,6 +105,7 @@ fn material(material: &Material) -> format::Material {
             AlphaMode::Opaque => format::AlphaMode::Opaque,
             AlphaMode::Mask { cutoff } => format::AlphaMode::Mask(cutoff),
             AlphaMode::Blend => format::AlphaMode::Blend,
+            AlphaMode::Pane { transmission } => format::AlphaMode::Pane(transmission),
         },
         double_sided: material.double_sided,
         unlit: material.unlit,

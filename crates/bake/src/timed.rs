@@ -111,6 +111,9 @@ impl Surfaces for TimedSurfaces<'_> {
     fn occluded_packet(&self, rays: &[Ray], occluded: &mut [bool]) {
         self.timed_together(|| self.inner.occluded_packet(rays, occluded));
     }
+    fn tint(&self, ray: &Ray, t: f32) -> Vec3 {
+        self.inner.tint(ray, t)
+    }
     fn albedo(&self, hit: &SurfaceHit) -> Vec3 {
         self.inner.albedo(hit)
     }

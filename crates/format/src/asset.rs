@@ -199,6 +199,8 @@ pub enum AlphaMode {
     Mask(f32),
     /// Alpha is coverage.
     Blend,
+    /// A thin pane: of the light that its surface does not mirror this share, 0 to 1, passes straight on, times the base colour.
+    Pane(f32),
 }
 
 /// Which image a material reads, and how texture coordinates reach it.

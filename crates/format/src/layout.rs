@@ -2,7 +2,7 @@
 //! numbers, and a test compares the two: a change here without one there fails.
 
 /// Version of the specification that this crate implements: the highest that it reads. SPEC 3.
-pub const SPEC_VERSION: u32 = 4;
+pub const SPEC_VERSION: u32 = 5;
 
 /// Version of the specification since which header and table are as they are: what the header says. SPEC 3.3.
 pub const CONTAINER_VERSION: u32 = 1;
@@ -219,7 +219,7 @@ impl Kind {
     pub fn version(self) -> u16 {
         match self {
             Kind::Points => 3,
-            Kind::LinksTransfer => 2,
+            Kind::LinksTransfer | Kind::Materials => 2,
             _ => 1,
         }
     }
@@ -229,6 +229,7 @@ impl Kind {
         match self {
             Kind::Separations => 3,
             Kind::Points if layout == 3 => 4,
+            Kind::Materials if layout == 2 => 5,
             // Other layouts of version N came with specification version N.
             _ => u32::from(layout),
         }

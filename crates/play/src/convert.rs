@@ -57,6 +57,7 @@ pub fn material(material: format::Material) -> Material {
             format::AlphaMode::Opaque => AlphaMode::Opaque,
             format::AlphaMode::Mask(cutoff) => AlphaMode::Mask { cutoff },
             format::AlphaMode::Blend => AlphaMode::Blend,
+            format::AlphaMode::Pane(transmission) => AlphaMode::Pane { transmission },
         },
         double_sided: material.double_sided,
         unlit: material.unlit,

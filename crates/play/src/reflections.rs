@@ -252,7 +252,10 @@ impl Follower<'_> {
         for surface in 1..=MOST_SURFACES {
             let (wi, weight) = bsdf::sample_lobe(&point, wo, sampler.next_2d())?;
             throughput *= weight;
-            let Some(next) = self.scene.closest_hit(&ray_from(&hit, wi)) else {
+            let ray = ray_from(&hit, wi);
+            let next = self.scene.closest_hit(&ray);
+            throughput *= (self.scene).tint(&ray, next.as_ref().map_or(f32::INFINITY, |next| next.t));
+            let Some(next) = next else {
                 return (surface == 1).then_some((wi, throughput));
             };
             blur += next.t * bsdf::width_facing(&point);

@@ -37,6 +37,7 @@ pub fn render(picture: &Picture<'_>) -> Result<Layers, Cancelled> {
                 return;
             };
             let wo = -eye.direction;
+            let tint = scene.tint(&eye, hit.t);
             let point = scene.shading_point(&hit).facing(wo);
             for light in 0..lights.len() {
                 let count = if lights.is_delta(light) { 1 } else { LIGHT_SAMPLES };
@@ -47,7 +48,7 @@ pub fn render(picture: &Picture<'_>) -> Result<Layers, Cancelled> {
                     let random = Sampler::new(seed, picture.pixel(pixel), number).next_3d();
                     if let Some((radiance, _)) = direct_sample(scene, lights, light, &hit, &point, wo, random)
                     {
-                        sums.add(Some(light), 1, radiance / count as f32);
+                        sums.add(Some(light), 1, radiance * tint / count as f32);
                     }
                 }
             }
@@ -67,17 +68,19 @@ pub fn render_points(picture: &Picture<'_>, points: &PointLights) -> Result<(Lay
     let scene = picture.scene;
     let shadow_rays = AtomicU64::new(0);
     let spp = picture.spp.unwrap_or(SPP);
-    let buffers = || (Vec::new(), Vec::new(), Vec::<(usize, Vec3)>::new());
-    let layers = picture.by_samples(spp, buffers, |(rays, reached, passed_on), pixel, sample, sums| {
+    let buffers = || (Vec::new(), Vec::new(), Vec::<(usize, Vec3)>::new(), Vec::new());
+    let layers = picture.by_samples(spp, buffers, |buffers, pixel, sample, sums| {
+        let (rays, reached, passed_on, occluded) = buffers;
         let (eye, _) = picture.eye_ray(pixel, sample);
         let Some(hit) = picture.see(&eye, sums) else {
             return;
         };
         let wo = -eye.direction;
+        let tint = scene.tint(&eye, hit.t);
         let point = scene.shading_point(&hit).facing(wo);
         let viewed = Viewed::new(&point, wo);
         let mut total = DVec3::ZERO;
-        let mut occluded = [false; TOGETHER];
+        let mut passed = [Vec3::ZERO; TOGETHER];
         passed_on.clear();
         for first in (0..points.len()).step_by(TOGETHER) {
             rays.clear();
@@ -90,12 +93,13 @@ pub fn render_points(picture: &Picture<'_>, points: &PointLights) -> Result<(Lay
                     reached.push((i, radiance));
                 }
             }
-            scene.occluded_packet(rays, &mut occluded[..rays.len()]);
+            scene.passed(rays, &mut passed[..rays.len()], occluded);
             shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
-            for (&(i, radiance), &occluded) in reached.iter().zip(&occluded) {
-                if occluded {
+            for (&(i, radiance), &passed) in reached.iter().zip(&passed) {
+                if passed == Vec3::ZERO {
                     continue;
                 }
+                let radiance = radiance * passed * tint;
                 total += radiance.as_dvec3();
                 if points.is_virtual(i) {
                     passed_on.push((i, radiance));

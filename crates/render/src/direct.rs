@@ -46,8 +46,9 @@ pub(crate) fn direct_sample(
     if reflected == Vec3::ZERO {
         return None;
     }
-    (!scene.occluded(&shadow_ray(scene, hit, &sample)))
-        .then(|| (reflected * sample.radiance_over_pdf, sample))
+    let mut passed = [Vec3::ZERO];
+    scene.passed(&[shadow_ray(scene, hit, &sample)], &mut passed, &mut Vec::new());
+    (passed[0] != Vec3::ZERO).then(|| (reflected * sample.radiance_over_pdf * passed[0], sample))
 }
 
 /// Calls `visit(light, radiance, density)` for all light that leaves a surface, or an area light before it, or
@@ -64,6 +65,8 @@ pub(crate) fn light_met(
     mut visit: impl FnMut(usize, Vec3, f32),
 ) {
     let t_max = hit.map_or(f32::INFINITY, |hit| hit.t);
+    let tint = scene.tint(&Ray::endless(origin, direction), t_max);
+    let mut visit = |light, radiance: Vec3, pdf| visit(light, radiance * tint, pdf);
     lights.along(origin, direction, t_max, |met| {
         visit(met.light, met.radiance, met.pdf)
     });

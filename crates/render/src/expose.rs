@@ -216,7 +216,17 @@ fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: us
 fn seen_along(scene: &TracedScene, camera: &Camera, direction: Vec3) -> Seen {
     let ray = Ray::endless(camera.position, direction);
     scene.closest_hit(&ray).map(|hit| {
-        let point = scene.shading_point(&hit).facing(-direction);
+        let mut point = scene.shading_point(&hit).facing(-direction);
+        // As if what lies behind panes had their colour.
+        let tint = scene.tint(&ray, hit.t);
+        for color in [
+            &mut point.base_color,
+            &mut point.diffuse,
+            &mut point.f0,
+            &mut point.emission,
+        ] {
+            *color *= tint;
+        }
         (hit, point)
     })
 }

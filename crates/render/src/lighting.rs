@@ -98,8 +98,13 @@ where
         .zip(told_chunks)
         .enumerate())
     .for_each_init(
-        || (Vec::new(), Vec::new(), Vec::new()),
-        |(rays, targets, occluded): &mut (Vec<Ray>, Vec<(usize, LightSample)>, Vec<bool>),
+        || (Vec::new(), Vec::new(), Vec::new(), Vec::new()),
+        |(rays, targets, passed, occluded): &mut (
+            Vec<Ray>,
+            Vec<(usize, LightSample)>,
+            Vec<Vec3>,
+            Vec<bool>,
+        ),
          (chunk, ((out, met), light_of))| {
             for index in 0..count {
                 rays.clear();
@@ -116,14 +121,15 @@ where
                         targets.push((local, sample));
                     }
                 }
-                occluded.clear();
-                occluded.resize(rays.len(), false);
-                scene.occluded_packet(rays, occluded);
-                for ((local, _), dark) in targets.iter().zip(occluded.iter()) {
-                    met[*local] |= if *dark { DARK } else { LIT };
+                passed.clear();
+                passed.resize(rays.len(), Vec3::ZERO);
+                scene.passed(rays, passed, occluded);
+                for ((local, _), passed) in targets.iter().zip(passed.iter()) {
+                    met[*local] |= if *passed == Vec3::ZERO { DARK } else { LIT };
                 }
                 // What is reflected is asked last: a reflection can cost as much as a shadow ray, and many see nothing.
-                for ((local, sample), _) in targets.iter().zip(occluded.iter()).filter(|(_, dark)| !**dark) {
+                let lit = targets.iter().zip(passed.iter());
+                for ((local, sample), passed) in lit.filter(|(_, passed)| **passed != Vec3::ZERO) {
                     let place = chunk * PACKET + local;
                     let weight = if reflected > 0 {
                         let density = (reflection.density)(place, sample.direction);
@@ -131,7 +137,7 @@ where
                     } else {
                         1.0
                     };
-                    let light = contribution(place, sample);
+                    let light = contribution(place, sample) * *passed;
                     out[*local] += light * (weight / own);
                     if told > 0 {
                         light_of[*local * told + index as usize] = luminance(light) * weight;

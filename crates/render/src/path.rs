@@ -70,7 +70,7 @@ impl Tracer<'_> {
             return;
         };
         let mut wo = -eye.direction;
-        let mut throughput = Vec3::ONE;
+        let mut throughput = self.scene.tint(&eye, hit.t);
         let mut choice = Choice::default();
         for reflections in 1..=self.max_bounces {
             let point = self.scene.shading_point(&hit).facing(wo);
@@ -110,7 +110,10 @@ impl Tracer<'_> {
                 },
             );
             match next {
-                Some(next) => hit = next,
+                Some(next) => {
+                    throughput *= self.scene.tint(&ray, next.t);
+                    hit = next;
+                }
                 None => return,
             }
             wo = -sample.wi;

@@ -80,6 +80,11 @@ impl Surfaces for Composite {
         self.surfaces.iter().any(|surface| surface.surfaces.occluded(ray))
     }
 
+    fn tint(&self, ray: &Ray, t: f32) -> Vec3 {
+        let tints = self.surfaces.iter().map(|surface| surface.surfaces.tint(ray, t));
+        tints.fold(Vec3::ONE, |product, tint| product * tint)
+    }
+
     fn albedo(&self, hit: &SurfaceHit) -> Vec3 {
         let Some(at) = self.surface_of(hit) else {
             return Vec3::ZERO;

@@ -14,6 +14,11 @@ pub enum AlphaMode {
     },
     /// Alpha is coverage: a ray passes with probability 1 − α.
     Blend,
+    /// A thin pane: light goes straight on through it ([`crate::traced`]). Alpha is ignored.
+    Pane {
+        /// Share in 0..=1 of the light that is not mirrored which passes, times the base colour.
+        transmission: f32,
+    },
 }
 
 /// A texture together with where it is looked up.

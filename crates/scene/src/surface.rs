@@ -61,9 +61,34 @@ pub trait Surfaces: Sync {
             *out = self.occluded(ray);
         }
     }
+    /// How much of the light along each ray gets through: 0 where something stops it, 1 where nothing is on the ray, between them
+    /// through panes; linear RGB. `occluded` is a buffer.
+    fn passed(&self, rays: &[Ray], passed: &mut [Vec3], occluded: &mut Vec<bool>) {
+        unshaded(self, rays, passed, occluded);
+    }
+    /// Colour of the panes that [`Surfaces::closest_hit`] has passed before `t`, linear RGB: what arrives from there is to be
+    /// multiplied by it.
+    fn tint(&self, _ray: &Ray, _t: f32) -> Vec3 {
+        Vec3::ONE
+    }
     /// Total hemispherical reflectance (diffuse and specular, averaged over all directions) where a ray hit,
     /// linear RGB in 0..=1.
     fn albedo(&self, hit: &SurfaceHit) -> Vec3;
+}
+
+/// [`Surfaces::passed`] where light is stopped or is not.
+pub(crate) fn unshaded<S: Surfaces + ?Sized>(
+    surfaces: &S,
+    rays: &[Ray],
+    passed: &mut [Vec3],
+    occluded: &mut Vec<bool>,
+) {
+    occluded.clear();
+    occluded.resize(rays.len(), false);
+    surfaces.occluded_packet(rays, occluded);
+    for (passed, &dark) in passed.iter_mut().zip(occluded.iter()) {
+        *passed = if dark { Vec3::ZERO } else { Vec3::ONE };
+    }
 }
 
 /// A ray from a hit into `direction`, without end, that does not meet the surface it starts on. It starts on the

@@ -5,11 +5,14 @@
 //! ray caster and the scene itself a triangle costs 4 bytes. With the ray caster, the million
 //! triangles of metal_rough_spheres.glb took 132 bytes each (resident memory after minus before).
 //!
+//! Thin panes let light through: `panes` says how.
+//!
 //! A negative determinant of an instance's transform swaps vertices 1 and 2 of every triangle, so that a
 //! triangle's front is always where its vertices run counter-clockwise in world space.
 
 mod corner;
 mod occluders;
+mod panes;
 mod prepare;
 mod scene;
 mod shade;

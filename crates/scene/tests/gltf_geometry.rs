@@ -548,7 +548,7 @@ fn required_extensions_are_named_with_a_way_out() {
             "{error}"
         );
     }
-    for name in ["specular", "ior", "clearcoat", "sheen", "volume", "transmission"] {
+    for name in ["specular", "ior", "clearcoat", "sheen", "volume"] {
         let name = format!("KHR_materials_{name}");
         let mut doc = Doc::triangle();
         doc.set("/extensionsRequired", json!([name]));

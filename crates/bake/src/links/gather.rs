@@ -9,6 +9,7 @@
 use crate::links::fitting::{Answers, ShortInTrials};
 use crate::points::candidates::Candidate;
 use glam::{Vec3, Vec3A};
+use relight_scene::environment::luminance;
 use relight_scene::rays::Ray;
 use relight_scene::separation::are_separated;
 use relight_scene::surface::Surfaces;
@@ -137,7 +138,9 @@ pub fn gather(
         }
         let mut hits = 0;
         surfaces.closest_hits(&rays, &mut |i, hit| {
-            ways[hits] = Vec3A::from(rays[i].direction * weight);
+            // Links have no colour: that of panes counts by its luminance.
+            let passed = luminance(surfaces.tint(&rays[i], hit.t));
+            ways[hits] = Vec3A::from(rays[i].direction * (weight * passed));
             ends[hits] = (hit.position, hit.normal);
             hits += 1;
         });

@@ -105,6 +105,16 @@ fn alpha(key: &mut Key, mesh: &Mesh, material: &Material, textures: &[Texture], 
         AlphaMode::Opaque => return,
         AlphaMode::Mask { cutoff } => key.f32s(&[cutoff]),
         AlphaMode::Blend => key.f32s(&[]),
+        AlphaMode::Pane { transmission } => key
+            .f32s(&[transmission, material.metallic])
+            .f32s(&material.base_color.to_array())
+            .f32s(
+                &mesh
+                    .colors
+                    .iter()
+                    .flat_map(|c| c.to_array())
+                    .collect::<Vec<f32>>(),
+            ),
     };
     key.f32s(&[material.base_color.w]);
     key.f32s(&mesh.colors.iter().map(|c| c.w).collect::<Vec<f32>>());

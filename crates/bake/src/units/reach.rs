@@ -333,6 +333,9 @@ impl Surfaces for Followed<'_> {
             self.pass_shadow(ray, is_occluded);
         }
     }
+    fn tint(&self, ray: &Ray, t: f32) -> Vec3 {
+        self.inner.tint(ray, t)
+    }
     fn albedo(&self, hit: &SurfaceHit) -> Vec3 {
         self.inner.albedo(hit)
     }

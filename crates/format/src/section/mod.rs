@@ -13,9 +13,9 @@ pub mod separations;
 pub mod textures;
 pub mod weights;
 
-use crate::asset::{Asset, Coding};
+use crate::asset::{Asset, Coding, Material};
 use crate::codec::bytes::Cursor;
-use crate::error::Result;
+use crate::error::{Location, Result, require};
 use crate::layout::Kind;
 
 /// Version of the layout in which an asset's section is written: the lowest that holds it.
@@ -24,6 +24,7 @@ pub fn version(kind: Kind, asset: &Asset) -> u16 {
     match kind {
         Kind::Points => points::version(&asset.points, grey),
         Kind::LinksTransfer if short_links => 2,
+        Kind::Materials if asset.materials.iter().any(Material::is_pane) => 2,
         _ => 1,
     }
 }
@@ -95,7 +96,12 @@ pub fn decode(kind: Kind, version: u16, raw: &[u8], memory: &mut u64, asset: &mu
     match kind {
         Kind::Provenance => asset.provenance = records::decode(&mut cursor)?,
         Kind::Geometry => asset.geometry = geometry::decode(&mut cursor)?,
-        Kind::Materials => asset.materials = records::decode(&mut cursor)?,
+        Kind::Materials => {
+            asset.materials = records::decode(&mut cursor)?;
+            let known = version >= 2 || !asset.materials.iter().any(Material::is_pane);
+            let (here, found) = (Location::Raw(0), "a pane, which version 2 has");
+            require(known, kind.name(), here, "an alpha mode of 0 to 2", found)?;
+        }
         Kind::Textures => asset.textures = textures::decode(&mut cursor)?,
         Kind::Stage => asset.stage.json = textures::text(&mut cursor, raw.len())?,
         Kind::Points => {

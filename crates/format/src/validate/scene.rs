@@ -62,6 +62,11 @@ impl Mesh {
 }
 
 impl Material {
+    /// Whether light passes it as a thin pane.
+    pub(crate) fn is_pane(&self) -> bool {
+        matches!(self.alpha_mode, AlphaMode::Pane(_))
+    }
+
     /// The textures that the material refers to.
     pub fn textures(&self) -> impl Iterator<Item = &TextureRef> {
         let all = [
@@ -75,7 +80,7 @@ impl Material {
 
     pub(super) fn validate(&self, index: usize) -> Result<()> {
         let cutoff = match self.alpha_mode {
-            AlphaMode::Mask(cutoff) => cutoff,
+            AlphaMode::Mask(cutoff) | AlphaMode::Pane(cutoff) => cutoff,
             _ => 0.0,
         };
         let transforms = self.textures().flat_map(|texture| texture.transform);
@@ -84,6 +89,16 @@ impl Material {
         let finite = factors.chain(scalars).all(|value| value.is_finite());
         let kind = Kind::Materials;
         check(finite, kind, index, "finite parameters", format_args!("{self:?}"))?;
+        if let AlphaMode::Pane(share) = self.alpha_mode {
+            let found = format_args!("{share}");
+            check(
+                (0.0..=1.0).contains(&share),
+                kind,
+                index,
+                "a transmission of 0 to 1",
+                found,
+            )?;
+        }
         let emits = self.emissive.iter().all(|&e| e >= 0.0);
         let found = format_args!("{:?}", self.emissive);
         check(emits, kind, index, "emission of at least 0", found)

@@ -121,6 +121,7 @@ impl Dump {
             AlphaMode::Opaque => (0, None),
             AlphaMode::Mask(cutoff) => (1, Some(cutoff)),
             AlphaMode::Blend => (2, None),
+            AlphaMode::Pane(share) => (3, Some(share)),
         };
         self.0.push(format!("{mode} list[2]"));
         self.number(&format!("{mode}.0"), variant);

@@ -4,6 +4,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 use relight_render::exposure::Exposure;
 use relight_scene::light_set::{LightSet, MetEmitter};
+use relight_scene::rays::Ray;
+use relight_scene::surface::Surfaces;
 use relight_scene::traced::TracedScene;
 
 /// Light that each fragment shows directly: emissive surfaces that a light lets shine, environments, and
@@ -26,9 +28,10 @@ pub(super) fn emission_at(
             let direction = seen.directions[f];
             let distance = seen.hits[f].as_ref().map_or(f32::INFINITY, |hit| hit.t);
             let wanted = |light: usize| only.is_none_or(|o| o == light);
+            let tint = scene.tint(&Ray::endless(seen.eye, direction), distance);
             lights.along(seen.eye, direction, distance, |met| {
                 if wanted(met.light) {
-                    sum += met.radiance;
+                    sum += met.radiance * tint;
                 }
             });
             if let (Some(hit), Some(point)) = (&seen.hits[f], &seen.points[f])
@@ -50,7 +53,7 @@ pub(super) fn emission_at(
                     };
                     lights.emitted(&emitter, None, |met| {
                         if wanted(met.light) {
-                            sum += met.radiance / places.len() as f32;
+                            sum += met.radiance * tint / places.len() as f32;
                         }
                     });
                 }

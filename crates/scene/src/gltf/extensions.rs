@@ -14,6 +14,7 @@ const SUPPORTED: &[&str] = &[
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_materials_variants",
     "KHR_mesh_quantization",
@@ -33,7 +34,6 @@ const HARMLESS: &[&str] = &[
     "KHR_materials_iridescence",
     "KHR_materials_sheen",
     "KHR_materials_specular",
-    "KHR_materials_transmission",
     "KHR_materials_volume",
     "KHR_xmp",
     "KHR_xmp_json_ld",
@@ -69,8 +69,10 @@ pub(super) fn check(root: &At, notes: &mut Notes) -> Vec<UnsupportedExtension> {
             continue;
         }
         notes.say(match name {
-            "KHR_materials_transmission" => {
-                "KHR_materials_transmission: transmitting materials are imported as opaque".to_owned()
+            "KHR_materials_volume" => {
+                "KHR_materials_volume: light passes solid glass straight on, unrefracted, and loses what the \
+                                       colour of thicknessFactor takes"
+                    .to_owned()
             }
             _ => format!("{name} is ignored"),
         });

@@ -225,8 +225,11 @@ fn parse_material(at: &At, textures: usize, notes: &mut Notes) -> Material {
             AlphaMode::Opaque
         }
     };
+    let glass = at.extension("KHR_materials_transmission");
+    let transmission = glass.as_ref().and_then(|glass| glass.float("transmissionFactor"));
+    let transmission = clamp(transmission.unwrap_or(0.0), 1.0, "transmission factors");
     let normal = at.object("normalTexture");
-    Material {
+    let mut material = Material {
         name: at.text("name").unwrap_or_default().to_owned(),
         base_color,
         base_color_texture: pbr_texture("baseColorTexture"),
@@ -249,7 +252,33 @@ fn parse_material(at: &At, textures: usize, notes: &mut Notes) -> Material {
         double_sided: at.flag("doubleSided"),
         unlit: at.extension("KHR_materials_unlit").is_some(),
         ..Material::default()
+    };
+    if transmission > 0.0 && !material.unlit {
+        if alpha_mode != AlphaMode::Opaque {
+            notes.count("transmitting materials with alpha, which is ignored", 1);
+        }
+        if glass.is_some_and(|glass| glass.get("transmissionTexture").is_some()) {
+            notes.count("textures of transmission, which are ignored", 1);
+        }
+        material.alpha_mode = AlphaMode::Pane { transmission };
+        material.base_color *= absorbed(at).extend(1.0);
     }
+    material
+}
+
+/// What light keeps on its way through half of a solid body (KHR_materials_volume), whose surface it passes twice; linear RGB.
+fn absorbed(at: &At) -> Vec3 {
+    let Some(volume) = at.extension("KHR_materials_volume") else {
+        return Vec3::ONE;
+    };
+    let color = (volume.floats("attenuationColor")).map_or(Vec3::ONE, Vec3::from_array);
+    let thickness = volume.float("thicknessFactor").unwrap_or(0.0);
+    let distance = volume.float("attenuationDistance").unwrap_or(f32::INFINITY);
+    let lengths = 0.5 * thickness / distance;
+    if !(lengths > 0.0 && lengths.is_finite()) {
+        return Vec3::ONE;
+    }
+    color.clamp(Vec3::ZERO, Vec3::ONE).powf(lengths)
 }
 
 /// Loads the images that `materials` use, and points their texture uses at the list that is returned:

@@ -1,5 +1,6 @@
 //! From a scene to a traced scene: checks, expansion of instances, decoding of textures.
 
+use super::panes::is_tinted;
 use super::scene::{Shading, TracedInstance, TracedScene, TracedSceneError};
 use crate::material::{AlphaMode, Material};
 use crate::rays::TriangleBvh;
@@ -42,6 +43,12 @@ fn prepare(scene: Arc<Scene>, shading: Shading) -> Result<TracedScene, TracedSce
     } = expand(&scene, &textures)?;
     let bvh = TriangleBvh::build(&positions, &triangles);
     let opaque = instances.iter().all(|instance| instance.opaque);
+    let meshes = || {
+        let meshes = scene.instances.iter().map(|i| &scene.meshes[i.mesh as usize]);
+        meshes.map(|mesh| (mesh, &scene.materials[mesh.material as usize]))
+    };
+    let panes = meshes().any(|(_, material)| matches!(material.alpha_mode, AlphaMode::Pane { .. }));
+    let tinted = meshes().any(|(mesh, material)| is_tinted(material, !mesh.colors.is_empty()));
     let mut traced = TracedScene {
         materials: scene.materials.clone(),
         scene,
@@ -52,6 +59,8 @@ fn prepare(scene: Arc<Scene>, shading: Shading) -> Result<TracedScene, TracedSce
         textures,
         emissive: Arc::default(),
         opaque,
+        panes,
+        tinted,
         occluders: Arc::default(),
     };
     traced.emissive = emissive(&traced);
@@ -283,6 +292,7 @@ fn normal_from_mesh(world_from_mesh: &Affine3A) -> Mat3A {
 fn is_opaque(mesh: &Mesh, material: &Material, textures: &[Option<Arc<DecodedTexture>>]) -> bool {
     let needed = match material.alpha_mode {
         AlphaMode::Opaque => return true,
+        AlphaMode::Pane { .. } => return false,
         AlphaMode::Mask { cutoff } => cutoff,
         AlphaMode::Blend => 1.0,
     };

@@ -7,7 +7,7 @@ use crate::image::ImageError;
 use crate::material::{AlphaMode, Material};
 use crate::rays::{BvhPart, Hit, Ray, SurfacePoint, TriangleBvh, surface_point};
 use crate::scene::{Mesh, Scene};
-use crate::surface::{SurfaceHit, Surfaces};
+use crate::surface::{SurfaceHit, Surfaces, unshaded};
 use crate::texture::DecodedTexture;
 use glam::{Mat3A, Vec3};
 use std::sync::{Arc, OnceLock};
@@ -89,6 +89,9 @@ pub struct TracedScene {
     pub(super) emissive: Arc<[u32]>,
     /// All instances are opaque.
     pub(super) opaque: bool,
+    /// Some are panes, and some of those have a colour.
+    pub(super) panes: bool,
+    pub(super) tinted: bool,
     /// Made when first asked for.
     pub(super) occluders: Arc<OnceLock<Occluders>>,
 }
@@ -193,6 +196,7 @@ impl TracedScene {
             AlphaMode::Opaque => 1.0,
             AlphaMode::Mask { cutoff } => f32::from(u8::from(alpha >= cutoff)),
             AlphaMode::Blend => alpha.clamp(0.0, 1.0),
+            AlphaMode::Pane { .. } => 1.0,
         }
     }
 
@@ -339,15 +343,16 @@ impl TracedScene {
     }
 
     /// Whether the ray meets a surface where it meets this triangle.
-    fn stops(&self, ray: &Ray, hit: &Hit) -> bool {
+    pub(super) fn stops(&self, ray: &Ray, hit: &Hit) -> bool {
         if self.traced_instance(hit.triangle).opaque {
             return true;
         }
-        let alpha = self.alpha(hit.triangle, [hit.u, hit.v]);
+        let alpha = || self.alpha(hit.triangle, [hit.u, hit.v]);
         match self.material(hit.triangle).alpha_mode {
             AlphaMode::Opaque => true,
-            AlphaMode::Mask { cutoff } => alpha >= cutoff,
-            AlphaMode::Blend => alpha > hash_to_unit(ray, hit.triangle),
+            AlphaMode::Mask { cutoff } => alpha() >= cutoff,
+            AlphaMode::Blend => alpha() > hash_to_unit(ray, hit.triangle),
+            AlphaMode::Pane { .. } => self.pane_passes(ray, hit) <= hash_to_unit(ray, hit.triangle),
         }
     }
 }
@@ -389,6 +394,24 @@ impl Surfaces for TracedScene {
         }
         for (ray, out) in rays.iter().zip(occluded) {
             *out = self.occluded(ray);
+        }
+    }
+
+    fn passed(&self, rays: &[Ray], passed: &mut [Vec3], occluded: &mut Vec<bool>) {
+        if !self.panes {
+            unshaded(self, rays, passed, occluded);
+            return;
+        }
+        for (ray, out) in rays.iter().zip(passed) {
+            *out = self.passed_panes(ray);
+        }
+    }
+
+    fn tint(&self, ray: &Ray, t: f32) -> Vec3 {
+        if self.tinted {
+            self.tint_of_panes(ray, t)
+        } else {
+            Vec3::ONE
         }
     }
 

@@ -35,6 +35,10 @@ impl TracedScene {
             point.diffuse = Vec3::ZERO;
             return point;
         }
+        let pane = self.pane(index, &corner);
+        if let Some(pane) = &pane {
+            point.diffuse = pane.diffuse(point.diffuse);
+        }
         if self.shading() == Shading::Lambert {
             return point;
         }
@@ -47,6 +51,10 @@ impl TracedScene {
             point.shading_normal = bend_towards(normal, hit.geometric_normal);
         }
         self.reflection(material, hit, &corner, &mut point);
+        if let (Some(pane), Model::MetallicRoughness) = (&pane, material.model) {
+            point.diffuse = pane.diffuse(point.diffuse);
+            point.f0 = pane.mirrored(point.f0);
+        }
         point
     }
 
