@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::assets::{short_asset, wide_asset, widened_asset};
+use common::assets::{pane_asset, short_asset, wide_asset, widened_asset};
 use common::small_asset;
 use proptest::prelude::*;
 use relight_format::*;
@@ -52,6 +52,43 @@ fn points_wider_than_their_level_come_back_and_only_they_need_a_newer_reader() {
         wide.points[0].widenings = broken;
         assert!(write_asset(&wide).is_err());
     }
+}
+
+#[test]
+fn panes_come_back_and_only_they_need_a_newer_reader() {
+    let asset = pane_asset();
+    let bytes = write_asset(&asset).unwrap();
+    assert_eq!(
+        read_asset(&bytes, &Limits::default()).unwrap().materials,
+        asset.materials
+    );
+    let materials = |bytes: &[u8]| {
+        let sections = common::sections_of(bytes);
+        let materials = sections
+            .iter()
+            .find(|s| s.kind == layout::Kind::Materials as u32)
+            .unwrap();
+        (materials.version, materials.needs)
+    };
+    assert_eq!(materials(&bytes), (2, 5));
+    assert_eq!(materials(&write_asset(&small_asset()).unwrap()), (1, 1));
+    // Version 1 has none.
+    let mut sections = common::sections_of(&bytes);
+    for section in &mut sections {
+        (section.version, section.needs) = (1, 1);
+    }
+    let error = read_asset(&common::forge(&sections), &Limits::default())
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("an alpha mode of 0 to 2"), "{error}");
+    let mut asset = asset;
+    asset.materials[0].alpha_mode = AlphaMode::Pane(1.5);
+    assert!(
+        write_asset(&asset)
+            .unwrap_err()
+            .to_string()
+            .contains("transmission")
+    );
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::assets::{empty_asset, short_asset, wide_asset, widened_asset};
+use common::assets::{empty_asset, pane_asset, short_asset, wide_asset, widened_asset};
 use common::{Forged, dump, fixtures, forge, sections_of, small_asset};
 use relight_format::*;
 use std::path::{Path, PathBuf};
@@ -82,7 +82,13 @@ fn both_readers_find_the_same_in_every_fixture() {
 fn both_readers_find_the_same_in_what_is_written_now() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let assets = [small_asset(), wide_asset(), empty_asset(), short_asset()];
+    let assets = [
+        small_asset(),
+        wide_asset(),
+        empty_asset(),
+        short_asset(),
+        pane_asset(),
+    ];
     for (i, asset) in assets.iter().enumerate() {
         let file = folder.path().join(format!("{i}.relight"));
         write_file(&file, asset).unwrap();
@@ -99,7 +105,7 @@ fn both_readers_refuse_the_same_forgeries() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let mut forgeries = Vec::new();
-    for asset in [small_asset(), wide_asset(), short_asset()] {
+    for asset in [small_asset(), wide_asset(), short_asset(), pane_asset()] {
         forgeries.extend(forged_from(&write_asset(&asset).unwrap()));
     }
     forgeries.extend(disputable(&sections_of(&write_asset(&small_asset()).unwrap())));

@@ -411,6 +411,10 @@ fn materials_have_the_values_of_the_file() {
             { "alphaMode": "MASK", "alphaCutoff": 0.25 }, { "alphaMode": "MASK" }, { "alphaMode": "BLEND" },
             { "extensions": { "KHR_materials_unlit": {} } },
             { "pbrMetallicRoughness": { "baseColorFactor": [2, 0, 0, 1] } },
+            { "extensions": { "KHR_materials_transmission": { "transmissionFactor": 0.9, "transmissionTexture": { "index": 7 } } } },
+            { "alphaMode": "BLEND", "extensions": { "KHR_materials_transmission": { "transmissionFactor": 1 },
+              "KHR_materials_volume": { "thicknessFactor": 4, "attenuationDistance": 1, "attenuationColor": [1, 0.5, 0.25] } } },
+            { "extensions": { "KHR_materials_transmission": {} } },
         ]),
     );
     doc.set(&format!("{PRIMITIVE}/material"), 0.into());
@@ -443,7 +447,24 @@ fn materials_have_the_values_of_the_file() {
     assert!(scene.materials[4].unlit && !scene.materials[0].unlit);
     assert_eq!(scene.materials[5].base_color, Vec4::new(1.0, 0.0, 0.0, 1.0));
     assert!(has_note(&scene, "base colour factors out of range, clamped: 1"));
-    assert!(has_note(&scene, "imported as opaque"));
+    // Of solid glass each of its two surfaces takes half: 0.5 and 0.25 per metre, twice.
+    let panes = [6, 7, 8].map(|i| (scene.materials[i].alpha_mode, scene.materials[i].base_color));
+    let pane = |transmission| AlphaMode::Pane { transmission };
+    let absorbed = Vec4::new(1.0, 0.25, 0.0625, 1.0);
+    assert_eq!(
+        panes,
+        [
+            (pane(0.9), Vec4::ONE),
+            (pane(1.0), absorbed),
+            (AlphaMode::Opaque, Vec4::ONE)
+        ]
+    );
+    for note in [
+        "textures of transmission, which are ignored: 1",
+        "transmitting materials with alpha, which is ignored: 1",
+    ] {
+        assert!(has_note(&scene, note), "{:?}", scene.notes);
+    }
     let [light] = &scene.sequence.lights[..] else {
         panic!("one light")
     };

@@ -253,3 +253,10 @@ pub fn widened_asset() -> Asset {
     }
     asset
 }
+
+/// The small asset with a pane.
+pub fn pane_asset() -> Asset {
+    let mut asset = small_asset();
+    asset.materials[0].alpha_mode = AlphaMode::Pane(0.75);
+    asset
+}
