@@ -62,6 +62,17 @@ impl Told {
     }
 }
 
+/// Shadow rays that are cast together.
+#[derive(Default)]
+struct Packet {
+    rays: Vec<Ray>,
+    /// Where each starts, within the task, and what it is for.
+    targets: Vec<(usize, LightSample)>,
+    /// What gets through.
+    passed: Vec<Vec3>,
+    occluded: Vec<bool>,
+}
+
 /// Adds `contribution(place, sample)` of one light, where its direction `is_above` the place and not occluded, to
 /// `out[place]`, averaged over the place's samples. Places without a hit get nothing. `run_of`: see [`reflected_at`].
 pub(crate) fn add_light<D, P>(
@@ -97,92 +108,89 @@ where
         .zip(met.par_chunks_mut(PACKET))
         .zip(told_chunks)
         .enumerate())
-    .for_each_init(
-        || (Vec::new(), Vec::new(), Vec::new(), Vec::new()),
-        |(rays, targets, passed, occluded): &mut (
-            Vec<Ray>,
-            Vec<(usize, LightSample)>,
-            Vec<Vec3>,
-            Vec<bool>,
-        ),
-         (chunk, ((out, met), light_of))| {
-            for index in 0..count {
-                rays.clear();
-                targets.clear();
-                for local in 0..out.len() {
-                    let place = chunk * PACKET + local;
-                    let Some(hit) = &hits[place] else { continue };
-                    let (owner, start) = run_of(place);
-                    let Some(sample) = samples.at(owner, hit, start + index) else {
-                        continue;
-                    };
-                    if sample.radiance_over_pdf.max_element() > 0.0 && is_above(place, sample.direction) {
-                        rays.push(shadow_ray(scene, hit, &sample));
-                        targets.push((local, sample));
-                    }
-                }
-                passed.clear();
-                passed.resize(rays.len(), Vec3::ZERO);
-                scene.passed(rays, passed, occluded);
-                for ((local, _), passed) in targets.iter().zip(passed.iter()) {
-                    met[*local] |= if *passed == Vec3::ZERO { DARK } else { LIT };
-                }
-                // What is reflected is asked last: a reflection can cost as much as a shadow ray, and many see nothing.
-                let lit = targets.iter().zip(passed.iter());
-                for ((local, sample), passed) in lit.filter(|(_, passed)| **passed != Vec3::ZERO) {
-                    let place = chunk * PACKET + local;
-                    let weight = if reflected > 0 {
-                        let density = (reflection.density)(place, sample.direction);
-                        1.0 / (1.0 + other * density / (own * sample.pdf))
-                    } else {
-                        1.0
-                    };
-                    let light = contribution(place, sample) * *passed;
-                    out[*local] += light * (weight / own);
-                    if told > 0 {
-                        light_of[*local * told + index as usize] = luminance(light) * weight;
-                    }
+    .for_each_init(Packet::default, |packet, (chunk, ((out, met), light_of))| {
+        let Packet {
+            rays,
+            targets,
+            passed,
+            occluded,
+        } = packet;
+        for index in 0..count {
+            rays.clear();
+            targets.clear();
+            for local in 0..out.len() {
+                let place = chunk * PACKET + local;
+                let Some(hit) = &hits[place] else { continue };
+                let (owner, start) = run_of(place);
+                let Some(sample) = samples.at(owner, hit, start + index) else {
+                    continue;
+                };
+                if sample.radiance_over_pdf.max_element() > 0.0 && is_above(place, sample.direction) {
+                    rays.push(shadow_ray(scene, hit, &sample));
+                    targets.push((local, sample));
                 }
             }
-            for index in 0..reflected {
-                for (local, out) in out.iter_mut().enumerate() {
-                    let place = chunk * PACKET + local;
-                    let Some(hit) = &hits[place] else { continue };
-                    let (owner, start) = run_of(place);
-                    let start = start.div_ceil(PER_REFLECTED);
-                    let random = samples.of_reflection(owner, start + index);
-                    let Some((direction, density)) = (reflection.draw)(place, random) else {
-                        continue;
-                    };
-                    if !is_above(place, direction) {
-                        continue;
-                    }
-                    let ray = ray_from(hit, direction);
-                    let end = scene.closest_hit(&ray);
-                    light_met(
-                        scene,
-                        lights,
-                        ray.origin,
-                        direction,
-                        end.as_ref(),
-                        Some(&hit.into()),
-                        |seen, radiance, pdf| {
-                            if seen == light {
-                                let sample = LightSample {
-                                    direction,
-                                    distance: end.as_ref().map_or(f32::INFINITY, |hit| hit.t),
-                                    radiance_over_pdf: radiance / (other * density + own * pdf),
-                                    pdf: density,
-                                    emitter: None,
-                                };
-                                *out += contribution(place, &sample);
-                            }
-                        },
-                    );
+            passed.clear();
+            passed.resize(rays.len(), Vec3::ZERO);
+            scene.passed(rays, passed, occluded);
+            for ((local, _), passed) in targets.iter().zip(passed.iter()) {
+                met[*local] |= if *passed == Vec3::ZERO { DARK } else { LIT };
+            }
+            // What is reflected is asked last: a reflection can cost as much as a shadow ray, and many see nothing.
+            let lit = targets.iter().zip(passed.iter());
+            for ((local, sample), passed) in lit.filter(|(_, passed)| **passed != Vec3::ZERO) {
+                let place = chunk * PACKET + local;
+                let weight = if reflected > 0 {
+                    let density = (reflection.density)(place, sample.direction);
+                    1.0 / (1.0 + other * density / (own * sample.pdf))
+                } else {
+                    1.0
+                };
+                let light = contribution(place, sample) * *passed;
+                out[*local] += light * (weight / own);
+                if told > 0 {
+                    light_of[*local * told + index as usize] = luminance(light) * weight;
                 }
             }
-        },
-    );
+        }
+        for index in 0..reflected {
+            for (local, out) in out.iter_mut().enumerate() {
+                let place = chunk * PACKET + local;
+                let Some(hit) = &hits[place] else { continue };
+                let (owner, start) = run_of(place);
+                let start = start.div_ceil(PER_REFLECTED);
+                let random = samples.of_reflection(owner, start + index);
+                let Some((direction, density)) = (reflection.draw)(place, random) else {
+                    continue;
+                };
+                if !is_above(place, direction) {
+                    continue;
+                }
+                let ray = ray_from(hit, direction);
+                let end = scene.closest_hit(&ray);
+                light_met(
+                    scene,
+                    lights,
+                    ray.origin,
+                    direction,
+                    end.as_ref(),
+                    Some(&hit.into()),
+                    |seen, radiance, pdf| {
+                        if seen == light {
+                            let sample = LightSample {
+                                direction,
+                                distance: end.as_ref().map_or(f32::INFINITY, |hit| hit.t),
+                                radiance_over_pdf: radiance / (other * density + own * pdf),
+                                pdf: density,
+                                emitter: None,
+                            };
+                            *out += contribution(place, &sample);
+                        }
+                    },
+                );
+            }
+        }
+    });
     Told { met, light: light_of }
 }
 
