@@ -153,11 +153,10 @@ fn panes_tint_what_they_pass() {
         bake_json(&scene, &asset, &coarse);
         let layers = play(folder.path(), &asset, integrator, "16", &[]);
         let direct = layers.rgb("direct").unwrap();
-        let sums = direct
+        direct
             .pixels
             .iter()
-            .fold([0f64; 3], |sum, p| [0, 1, 2].map(|k| sum[k] + f64::from(p[k])));
-        sums
+            .fold([0f64; 3], |sum, p| [0, 1, 2].map(|k| sum[k] + f64::from(p[k])))
     };
     for integrator in ["transfer", "path"] {
         let clear = lit(glass([1.0; 3], 1.0), integrator);
