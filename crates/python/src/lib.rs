@@ -3,6 +3,8 @@
 //! [`asset`] opens, [`shot`] looks and lights, [`bake`] bakes; [`work`] runs what takes long without Python's lock, so that other threads
 //! run on and Ctrl-C stops it; [`arrays`] hands numbers over to numpy, most of them without a copy. Classes of lights and cameras are
 //! plain Python (`python/relight`): they say what a lighting sequence's JSON says, and `relight_scene` reads that.
+#![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr, clippy::dbg_macro)]
 
 pub mod arrays;
 pub mod asset;

@@ -107,6 +107,25 @@ def test_other_threads_run_while_relight_works(asset):
     assert took > 0.1 and longest < 0.5 * took, (took, longest)
 
 
+def test_threads_share_a_shot(asset):
+    """Truth: one frame after another."""
+    shot = asset.shot(size=(32, 24))
+    lamps = [relight.Point((x, 0.4, 0.1), 1.0, name="lamp") for x in (0.1, 0.2, 0.3, 0.4)]
+    alone = [shot.frame(lamp)["beauty"] for lamp in lamps]
+    together = [None] * len(lamps)
+
+    def work(i):
+        together[i] = shot.frame(lamps[i])["beauty"]
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(len(lamps))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for one, other in zip(alone, together):
+        np.testing.assert_array_equal(one, other)
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals of this system are others: NOT tested")
 def test_ctrl_c_stops_a_bake_and_leaves_nothing(tmp_path):
     script = f"""
@@ -126,3 +145,15 @@ def test_ctrl_c_stops_a_bake_and_leaves_nothing(tmp_path):
     assert child.wait(30) == 0
     assert time.perf_counter() - start < 10
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of this system are others: NOT tested")
+def test_ctrl_c_stops_a_frame(asset):
+    shot = asset.shot(size=(640, 480), spp=256, integrator="path")
+    threading.Timer(0.5, signal.raise_signal, [signal.SIGINT]).start()
+    start = time.perf_counter()
+    with pytest.raises(KeyboardInterrupt):
+        shot.frame(relight.Point((0.2, 0.4, 0.1)))
+    assert time.perf_counter() - start < 10
+    # And it works on.
+    assert asset.shot(size=(4, 4)).frame()["beauty"].shape == (4, 4, 3)
