@@ -5,9 +5,10 @@ use crate::error::{failed, misused};
 use crate::lights;
 use crate::work::{self, Watched};
 use pyo3::prelude::*;
+use relight_bake::error::BakeError;
 use relight_bake::params::{BakeParams, CutMode, CutParams, Omittable, Preset};
 use relight_bake::settings::validate;
-use relight_bake::{Request, bake as baked};
+use relight_bake::{Progress, Request, bake as baked};
 use relight_format as format;
 use relight_play::glam::DVec3;
 use relight_scene::gltf::{ImportOptions, import};
@@ -90,6 +91,10 @@ pub fn bake(
     };
     work::done(py, progress.as_ref(), |watch: &Watched| {
         let baked = baked(&request, None, watch).map_err(failed)?;
+        if Progress::stopped(watch) {
+            return Err(failed(BakeError::Stopped));
+        }
+        forget_log(&out);
         format::write_file(&out, &baked.asset).map_err(failed)
     })?;
     open(py, out)
@@ -127,6 +132,18 @@ fn kept(names: &[String]) -> PyResult<Vec<Omittable>> {
         }
     }
     Ok(parts)
+}
+
+/// Removes the log of the command's bake of what was there before: `relight inspect` would take its times for those of this one.
+fn forget_log(out: &Path) {
+    let mut log = out.as_os_str().to_owned();
+    log.push(".log.json");
+    let is_log = std::fs::read_to_string(&log)
+        .is_ok_and(|text| text.contains("\"schema\"") && text.contains("\"seconds\""));
+    if is_log {
+        // A log that stays is told by its date.
+        let _ = std::fs::remove_file(log);
+    }
 }
 
 /// Nothing is replaced but assets.

@@ -106,3 +106,15 @@ def test_a_bake_for_lights_leaves_out_what_they_cannot_use(tmp_path):
     with pytest.raises(relight.Error, match="left out of this asset"):
         shot.frame()
     assert shot.frame(lights=lamp)["indirect"].max() > 0
+
+
+def test_a_log_of_another_bake_does_not_stay(tmp_path, command_line):
+    out = tmp_path / "a.relight"
+    command_line("bake", DATA / "cornell.glb", "-o", out, "--preset", "draft")
+    log = tmp_path / "a.relight.log.json"
+    assert log.is_file()
+    relight.bake(DATA / "cornell.glb", out, **SMALL)
+    assert not log.exists()
+    log.write_text('{"mine": "schema"}')
+    relight.bake(DATA / "cornell.glb", out, **SMALL)
+    assert log.exists()

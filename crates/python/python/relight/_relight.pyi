@@ -1,4 +1,5 @@
 import os
+import pathlib
 from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union, final
 
 import numpy as np
@@ -46,7 +47,7 @@ def write_exr(path: _Path, layers: Union[npt.ArrayLike, Dict[str, npt.ArrayLike]
 @final
 class Asset:
     @property
-    def path(self) -> Any: ...
+    def path(self) -> pathlib.Path: ...
     @property
     def cameras(self) -> List[str]: ...
     @property
