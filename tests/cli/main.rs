@@ -19,6 +19,7 @@ mod front_door;
 mod general;
 mod inspect;
 mod kinds;
+mod lamps;
 mod left_out;
 mod limits;
 mod loss;

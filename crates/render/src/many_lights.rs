@@ -48,7 +48,7 @@ impl PointLights {
                 );
             };
             match lights.form(light) {
-                LightForm::Dark => {}
+                LightForm::Dark | LightForm::Profile => {}
                 LightForm::Point { position, intensity } => {
                     single(Emission::Omni, position, Vec3::ZERO, intensity);
                 }

@@ -6,6 +6,7 @@ use crate::json::quantity::{
     Angle, Color, Components, Direction, Edge, Factor, HalfAngle, Length, Position, Quantity, Turbidity,
     given,
 };
+use crate::photometry::Photometry;
 use glam::Vec3;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::ser::Error as _;
@@ -66,6 +67,27 @@ pub enum LightKind {
         /// Radiant intensity on the axis, RGB in W/sr.
         #[serde(with = "Keyed::<Color>")]
         intensity: Animated<Vec3>,
+    },
+    /// A point that shines as was measured: a photometric file (IES LM-63). A candela is taken as a W/sr.
+    Ies {
+        /// What the file says; not in the JSON.
+        #[serde(skip)]
+        profile: Arc<Photometry>,
+        /// An `.ies` file, relative to the sequence's folder, or its whole text.
+        file: String,
+        /// World space, metres.
+        #[serde(with = "Keyed::<Position>", alias = "center")]
+        position: Animated<Vec3>,
+        /// The way the lamp points, where both of the file's angles are 0; need not be of unit length.
+        #[serde(with = "Keyed::<Direction>", default = "down")]
+        direction: Animated<Vec3>,
+        /// Where horizontal angles count from (type C), or the lamp's up (type A and B); its part along `direction` does not matter. Where the
+        /// lamp points straight along it, +X does.
+        #[serde(with = "Keyed::<Direction>", default = "up")]
+        up: Animated<Vec3>,
+        /// Multiplies the file's candela.
+        #[serde(with = "Keyed::<Factor>", default = "constant::<Factor, 1>")]
+        scale: Animated<Vec3>,
     },
     /// Parallel light from infinitely far away.
     Directional {
@@ -145,6 +167,15 @@ pub enum LightKind {
 /// The value of a field that is left out: the same number for all components, at every frame.
 fn constant<Q: Quantity, const N: i8>() -> Animated<Q::Value> {
     Animated::Constant(Components::from_components([f32::from(N); 3]))
+}
+
+/// As lamps hang from ceilings.
+fn down() -> Animated<Vec3> {
+    Animated::Constant(Vec3::NEG_Y)
+}
+
+fn up() -> Animated<Vec3> {
+    Animated::Constant(Vec3::Y)
 }
 
 /// `{"point": {…}}`, as serde writes the kind, becomes `{"name": …, "type": "point", …}`.

@@ -25,6 +25,7 @@ mod form;
 mod map;
 mod parts;
 mod point;
+mod profile;
 mod rect;
 mod rig;
 mod scene_emitters;

@@ -12,6 +12,7 @@ use crate::json::error::JsonError;
 use crate::json::path::JsonPath;
 use crate::json::quantity::{Above0, Number, Range, Version1, given, positive};
 use crate::light::{EnvironmentMap, LightKind, LightTrack};
+use crate::photometry::Photometry;
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::de::{Error as _, IgnoredAny};
@@ -409,6 +410,7 @@ impl<'a> Reader<'a> {
             } => self.check_angles(inner_angle_deg, outer_angle_deg, path)?,
             LightKind::Rect { edge_u, edge_v, .. } => self.check_edges(edge_u, edge_v, path)?,
             LightKind::Environment { map, file, .. } => *map = self.map(file, &path.key("file"))?,
+            LightKind::Ies { profile, file, .. } => *profile = self.profile(file, &path.key("file"))?,
             _ => {}
         }
         Ok(light)
@@ -428,6 +430,23 @@ impl<'a> Reader<'a> {
         }
         let map = read_environment(&file).map_err(|error| self.document.error(path, error.to_string()))?;
         Ok(self.maps.entry(file).or_insert(Arc::new(map)).clone())
+    }
+
+    /// Reads a photometric file, whose text takes the place of its name: so a sequence that is written again, or kept in an asset, has it.
+    fn profile(&self, file: &mut String, path: &JsonPath) -> Result<Arc<Photometry>, JsonError> {
+        let mut name = String::new();
+        if !file.contains('\n') {
+            let Some(base) = self.base_dir else {
+                let message = "no photometric file can be read here: give its whole text instead of its name";
+                return Err(self.document.error(path, message));
+            };
+            name = format!("{file}: ");
+            let text = Photometry::text_of(&base.join(&*file));
+            *file = text.map_err(|error| self.document.error(path, error.to_string()))?;
+        }
+        let read = Photometry::parse(file);
+        read.map(Arc::new)
+            .map_err(|error| self.document.error(path, format!("{name}{error}")))
     }
 
     fn check_angles(

@@ -65,7 +65,7 @@ pub(super) fn targets_of_tracks(graph: &Graph) -> (BTreeSet<Target>, u32) {
     let (mut targets, mut tracks) = (BTreeSet::new(), 0);
     for &i in &graph.order {
         let node = &graph.nodes[i];
-        if node.light.is_none() && node.camera.is_none() {
+        if node.light.is_none() && node.lamp.is_none() && node.camera.is_none() {
             continue;
         }
         tracks += 1;

@@ -39,6 +39,7 @@ mod error;
 mod extensions;
 mod geometry;
 mod guard;
+mod ies;
 mod instancing;
 mod json;
 mod layout;
@@ -122,7 +123,8 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
     let variants = variants::Variants::parse(&root, path, options.variant.as_deref(), &mut notes)?;
     let source = materials::Materials::parse(&root, &layout, &mut notes);
     let meshes = primitives::parse(&root, &layout, source.materials.len(), variants, &mut notes);
-    let mut graph = nodes::Graph::parse(&root, &layout, meshes.len(), &mut notes);
+    let profiles = ies::Profiles::parse(&root, &layout);
+    let mut graph = nodes::Graph::parse(&root, &layout, meshes.len(), &profiles, &mut notes);
     let skins = deform::parse_skins(&root, &layout, &graph, &mut notes);
     let glossy = specgloss::parse(&root, &source);
     // Asking for what is shown reports what is wrong with it.
@@ -192,9 +194,21 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
         &mut notes,
     );
     source.note_unused(&mut notes);
+    let lamps: Vec<usize> = (graph.order.iter())
+        .filter_map(|&i| Some(graph.nodes[i].lamp?.profile))
+        .collect();
+    let loaded = profiles.load(|i| lamps.contains(&i), &data, folder, &faults, &mut notes);
+    profiles.note_unused(&mut notes);
     layout.note_unused(&mut notes);
     let curves = animation::decode(&graph, &channels, &data, &faults);
-    let tracks = tracks::build(&graph, &curves, options.light_units, &faults, &mut notes);
+    let tracks = tracks::build(
+        &graph,
+        &curves,
+        options.light_units,
+        (&profiles, &loaded),
+        &faults,
+        &mut notes,
+    );
     faults.finish(path)?;
     add_missing_uvs(&mut geometry, &materials, &mut notes);
     if geometry.instances.is_empty() {

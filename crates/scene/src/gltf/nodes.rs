@@ -4,6 +4,7 @@
 //! Nodes must form trees whose roots scenes list. Files in which a node is reached by several paths mean what they
 //! say: it is there once per path, as a copy of its own after the file's nodes. Circles mean nothing.
 
+use super::ies::{Lamp, Profiles};
 use super::instancing::{self, Instancing};
 use super::json::At;
 use super::layout::Layout;
@@ -96,6 +97,8 @@ pub(super) struct Node {
     pub mesh: Option<usize>,
     pub camera: Option<usize>,
     pub light: Option<usize>,
+    /// Of EXT_lights_ies.
+    pub lamp: Option<Lamp>,
     pub skin: Option<usize>,
     /// Weights of its mesh's morph targets, as bits of f32, where it has its own.
     pub weights: Option<Vec<u32>>,
@@ -146,7 +149,7 @@ pub(super) struct Graph {
 
 impl Graph {
     /// Reads the graph and checks what is shown.
-    pub fn parse(root: &At, layout: &Layout, meshes: usize, notes: &mut Notes) -> Graph {
+    pub fn parse(root: &At, layout: &Layout, meshes: usize, profiles: &Profiles, notes: &mut Notes) -> Graph {
         let cameras = List::parse(root, "cameras", |at| parse_camera(at, notes));
         let punctual = root.extension("KHR_lights_punctual");
         // Without the extension there is no such list.
@@ -160,7 +163,11 @@ impl Graph {
         let nodes = List::parse(root, "nodes", |at| {
             let node = parse_node(at, count, meshes, cameras.len(), lights.len(), skins);
             let instancing = instancing::parse(at, layout);
-            Some(Node { instancing, ..node })
+            Some(Node {
+                instancing,
+                lamp: profiles.lamp(at),
+                ..node
+            })
         });
         let mut graph = shown_tree(root, &nodes, notes);
         nodes.note_unused(notes);
@@ -318,6 +325,7 @@ fn parse_node(at: &At, nodes: usize, meshes: usize, cameras: usize, lights: usiz
         mesh: at.index("mesh", meshes, "meshes"),
         camera: at.index("camera", cameras, "cameras"),
         light,
+        lamp: None,
         skin: at.index("skin", skins, "skins"),
         weights: at.get("weights").map(|_| at.weights("weights")),
         instancing: None,
@@ -378,6 +386,7 @@ fn shown_tree(root: &At, list: &List<Node>, notes: &mut Notes) -> Tree {
         mesh: None,
         camera: None,
         light: None,
+        lamp: None,
         skin: None,
         weights: None,
         instancing: None,

@@ -5,6 +5,7 @@
 //! the frames, which is where they are looked up.
 
 use super::animation::{Curve, Target, forward_and_up, moves, targets_of_tracks, world_from_node};
+use super::ies::{Lamp, Profile, Profiles};
 use super::json::Faults;
 use super::nodes::{Graph, Perspective, Punctual, PunctualKind};
 use super::notes::Notes;
@@ -34,6 +35,7 @@ pub(super) fn build(
     graph: &Graph,
     curves: &BTreeMap<Target, Curve>,
     units: LightUnits,
+    (profiles, loaded): (&Profiles, &[Option<Profile>]),
     faults: &Faults,
     notes: &mut Notes,
 ) -> Tracks {
@@ -78,6 +80,19 @@ pub(super) fn build(
             match sampler.light(i, index, light, units) {
                 Some(kind) => lights.push(LightTrack {
                     name: unique(name, &mut light_names),
+                    kind,
+                }),
+                None => notes.count("lights without a place or direction left out", 1),
+            }
+        }
+        if let Some((lamp, profile)) = node
+            .lamp
+            .and_then(|l| Some((l, loaded.get(l.profile)?.as_ref()?)))
+        {
+            let name = node.name.as_ref().or(profiles.name(lamp.profile));
+            match sampler.lamp(i, &lamp, profile) {
+                Some(kind) => lights.push(LightTrack {
+                    name: unique(name.map_or("light", |name| name), &mut light_names),
                     kind,
                 }),
                 None => notes.count("lights without a place or direction left out", 1),
@@ -209,6 +224,26 @@ impl Sampler<'_> {
             aspect: camera.aspect,
         };
         Some(track)
+    }
+
+    /// Its aim is the node's −Z; planes are counted from its +X.
+    fn lamp(&self, node: usize, lamp: &Lamp, profile: &Profile) -> Option<LightKind> {
+        let chain = self.graph.chain(node);
+        let moving = moves(self.graph, self.curves, &chain);
+        let world = |t| self.world(&chain, t);
+        usable(&world(0.0))?;
+        let right = |t| {
+            let (forward, up) = axes_or_default(&world(t));
+            forward.cross(up)
+        };
+        Some(LightKind::Ies {
+            profile: profile.photometry.clone(),
+            file: profile.text.clone(),
+            position: self.vector(moving, |t| world(t).translation),
+            direction: self.vector(moving, |t| axes_or_default(&world(t)).0),
+            up: self.vector(moving, right),
+            scale: Animated::Constant(lamp.scale),
+        })
     }
 
     fn light(&self, node: usize, index: usize, light: &Punctual, units: LightUnits) -> Option<LightKind> {

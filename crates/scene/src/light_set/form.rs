@@ -29,6 +29,8 @@ pub enum LightForm<'a> {
         /// RGB on the axis, W/sr.
         intensity: Vec3,
     },
+    /// A lamp without extent that shines as a photometric file says. Who takes lights apart leaves it out.
+    Profile,
     /// Parallel light.
     Directional {
         /// Unit, the way it shines.

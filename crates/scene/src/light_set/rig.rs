@@ -7,6 +7,7 @@ use super::emitters::Emitters;
 use super::environment::EnvironmentLight;
 use super::map::TurnedMap;
 use super::point::{Cone, PointLight};
+use super::profile::ProfileLight;
 use super::rect::{Rect, RectLight};
 use super::set::LightSet;
 use super::shape::{Dark, Shape, positive, unit};
@@ -14,6 +15,7 @@ use super::sphere::{Sphere, SphereLight};
 use super::sun_sky::SunSkyLight;
 use crate::environment::EnvironmentSampler;
 use crate::light::{EnvironmentMap, LightKind, LightTrack};
+use crate::photometry::LampAxes;
 use std::collections::HashMap;
 use std::sync::Arc;
 use thiserror::Error;
@@ -167,6 +169,19 @@ impl<'a> LightRig<'a> {
                     }),
                 })
             }
+            LightKind::Ies {
+                profile,
+                position,
+                direction,
+                up,
+                scale,
+                ..
+            } => Box::new(ProfileLight {
+                position: position.at(frame).as_dvec3(),
+                axes: LampAxes::new(direction.at(frame).as_dvec3(), up.at(frame).as_dvec3())?,
+                profile: profile.clone(),
+                scale: positive(scale.at(frame)),
+            }),
             LightKind::Directional {
                 direction,
                 irradiance,

@@ -1,0 +1,621 @@
+//! What measured lamps send where: photometric files of IES LM-63, 1986 to 2019.
+//!
+//! Source: LM-63, and EXT_lights_ies for how the angles lie in space: the direction in which both angles are zero is a lamp's `aim`,
+//! and planes are counted from a second direction, `zero`. Of type C (most lamps) vertical angles go from the aim (the nadir of a ceiling
+//! lamp) to its opposite, and horizontal angles turn counter-clockwise around what points against the aim, from `zero`. Of type A and B (headlamps and
+//! floodlights) both are angles about the aim, the vertical one positive towards `zero`, the horizontal one clockwise as the lamp looks; A turns
+//! about the vertical axis first, B about the horizontal one.
+//!
+//! Between angles candela are interpolated linearly, beyond the measured vertical ones there is no light. A lamp measured on a part of its
+//! horizontal angles is symmetric: one angle (all around), 0 to 90, 0 to 180, 90 to 270, and for A and B from 0.
+//!
+//! What is not used: labels, lumens of the lamp, the luminaire's size, and factors for a tilted lamp (TILT).
+
+use crate::lfs::{LFS_ADVICE, is_lfs_pointer};
+use glam::DVec3;
+use std::f64::consts::PI;
+use std::path::Path;
+use thiserror::Error;
+
+/// Most bytes of a file: measurements take some ten thousand.
+pub const MAX_BYTES: u64 = 4 << 20;
+/// Most measured directions.
+const MAX_VALUES: usize = 1 << 20;
+/// Largest candela, as of other lights (W/sr).
+const MAX_CANDELA: f64 = 1e15;
+/// Steps of the vertical and the horizontal angle over which lumens are summed.
+const STEPS: (u32, u32) = (720, 144);
+
+/// Why a photometric file cannot be used.
+#[derive(Debug, Error, PartialEq)]
+pub enum PhotometryError {
+    /// It could not be read.
+    #[error("{0}")]
+    Read(String),
+    /// It has no TILT line, with which the numbers begin.
+    #[error("there is no line TILT=…, with which the numbers of an IES file (LM-63) begin; is it one?")]
+    NoTilt,
+    /// The text ends early.
+    #[error("it ends before {0}: the file is cut off; get it anew")]
+    Truncated(&'static str),
+    /// What should be a number is none.
+    #[error("{what} is {found:?}, which is no number")]
+    NoNumber {
+        /// Which one.
+        what: &'static str,
+        /// As it stands there.
+        found: String,
+    },
+    /// A number makes no sense.
+    #[error("{what} is {found}; {expected}")]
+    Wrong {
+        /// Which one.
+        what: &'static str,
+        /// Its value.
+        found: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+}
+
+/// How the angles of a file lie in space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Type {
+    A,
+    B,
+    C,
+}
+
+/// Luminous intensity in all directions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Photometry {
+    kind: Type,
+    /// Degrees, rising.
+    vertical: Vec<f64>,
+    /// Degrees, rising.
+    horizontal: Vec<f64>,
+    /// Candela, a row of vertical angles for each horizontal one; finite, not negative.
+    candela: Vec<f64>,
+    /// Lumens over all directions.
+    lumens: f64,
+}
+
+/// Nothing shines.
+impl Default for Photometry {
+    fn default() -> Photometry {
+        Photometry {
+            kind: Type::C,
+            vertical: vec![0.0],
+            horizontal: vec![0.0],
+            candela: vec![0.0],
+            lumens: 0.0,
+        }
+    }
+}
+
+/// The axes of a lamp, unit vectors in world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LampAxes {
+    aim: DVec3,
+    zero: DVec3,
+    /// Perpendicular to both, to the right of a lamp that looks along its aim with `zero` up.
+    right: DVec3,
+}
+
+impl LampAxes {
+    /// `zero` need not be perpendicular to the aim. `None` where `aim` is zero or not finite.
+    pub fn new(aim: DVec3, zero: DVec3) -> Option<LampAxes> {
+        let aim = aim.try_normalize()?;
+        let across = zero.try_normalize().map(|zero| zero - aim * zero.dot(aim));
+        // Along the aim it says nothing.
+        let zero = across.filter(|across| across.length() > 1e-6);
+        let zero = zero.unwrap_or_else(|| aim.any_orthonormal_vector()).normalize();
+        Some(LampAxes {
+            aim,
+            zero,
+            right: aim.cross(zero),
+        })
+    }
+}
+
+impl Photometry {
+    /// Reads a file; its text as UTF-8 or Latin-1.
+    ///
+    /// # Errors
+    /// It cannot be read or is too large.
+    pub fn text_of(path: &Path) -> Result<String, PhotometryError> {
+        let fail = |error: std::io::Error| {
+            PhotometryError::Read(format!("{}: cannot be read: {error}", path.display()))
+        };
+        let size = std::fs::metadata(path).map_err(fail)?.len();
+        if size > MAX_BYTES {
+            return Err(PhotometryError::Read(format!(
+                "{}: has {size} bytes; photometric files of up to {MAX_BYTES} are read",
+                path.display()
+            )));
+        }
+        let bytes = std::fs::read(path).map_err(fail)?;
+        if is_lfs_pointer(&bytes) {
+            return Err(PhotometryError::Read(format!(
+                "{}: this {LFS_ADVICE}",
+                path.display()
+            )));
+        }
+        Ok(text(&bytes))
+    }
+
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// See [`PhotometryError`].
+    pub fn parse(text: &str) -> Result<Photometry, PhotometryError> {
+        let mut lines = text.lines();
+        let tilt = lines
+            .by_ref()
+            .map(str::trim)
+            .find_map(|line| line.strip_prefix("TILT=").or_else(|| line.strip_prefix("TILT =")))
+            .ok_or(PhotometryError::NoTilt)?;
+        let mut numbers = Numbers {
+            words: lines.flat_map(|line| line.split([' ', '\t', ',', '\r']).filter(|word| !word.is_empty())),
+        };
+        if tilt.trim().eq_ignore_ascii_case("INCLUDE") {
+            numbers.next("the lamp's place in the luminaire")?;
+            let pairs = numbers.count("the number of tilt angles")?;
+            for _ in 0..2 * pairs {
+                numbers.next("the last factor of TILT")?;
+            }
+        }
+        for what in ["the number of lamps", "the lumens of a lamp"] {
+            numbers.next(what)?;
+        }
+        let multiplier = numbers.factor("the candela multiplier")?;
+        let verticals = numbers.count("the number of vertical angles")?;
+        let horizontals = numbers.count("the number of horizontal angles")?;
+        if verticals.saturating_mul(horizontals) > MAX_VALUES {
+            return Err(PhotometryError::Wrong {
+                what: "the number of angles, vertical times horizontal,",
+                found: verticals as f64 * horizontals as f64,
+                expected: "at most 1048576 are read",
+            });
+        }
+        let kind = match numbers.next("the photometric type")? {
+            1.0 => Type::C,
+            2.0 => Type::B,
+            3.0 => Type::A,
+            found => {
+                return Err(PhotometryError::Wrong {
+                    what: "the photometric type",
+                    found,
+                    expected: "1 is type C, 2 type B and 3 type A",
+                });
+            }
+        };
+        for what in [
+            "the unit of length",
+            "the luminaire's width",
+            "the luminaire's length",
+            "the luminaire's height",
+        ] {
+            numbers.next(what)?;
+        }
+        let ballast = numbers.factor("the ballast factor")?;
+        // Of 1986 and 1991 the ballast-lamp photometric factor, later 1.
+        let lamp = numbers.factor("the ballast-lamp factor")?;
+        numbers.next("the input watts")?;
+        let vertical = numbers.angles(verticals, "a vertical angle")?;
+        let horizontal = numbers.angles(horizontals, "a horizontal angle")?;
+        let mut photometry = Photometry {
+            kind,
+            candela: Vec::new(),
+            vertical,
+            horizontal,
+            lumens: 0.0,
+        };
+        photometry.check_angles()?;
+        let factor = multiplier * ballast * lamp;
+        for _ in 0..verticals * horizontals {
+            let value = numbers.next("the last candela value")?;
+            let candela = value * factor;
+            if !(value >= 0.0 && candela <= MAX_CANDELA) {
+                return Err(PhotometryError::Wrong {
+                    what: "a candela value",
+                    found: value,
+                    expected: "none is below 0, nor above 1e15 with its factors",
+                });
+            }
+            photometry.candela.push(candela);
+        }
+        photometry.lumens = photometry.summed();
+        Ok(photometry)
+    }
+
+    /// Whether the angles are of those ranges that the type has.
+    fn check_angles(&self) -> Result<(), PhotometryError> {
+        let ends = |angles: &[f64]| (angles[0], angles[angles.len() - 1]);
+        let wrong = |what, found, expected| {
+            Err(PhotometryError::Wrong {
+                what,
+                found,
+                expected,
+            })
+        };
+        let (low, high) = ends(&self.vertical);
+        let (first, last) = ends(&self.horizontal);
+        if self.kind == Type::C {
+            if low < 0.0 || high > 180.0 {
+                let found = if low < 0.0 { low } else { high };
+                return wrong("a vertical angle", found, "of type C they lie between 0 and 180");
+            }
+            let known = match self.horizontal.len() {
+                1 => true,
+                _ if first == 90.0 => last == 270.0,
+                _ => first == 0.0 && (last == 90.0 || last == 180.0 || (last > 180.0 && last <= 360.0)),
+            };
+            return match known {
+                true => Ok(()),
+                false => wrong(
+                    "the last horizontal angle",
+                    last,
+                    "of type C they are one, or go from 0 to 90, 180 or 360, or from 90 to 270",
+                ),
+            };
+        }
+        for (what, low, high) in [
+            ("a vertical angle", low, high),
+            ("a horizontal angle", first, last),
+        ] {
+            if low < -180.0 || high > 180.0 {
+                let found = if low < -180.0 { low } else { high };
+                return wrong(what, found, "of type A and B they lie between -180 and 180");
+            }
+        }
+        Ok(())
+    }
+
+    /// Candela into a unit direction that leaves a lamp.
+    pub fn candela(&self, axes: &LampAxes, direction: DVec3) -> f64 {
+        let [along, up, right] = [axes.aim, axes.zero, axes.right].map(|axis| axis.dot(direction));
+        let arc_sine = |sine: f64| sine.clamp(-1.0, 1.0).asin();
+        let (vertical, horizontal) = match self.kind {
+            // Accurate also along the aim, where the arc cosine is not.
+            Type::C => (up.hypot(right).atan2(along), (-right).atan2(up)),
+            Type::B => (up.atan2(along), arc_sine(right)),
+            Type::A => (arc_sine(up), right.atan2(along)),
+        };
+        self.at(vertical.to_degrees(), horizontal.to_degrees())
+    }
+
+    /// Lumens over all directions.
+    pub fn lumens(&self) -> f64 {
+        self.lumens
+    }
+
+    /// The largest candela.
+    pub fn peak(&self) -> f64 {
+        self.candela.iter().fold(0.0, |most, &value| most.max(value))
+    }
+
+    /// At angles in degrees, from −180 to 180.
+    fn at(&self, vertical: f64, horizontal: f64) -> f64 {
+        let of_c = self.kind == Type::C;
+        // Lamps of type A and B that were measured on one side.
+        let vertical = match !of_c && self.vertical[0] >= 0.0 {
+            true => vertical.abs(),
+            false => vertical,
+        };
+        let Some(v) = between(&self.vertical, vertical) else {
+            return 0.0;
+        };
+        let (count, first) = (self.horizontal.len(), self.horizontal[0]);
+        let last = self.horizontal[count - 1];
+        let mut turned = None;
+        let horizontal = if count == 1 {
+            first
+        } else if !of_c {
+            if first >= 0.0 {
+                horizontal.abs()
+            } else {
+                horizontal
+            }
+        } else {
+            let round = horizontal.rem_euclid(360.0);
+            match last {
+                90.0 => round.min(360.0 - round).min((180.0 - round).abs()),
+                180.0 => round.min(360.0 - round),
+                270.0 if first == 90.0 => {
+                    // The other half mirrored at the plane of 90 and 270.
+                    if round < 90.0 {
+                        180.0 - round
+                    } else if round > 270.0 {
+                        540.0 - round
+                    } else {
+                        round
+                    }
+                }
+                _ => {
+                    if round > last {
+                        // Between the last plane and the first.
+                        turned = Some((count - 1, 0, (round - last) / (360.0 - last)));
+                    }
+                    round
+                }
+            }
+        };
+        let Some((i, j, share)) = turned.or_else(|| between(&self.horizontal, horizontal)) else {
+            return 0.0;
+        };
+        let row = |i: usize| {
+            let of = |k: usize| self.candela[i * self.vertical.len() + k];
+            of(v.0) * (1.0 - v.2) + of(v.1) * v.2
+        };
+        row(i) * (1.0 - share) + row(j) * share
+    }
+
+    fn summed(&self) -> f64 {
+        // Axes for which world directions are the type's own polar ones.
+        let axes = LampAxes {
+            aim: DVec3::NEG_Z,
+            zero: DVec3::X,
+            right: DVec3::NEG_Y,
+        };
+        let (rows, columns) = STEPS;
+        let mut sum = 0.0;
+        for row in 0..rows {
+            let theta = PI * (f64::from(row) + 0.5) / f64::from(rows);
+            for column in 0..columns {
+                let phi = 2.0 * PI * (f64::from(column) + 0.5) / f64::from(columns);
+                let direction = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), -theta.cos());
+                sum += self.candela(&axes, direction) * theta.sin();
+            }
+        }
+        sum * (PI / f64::from(rows)) * (2.0 * PI / f64::from(columns))
+    }
+}
+
+/// UTF-8, or else Latin-1, in which old files are.
+pub(crate) fn text(bytes: &[u8]) -> String {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.to_owned(),
+        Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect(),
+    }
+}
+
+/// The numbers around a value, and its share of the second; `None` beyond them, by more than rounding.
+fn between(angles: &[f64], value: f64) -> Option<(usize, usize, f64)> {
+    let last = angles.len() - 1;
+    if last == 0 && angles[0] == value {
+        return Some((0, 0, 0.0));
+    }
+    if !(angles[0] - 1e-6..=angles[last] + 1e-6).contains(&value) {
+        return None;
+    }
+    let next = angles
+        .partition_point(|&angle| angle <= value)
+        .clamp(1, last.max(1))
+        .min(last);
+    let before = next.saturating_sub(1);
+    if before == next {
+        return Some((next, next, 0.0));
+    }
+    let share = (value - angles[before]) / (angles[next] - angles[before]);
+    Some((before, next, share.clamp(0.0, 1.0)))
+}
+
+/// The words of a file that follow each other whatever line they are in.
+struct Numbers<I> {
+    words: I,
+}
+
+impl<'a, I: Iterator<Item = &'a str>> Numbers<I> {
+    fn next(&mut self, what: &'static str) -> Result<f64, PhotometryError> {
+        let word = self.words.next().ok_or(PhotometryError::Truncated(what))?;
+        match word.parse::<f64>() {
+            Ok(number) if number.is_finite() => Ok(number),
+            _ => Err(PhotometryError::NoNumber {
+                what,
+                found: word.chars().take(40).collect(),
+            }),
+        }
+    }
+
+    fn count(&mut self, what: &'static str) -> Result<usize, PhotometryError> {
+        let found = self.next(what)?;
+        if found >= 1.0 && found <= MAX_VALUES as f64 && found.fract() == 0.0 {
+            return Ok(found as usize);
+        }
+        Err(PhotometryError::Wrong {
+            what,
+            found,
+            expected: "expected a whole number from 1 to 1048576",
+        })
+    }
+
+    fn factor(&mut self, what: &'static str) -> Result<f64, PhotometryError> {
+        let found = self.next(what)?;
+        if found >= 0.0 {
+            return Ok(found);
+        }
+        Err(PhotometryError::Wrong {
+            what,
+            found,
+            expected: "expected a number of at least 0",
+        })
+    }
+
+    fn angles(&mut self, count: usize, what: &'static str) -> Result<Vec<f64>, PhotometryError> {
+        let mut angles: Vec<f64> = Vec::new();
+        for _ in 0..count {
+            let angle = self.next(what)?;
+            if angles.last().is_some_and(|last| *last >= angle) {
+                return Err(PhotometryError::Wrong {
+                    what,
+                    found: angle,
+                    expected: "angles rise from one to the next",
+                });
+            }
+            angles.push(angle);
+        }
+        Ok(angles)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEAD: &str = "IESNA:LM-63-1995\n[TEST] a lamp of 100 lm\n[MANUFAC] nobody\nTILT=NONE\n";
+
+    /// A file of a type with these angles and `candela(vertical, horizontal)`.
+    fn file(kind: u8, vertical: &[f64], horizontal: &[f64], candela: impl Fn(f64, f64) -> f64) -> String {
+        let list = |angles: &[f64]| angles.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
+        let mut text = format!(
+            "{HEAD}1 1000 2 {} {} {kind} 2 0.1 0.1 0\n0.5 1 60\n{}\n{}\n",
+            vertical.len(),
+            horizontal.len(),
+            list(vertical),
+            list(horizontal)
+        );
+        for &h in horizontal {
+            let row: Vec<f64> = vertical.iter().map(|&v| candela(v, h)).collect();
+            text += &format!("{}\n", list(&row).replace(' ', "\r\n"));
+        }
+        text
+    }
+
+    fn steps(from: f64, to: f64, step: f64) -> Vec<f64> {
+        (0..=((to - from) / step).round() as u32)
+            .map(|i| from + f64::from(i) * step)
+            .collect()
+    }
+
+    /// The axes of EXT_lights_ies: aim −Z, planes from X.
+    fn axes() -> LampAxes {
+        LampAxes::new(DVec3::NEG_Z, DVec3::X).unwrap()
+    }
+
+    /// From the aim by `theta` towards the plane `c`, degrees.
+    fn polar(theta: f64, c: f64) -> DVec3 {
+        let (theta, c) = (theta.to_radians(), c.to_radians());
+        DVec3::new(theta.sin() * c.cos(), theta.sin() * c.sin(), -theta.cos())
+    }
+
+    /// Truth: ∫ I dω, 4π of an even lamp, π of a cosine; the candela factors of the file, 2 and 0.5, are 1 together.
+    #[test]
+    fn lumens_are_the_integral_of_candela() {
+        let even = Photometry::parse(&file(1, &[0.0, 180.0], &[0.0], |_, _| 100.0)).unwrap();
+        assert!((even.lumens() / (400.0 * PI) - 1.0).abs() < 1e-4);
+        assert_eq!(even.peak(), 100.0);
+        let down = file(1, &steps(0.0, 90.0, 2.5), &[0.0], |v, _| {
+            v.to_radians().cos() * 50.0
+        });
+        let down = Photometry::parse(&down).unwrap();
+        assert!(
+            (down.lumens() / (50.0 * PI) - 1.0).abs() < 1e-3,
+            "{}",
+            down.lumens()
+        );
+        assert!((down.candela(&axes(), polar(30.0, 77.0)) - 43.3).abs() < 0.05);
+        assert_eq!(down.candela(&axes(), polar(91.0, 0.0)), 0.0);
+        // Between angles it is a line.
+        let line = Photometry::parse(&file(1, &[0.0, 60.0, 90.0], &[0.0], |v, _| 90.0 - v)).unwrap();
+        assert!((line.candela(&axes(), polar(45.0, 0.0)) - 45.0).abs() < 1e-9);
+    }
+
+    /// Truth: the same lamp, measured all around. Each range's lamp has the symmetry that the range means.
+    #[test]
+    fn symmetric_ranges_mean_what_was_not_measured() {
+        let vertical = steps(0.0, 180.0, 10.0);
+        type Lamp = fn(f64, f64) -> f64;
+        let quarter: Lamp = |v, h| 10.0 + (v * 0.1) * (2.0 * h.to_radians()).cos();
+        let half: Lamp = |v, h| 20.0 + (v * 0.1) * h.to_radians().cos();
+        let other: Lamp = |v, h| 20.0 + (v * 0.1) * h.to_radians().sin();
+        for (range, lamp) in [
+            (steps(0.0, 90.0, 5.0), quarter),
+            (steps(0.0, 180.0, 5.0), half),
+            (steps(90.0, 270.0, 5.0), other),
+            // Without its last plane.
+            (steps(0.0, 355.0, 5.0), half),
+        ] {
+            let part = Photometry::parse(&file(1, &vertical, &range, lamp)).unwrap();
+            let whole = Photometry::parse(&file(1, &vertical, &steps(0.0, 360.0, 5.0), lamp)).unwrap();
+            for i in 0..1000 {
+                let direction = polar(f64::from(i % 37) * 4.9, f64::from(i) * 7.3);
+                let [a, b] = [&part, &whole].map(|lamp| lamp.candela(&axes(), direction));
+                assert!((a - b).abs() < 1e-9, "{range:?} {i}: {a} {b}");
+            }
+        }
+    }
+
+    /// Truth: the definitions of the angles, as rotations about fixed axes.
+    #[test]
+    fn types_a_and_b_turn_about_their_own_axes() {
+        let angles = steps(-90.0, 90.0, 15.0);
+        for kind in [2, 3] {
+            let lamp = Photometry::parse(&file(kind, &angles, &angles, |v, h| 1000.0 + 3.0 * v + h)).unwrap();
+            for (v, h) in [(0.0, 0.0), (30.0, 0.0), (-45.0, 15.0), (20.0, -70.0), (0.0, 60.0)] {
+                let (sv, cv) = f64::to_radians(v).sin_cos();
+                let (sh, ch) = f64::to_radians(h).sin_cos();
+                // Forwards, up, right.
+                let [f, u, r] = match kind {
+                    2 => [ch * cv, ch * sv, sh],
+                    _ => [cv * ch, sv, cv * sh],
+                };
+                let direction = DVec3::new(u, -r, -f);
+                let found = lamp.candela(&axes(), direction);
+                assert!(
+                    (found - (1000.0 + 3.0 * v + h)).abs() < 1e-6,
+                    "{kind} {v} {h}: {found}"
+                );
+            }
+            assert_eq!(lamp.candela(&axes(), DVec3::Z), 0.0);
+        }
+        // Measured on one side only.
+        let angles = steps(0.0, 90.0, 15.0);
+        let lamp = Photometry::parse(&file(2, &angles, &angles, |v, h| v + 2.0 * h)).unwrap();
+        let at = |v: f64, h: f64| lamp.at(v, h);
+        assert_eq!([at(10.0, 20.0), at(-10.0, 20.0), at(-10.0, -20.0)], [50.0; 3]);
+    }
+
+    #[test]
+    fn tilt_is_skipped_and_old_files_need_no_first_line() {
+        let lamp = "TILT=INCLUDE\n1\n3\n0 45 90\n1 0.9 0.8\n1 -1 1 2 1 1 1 0 0 0\n1 1 9\n0 180\n0\n7 7";
+        assert_eq!(Photometry::parse(lamp).unwrap().peak(), 7.0);
+        let lamp = "A lamp\nTILT=lamp.tlt\n1,-1,1,2,1,1,1,0,0,0 1 1 9 0 180 0 7 8 and what follows";
+        assert_eq!(Photometry::parse(lamp).unwrap().peak(), 8.0);
+        assert!(text(b"[MANUFAC] K\xfcche").ends_with("Küche"));
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        let good = file(1, &[0.0, 90.0], &[0.0], |_, _| 5.0);
+        let said = |text: &str| Photometry::parse(text).unwrap_err().to_string();
+        for (from, to, expected) in [
+            ("TILT=NONE", "no such line", "TILT="),
+            (" 2 1 1 2 ", " 0 1 1 2 ", "the number of vertical angles is 0"),
+            (" 2 1 1 2 ", " 2 0 1 2 ", "the number of horizontal angles is 0"),
+            (" 2 1 1 2 ", " 2 1 4 2 ", "the photometric type is 4"),
+            (" 2 1 1 2 ", " 1048576 1048576 1 2 ", "at most 1048576"),
+            ("5\r\n5", "5\r\n-5", "a candela value is -5"),
+            ("5\r\n5", "5\r\n1e300", "a candela value is"),
+            ("5\r\n5", "5\r\nnan", "\"nan\", which is no number"),
+            ("5\r\n5", "5", "the last candela value: the file is cut off"),
+            ("\n0 90\n", "\n90 0\n", "angles rise"),
+            ("\n0 90\n", "\n0 190\n", "between 0 and 180"),
+            ("0.5 1 60", "-0.5 1 60", "the ballast factor is -0.5"),
+        ] {
+            let text = good.replace(from, to);
+            assert_ne!(text, good, "{from:?}");
+            assert!(said(&text).contains(expected), "{to}: {}", said(&text));
+        }
+        let text = file(1, &[0.0, 90.0], &[0.0, 45.0], |_, _| 5.0);
+        assert!(
+            said(&text).contains("or go from 0 to 90, 180 or 360"),
+            "{}",
+            said(&text)
+        );
+        // Cut off anywhere.
+        for end in 0..good.trim_end().len() - 1 {
+            assert!(Photometry::parse(&good[..end]).is_err(), "{end}");
+        }
+    }
+}

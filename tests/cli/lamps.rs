@@ -1,0 +1,182 @@
+//! Measured lamps (IES LM-63): they shine as their files say, in every integrator that knows them.
+
+use crate::stage::{complaint, cornell, folder, gltf, relight, sequence};
+use relight_scene::image::{Layers, Limits, read_exr};
+use std::path::Path;
+
+/// 100 cd all around.
+const EVEN: &str = "IESNA:LM-63-1995\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0\n1 1 60\n0 180\n0\n100 100\n";
+/// 100 cd to below, 0 from 45° on.
+const DOWN: &str = "IES:LM-63-2019\r\nTILT=NONE\r\n1 -1 0.5 4 1 1 2 0 0 0\r\n1 1 60\r\n0 44.9 45 180\r\n0\r\n200 200 0 0\r\n";
+
+fn play(asset: &Path, lights: &Path, integrator: &str) -> Layers {
+    let frame = lights.with_extension("exr");
+    let mut play = relight();
+    play.arg("play")
+        .arg(asset)
+        .arg("--lights")
+        .arg(lights)
+        .arg("-o")
+        .arg(&frame);
+    play.args([
+        "--size",
+        "32x32",
+        "--float",
+        "--spp",
+        "4",
+        "--integrator",
+        integrator,
+    ])
+    .assert()
+    .success();
+    read_exr(&frame, &Limits::default()).unwrap()
+}
+
+/// The lamp in the Cornell box, of a type with these fields.
+fn lamp(fields: &str) -> String {
+    format!(
+        r#"{{ "relight_sequence": 1, "lights": [ {{ "name": "lamp", "position": [0.25, 0.3, 0.2], {fields} }} ] }}"#
+    )
+}
+
+/// Truth: point and spot lights, whose intensities are those of the files by the factor.
+#[test]
+fn lamps_shine_as_the_lights_that_they_were_measured_like() {
+    let folder = folder();
+    std::fs::write(folder.path().join("even.ies"), EVEN).unwrap();
+    std::fs::write(folder.path().join("down.ies"), DOWN).unwrap();
+    let file = |name: &str, fields: &str| sequence(folder.path(), name, &lamp(fields));
+    let even = file(
+        "even.json",
+        r#""type": "ies", "file": "even.ies", "scale": [0.01, 0.02, 0.03]"#,
+    );
+    let point = file("point.json", r#""type": "point", "intensity": [1, 2, 3]"#);
+    let down = file(
+        "down.json",
+        r#""type": "ies", "file": "down.ies", "direction": [0, -2, 0], "scale": 0.01"#,
+    );
+    let spot = file(
+        "spot.json",
+        r#""type": "spot", "direction": [0, -1, 0], "intensity": [1, 1, 1], "inner_angle_deg": 44.9, "outer_angle_deg": 45"#,
+    );
+    for integrator in ["transfer", "brute", "path"] {
+        for (measured, plain) in [(&even, &point), (&down, &spot)] {
+            let [a, b] =
+                [measured, plain].map(|lights| play(cornell(), lights, integrator).rgb("beauty").unwrap());
+            let (mut off, mut sum) = (0.0, 0.0);
+            for (a, b) in a.pixels.iter().flatten().zip(b.pixels.iter().flatten()) {
+                off += f64::from((a - b).abs());
+                sum += f64::from(*b);
+            }
+            // The ramps at the cone's edge differ.
+            assert!(sum > 0.0 && off < 5e-3 * sum, "{integrator}: {off} of {sum}");
+        }
+    }
+}
+
+#[test]
+fn wrong_files_are_told_and_points_do_not_stand_for_lamps() {
+    let folder = folder();
+    let frame = folder.path().join("f.exr");
+    let run = |text: &str, more: &[&str]| {
+        let lights = sequence(folder.path(), "l.json", text);
+        let mut play = relight();
+        play.arg("play")
+            .arg(cornell())
+            .arg("--lights")
+            .arg(lights)
+            .args(["--size", "8x8", "-o"]);
+        play.arg(&frame).args(more);
+        play
+    };
+    let fields = r#""type": "ies", "file": "lamp.ies""#;
+    let text = complaint(&mut run(&lamp(fields), &[]), 1);
+    assert!(
+        text.contains("lights[0].file: ") && text.contains("lamp.ies: cannot be read"),
+        "{text}"
+    );
+    for (from, to, said) in [
+        ("100 100", "100 -100", "lamp.ies: a candela value is -100"),
+        (" 2 1 1 2 ", " 0 1 1 2 ", "the number of vertical angles is 0"),
+        ("100 100", "100", "the file is cut off"),
+        ("TILT=NONE", "", "is it one?"),
+    ] {
+        std::fs::write(folder.path().join("lamp.ies"), EVEN.replace(from, to)).unwrap();
+        let text = complaint(&mut run(&lamp(fields), &[]), 1);
+        assert!(
+            text.contains("l.json: lights[0].file: ") && text.contains(said),
+            "{text}"
+        );
+    }
+    std::fs::write(folder.path().join("lamp.ies"), EVEN).unwrap();
+    for more in [
+        &["--integrator", "lightcuts"][..],
+        &["--integrator", "pixelcuts"],
+        &["--integrator", "brute", "--vpls", "10"],
+    ] {
+        let text = complaint(&mut run(&lamp(fields), more), 1);
+        assert!(
+            text.contains("\"ies\"") && text.contains("--integrator transfer"),
+            "{text}"
+        );
+    }
+}
+
+/// A lamp of a scene is kept in the asset, whatever became of its file. Truth: the same lamp in a sequence.
+#[test]
+fn lamps_of_scenes_are_in_their_assets() {
+    let folder = folder();
+    let square = crate::stage::SQUARE;
+    let scene = gltf(folder.path(), &square);
+    let text = std::fs::read_to_string(&scene).unwrap();
+    let mut document: serde_json::Value = serde_json::from_str(&text).unwrap();
+    document["extensionsUsed"] = serde_json::json!(["EXT_lights_ies"]);
+    document["extensions"] = serde_json::json!({ "EXT_lights_ies": { "lights": [{ "uri": "lamp.ies" }] } });
+    document["nodes"][1]["extensions"] =
+        serde_json::json!({ "EXT_lights_ies": { "light": 0, "multiplier": 0.02, "color": [1, 0.5, 0.25] } });
+    std::fs::write(&scene, document.to_string()).unwrap();
+    let file = folder.path().join("lamp.ies");
+    std::fs::write(&file, DOWN).unwrap();
+    let asset = folder.path().join("a.relight");
+    let mut bake = relight();
+    bake.arg("bake")
+        .arg(&scene)
+        .arg("-o")
+        .arg(&asset)
+        .args(crate::stage::TINY);
+    let said = bake.assert().success().get_output().stderr.clone();
+    // ∫ I dω of 100 cd within 45°: 2π (1 − cos 45°) × 100 = 184 lm.
+    let said = String::from_utf8(said).unwrap();
+    assert!(said.contains("gives 184 lm, 100 cd at most"), "{said}");
+    std::fs::remove_file(&file).unwrap();
+    let lights = sequence(
+        folder.path(),
+        "same.json",
+        &format!(
+            r#"{{ "relight_sequence": 1, "lights": [ {{ "name": "Front", "type": "ies", "file": {}, "position": [0, 0, 3],
+               "direction": [0, 0, -1], "scale": [0.02, 0.01, 0.005] }} ] }}"#,
+            serde_json::json!(DOWN)
+        ),
+    );
+    let frame = folder.path().join("own.exr");
+    let mut own = relight();
+    own.arg("play").arg(&asset).arg("-o").arg(&frame);
+    own.args([
+        "--size",
+        "32x32",
+        "--float",
+        "--spp",
+        "4",
+        "--integrator",
+        "brute",
+    ])
+    .assert()
+    .success();
+    let own = read_exr(&frame, &Limits::default())
+        .unwrap()
+        .rgb("direct")
+        .unwrap();
+    let same = play(&asset, &lights, "brute").rgb("direct").unwrap();
+    assert!(own.pixels.iter().flatten().any(|&v| v > 0.0));
+    assert_eq!(own.pixels, same.pixels);
+}
