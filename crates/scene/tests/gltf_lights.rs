@@ -461,3 +461,62 @@ fn the_first_of_two_animations_of_one_property_counts() {
     assert!(close(position(&scene, 24.0), vec3(24.0, 0.0, 0.0)));
     assert!(has_note(&scene, "drive what an earlier one drives already"));
 }
+
+/// Truth: EXT_lights_ies: the aim is the node's −Z, and its X/Y plane the horizontal photometric one.
+#[test]
+fn photometric_lamps() {
+    let file = "TILT=NONE%0A1 -1 1 2 1 1 2 0 0 0%0A1 1 9%0A0 90%0A0%0A50 0";
+    let lamp = |uri: &str, node: Value| {
+        let mut doc = lit(json!([]), json!([]));
+        doc.set(
+            "/extensions",
+            json!({ "EXT_lights_ies": { "lights": [{ "uri": uri, "name": "downlight" }] } }),
+        );
+        doc.push("/nodes", node);
+        doc.set("/scenes/0/nodes", json!([0, 1]));
+        doc.set("/extensionsRequired", json!(["EXT_lights_ies"]));
+        doc
+    };
+    let here = |more: Value| json!({ "EXT_lights_ies": more });
+    let uri = format!("data:application/x-ies-lm-63,{file}");
+    // Turned by -90 degrees about x: -z becomes -y, x stays.
+    let node = json!({ "translation": [1, 2, 3], "rotation": [(-SQRT_HALF), 0, 0, SQRT_HALF],
+        "extensions": here(json!({ "light": 0, "multiplier": 2, "color": [1, 0.5, 7] })) });
+    let scene = lamp(&uri, node).scene();
+    let [light] = &scene.sequence.lights[..] else {
+        panic!("one light")
+    };
+    let LightKind::Ies {
+        profile,
+        file,
+        position,
+        direction,
+        up,
+        scale,
+    } = &light.kind
+    else {
+        panic!()
+    };
+    assert_eq!((light.name.as_str(), profile.peak()), ("downlight", 50.0));
+    assert!(file.starts_with("TILT=NONE\n") && has_note(&scene, "50 cd at most"));
+    assert_eq!(*position, Animated::Constant(vec3(1.0, 2.0, 3.0)));
+    assert!(close(direction.at(0.0), Vec3::NEG_Y) && close(up.at(0.0), Vec3::X));
+    assert_eq!(*scale, Animated::Constant(vec3(2.0, 1.0, 2.0)));
+    let node = |more: Value| json!({ "extensions": here(more) });
+    for (uri, more, said) in [
+        (
+            "data:,no lamp",
+            json!({ "light": 0 }),
+            "EXT_lights_ies.lights[0]: is no photometric file",
+        ),
+        (uri.as_str(), json!({ "light": 1 }), "light"),
+        (
+            uri.as_str(),
+            json!({ "light": 0, "multiplier": -1 }),
+            "multiplier: must be a number of at least 0",
+        ),
+    ] {
+        let error = lamp(uri, node(more)).import().unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
+    }
+}
