@@ -526,7 +526,7 @@ mod tests {
     fn symmetric_ranges_mean_what_was_not_measured() {
         let vertical = steps(0.0, 180.0, 10.0);
         type Lamp = fn(f64, f64) -> f64;
-        let quarter: Lamp = |v, h| 10.0 + (v * 0.1) * (2.0 * h.to_radians()).cos();
+        let quarter: Lamp = |v, h| 20.0 + (v * 0.1) * (2.0 * h.to_radians()).cos();
         let half: Lamp = |v, h| 20.0 + (v * 0.1) * h.to_radians().cos();
         let other: Lamp = |v, h| 20.0 + (v * 0.1) * h.to_radians().sin();
         for (range, lamp) in [

@@ -10,7 +10,7 @@ export const KINDS = {
     label: "Spot", strength: "intensity", unit: "W/sr", place: "position", aim: "direction",
     fields: [angle("inner_angle_deg", "Inner cone"), angle("outer_angle_deg", "Outer cone")],
   },
-  ies: { label: "Measured lamp", strength: "scale", unit: "×", place: "position", aim: "direction", fields: [] },
+  ies: { label: "Measured lamp", strength: "scale", unit: "×", place: "position", fields: [] },
   directional: { label: "Parallel light", strength: "irradiance", unit: "W/m²", aim: "direction", fields: [] },
   rect: { label: "Panel", strength: "radiance", unit: "W/(m² sr)", place: "center", size: true, fields: [] },
   sphere: {
