@@ -82,7 +82,9 @@ pub fn html(
          <style>\n{STYLE}</style></head>\n<body>\n<main>\n<h1>{title}</h1>\n<section aria-label=\"Findings\">\n"
     );
     for sentence in &summary.findings {
-        let _ = writeln!(page, "<p class=\"finding\">{}</p>", escaped(sentence));
+        // No line ends between a number and its unit.
+        let sentence = escaped(sentence).replace(" %", "\u{a0}%");
+        let _ = writeln!(page, "<p class=\"finding\">{sentence}</p>");
     }
     page += "</section>\n";
     facts(&mut page, task, summary, measured, references);

@@ -1,13 +1,15 @@
-"""Stubs say what is there; the examples run."""
+"""Stubs say what is there; the examples run, those of the page, too."""
 
 import inspect
 import pathlib
+import re
+import shutil
 import subprocess
 import sys
 
 import pytest
 import relight
-from conftest import DATA
+from conftest import DATA, ROOT
 
 PACKAGE = pathlib.Path(relight.__file__).parent
 EXAMPLES = pathlib.Path(__file__).resolve().parents[1] / "examples"
@@ -34,3 +36,19 @@ def test_examples_run(script, asset, tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout, "says what it found"
+
+
+def test_the_page_says_what_works(tmp_path, monkeypatch):
+    sparse = pytest.importorskip("scipy.sparse", reason="no scipy: the page's examples were NOT run")
+    import scipy
+
+    assert scipy.sparse is sparse
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "python.md").read_text(), re.DOTALL)
+    assert len(blocks) == 2
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(DATA / "cornell.glb", "hall.glb")
+    names = {"scipy": scipy}
+    for block in blocks:
+        exec(block, names)
+    assert names["frame"]["beauty"].shape == (360, 640, 3)
+    assert names["K"].shape[0] == names["K"].shape[1] and names["Tx"].nnz == len(names["T"].data)
