@@ -2,6 +2,7 @@
 
 import json
 import pathlib
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -78,6 +79,17 @@ def test_lights_are_taken_in_every_form(asset, shot):
     assert shot.frame()["beauty"].max() > 0, "the scene's own lights"
     lights = asset.lights(LAMPS)
     assert lights.names == ["lamp", "spot_1", "sphere_2"] and len(lights) == 3 and lights.frames == 1
+
+
+def test_classes_are_those_of_lighting_sequences():
+    """Truth: the JSON Schema of sequences, which knows every kind of light and every field."""
+    schema = json.loads((DATA.parent / "crates/format/schemas/sequence.schema.json").read_text())
+    kinds = schema["$defs"]["Light"]["oneOf"]
+    classes = {kind._type: kind for kind in relight.Light.__subclasses__()}
+    known = {kind["properties"]["type"]["const"]: set(kind["properties"]) - {"type"} for kind in kinds}
+    assert {name: {field.name for field in fields(kind)} for name, kind in classes.items()} == known
+    camera = set(schema["$defs"]["Camera"]["properties"])
+    assert {field.name for field in fields(relight.Camera)} | {"aspect"} == camera
 
 
 def test_keys_move_lights(shot):

@@ -74,6 +74,19 @@ class Spot(Light):
 
 
 @dataclass(frozen=True)
+class Ies(Light):
+    """A lamp that shines as it was measured: a photometric file (IES LM-63), or its text. A candela counts as a W/sr."""
+
+    file: Union[str, "os.PathLike[str]"]
+    position: Vector
+    direction: Vector = (0.0, -1.0, 0.0)
+    up: Vector = (0.0, 1.0, 0.0)
+    scale: Union[Number, Vector] = 1.0
+    name: Optional[str] = None
+    _type = "ies"
+
+
+@dataclass(frozen=True)
 class Directional(Light):
     """Parallel light from infinitely far away, travelling in ``direction``: irradiance of a surface that faces it in W/m²."""
 
