@@ -423,21 +423,29 @@ impl<'a> NearestPoint<'a> {
         self.at_unseparated(x, normal, is_separated).unwrap_or(nearest)
     }
 
-    /// Of the points whose disks cover a place the nearest that faces the same way and that `is_separated` does not reject.
+    /// The nearest point that faces the same way and that `is_separated` does not reject: of those whose disks cover a place, else within
+    /// their supports. Disks know of no walls, and those of the next room may be all that covers the strip along one.
     #[cold]
     fn at_unseparated(&self, x: Vec3, normal: Vec3, is_separated: impl Fn(u32) -> bool) -> Option<u32> {
-        let mut near: Vec<(f32, u32)> = (self.disks.iter())
-            .flat_map(|(_, disks)| disks.covering(x))
-            .filter(|entry| entry.normal.dot(normal) > FACING)
-            .map(|entry| {
+        let first = |near: Vec<Entry>| {
+            let measured = |entry: Entry| {
                 let squared = kernel::distance_squared(x - entry.position, entry.normal);
-                (squared, entry.index)
-            })
-            .collect();
-        near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        near.into_iter()
-            .map(|(_, index)| index)
-            .find(|&index| !is_separated(index))
+                (entry.normal.dot(normal) > FACING).then_some((squared, entry.index))
+            };
+            let mut near: Vec<(f32, u32)> = near.into_iter().filter_map(measured).collect();
+            near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            near.into_iter()
+                .map(|(_, index)| index)
+                .find(|&index| !is_separated(index))
+        };
+        let covering = (self.disks.iter()).flat_map(|(_, disks)| disks.covering(x));
+        first(covering.copied().collect()).or_else(|| {
+            let mut near = Vec::new();
+            for band in &self.level.bands {
+                band.grid.near(x, |entry| near.push(*entry));
+            }
+            first(near)
+        })
     }
 
     /// As [`NearestPoint::at`] for places that no disk covers.
@@ -467,6 +475,23 @@ mod tests {
         let darts: Vec<Dart> = candidates.iter().map(|&x| Dart::plain(x, x)).collect();
         disks.throw(&darts, 0, |_| true);
         Level::new(disks.positions, disks.normals, radius, 2.0 * radius)
+    }
+
+    /// Truth: a wall at x = 0 on a floor, with the last point before it a twentieth of a radius away and the first behind it beyond its disk, so
+    /// that the strip along the far side is covered from the near side alone.
+    #[test]
+    fn a_strip_that_only_the_next_room_covers_takes_the_nearest_point_of_its_own() {
+        let positions = [-0.005, 0.13, 0.3].map(|x| Vec3::new(x, 0.0, 0.0)).to_vec();
+        let level = Level::new(positions, vec![Vec3::Y; 3], 0.1, 0.2);
+        let nearest = NearestPoint::new(&level);
+        let place = (Vec3::new(0.02, 0.0, 0.0), Vec3::Y);
+        let found = nearest.at(place.0, place.1).unwrap();
+        assert_eq!(found, 0);
+        let beyond = |point: u32| level.positions[point as usize].x < 0.0;
+        assert_eq!(
+            nearest.on_same_side(place, found, &[true, true, false], beyond),
+            1
+        );
     }
 
     #[test]

@@ -47,6 +47,10 @@ pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Separations, SparseMa
     )
 }
 
+/// Disk radii within which another point may be the nearest on its own side of a wall to a place that a point's disk covers from beyond:
+/// one to the place, and, since disks know of no walls and may leave a strip along one to the next room's points, two from there.
+const ACROSS: f32 = 3.0;
+
 /// `separated` of two points, numbered over all levels.
 fn near(levels: &[Level], separated: impl Fn(usize, usize) -> bool + Sync) -> Vec<bool> {
     let Some(finest) = levels.last() else {
@@ -55,13 +59,14 @@ fn near(levels: &[Level], separated: impl Fn(usize, usize) -> bool + Sync) -> Ve
     let first = LevelRanges::new(levels.iter().map(Level::len))
         .range(levels.len() - 1)
         .start;
+    let around = finest.with_support(finest.support_radius.max(ACROSS * finest.disk_radius));
     let neighbours: Vec<Vec<u32>> = (0..finest.len())
         .into_par_iter()
         .with_min_len(256)
         .map(|i| {
             let mut found = Vec::new();
             // Each pair once; a wider point's function alone may reach the other.
-            finest.weights_at(finest.positions[i], finest.normals[i], |j, _| {
+            around.weights_at(finest.positions[i], finest.normals[i], |j, _| {
                 let j_is_wider = finest.disk_radius_of(j as usize) > finest.disk_radius_of(i);
                 if (j_is_wider || (j as usize) < i) && separated(first + i, first + j as usize) {
                     found.push(j);
