@@ -20,7 +20,7 @@ pub enum Integrator {
     /// The asset's visibility cuts: direct light of environments, or the first bounce of any light; other direct light as
     /// [`Integrator::Transfer`] makes it.
     Cuts,
-    /// Nothing of the asset but its scene.
+    /// Nothing of the asset but its scene, and, for virtual lights, its points.
     Traced(Tracer),
 }
 
@@ -54,6 +54,18 @@ pub enum Tracer {
     },
 }
 
+impl Tracer {
+    /// Virtual lights that are wanted.
+    pub fn virtual_lights(&self) -> u32 {
+        match self {
+            Tracer::BrutePoints(points)
+            | Tracer::Lightcuts { points, .. }
+            | Tracer::Pixelcuts { points, .. } => points.vpls,
+            Tracer::Path { .. } | Tracer::Brute => 0,
+        }
+    }
+}
+
 impl Default for Tracer {
     /// Path tracing without a limit.
     fn default() -> Tracer {
@@ -83,7 +95,10 @@ impl Integrator {
 
     /// Whether it takes what a bake made, not the scene alone.
     pub fn needs_operators(&self) -> bool {
-        !matches!(self, Integrator::Traced(_))
+        match self {
+            Integrator::Traced(tracer) => tracer.virtual_lights() > 0,
+            _ => true,
+        }
     }
 
     /// [`Integrator::Auto`] decided for a scene.

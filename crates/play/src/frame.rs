@@ -6,15 +6,18 @@
 //!
 //! [`light`] runs the stages: `direct` (shadow rays, or lightcuts), `environment` (visibility cuts of even
 //! directions), `indirect` (where a pixel's indirect light is made), `emission`. [`resolve`] makes pixels of fragments.
-//! [`traced`] makes frames without what the asset holds.
+//! [`traced`] makes frames by tracing; virtual lights alone
+//! take what the asset holds.
 
 mod direct;
 mod emission;
 mod environment;
 mod indirect;
 pub mod light;
+mod received;
 pub mod resolve;
 pub mod settings;
 pub mod stats;
 mod task;
 pub mod traced;
+mod virtual_lights;

@@ -74,6 +74,7 @@ mod spread;
 #[path = "../../render/src/test_scenes.rs"]
 mod test_scenes;
 pub mod transfer;
+mod virtual_points;
 
 pub use choice::{Choice, Integrator, Tracer};
 pub use frame::settings::FrameSettings;

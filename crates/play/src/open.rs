@@ -90,7 +90,7 @@ const CUTS: [Kind; 3] = [Kind::Estimates, Kind::LightTree, Kind::Cuts];
 pub enum Sections {
     /// All that light needs.
     All,
-    /// The scene alone: [`crate::Integrator::Traced`] needs no operators, and they are most of the file.
+    /// The scene alone, where no operators are needed ([`crate::choice::Integrator::needs_operators`]): they are most of the file.
     Scene,
 }
 

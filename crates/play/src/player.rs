@@ -390,7 +390,7 @@ impl Player {
         let shot = match shot {
             Shot::Traced(shot) => {
                 let set = lights.at(time);
-                let (layers, stats) = traced(&self.prepared.scene, &set, shot, settings, watch)?;
+                let (layers, stats) = traced(&self.prepared, &set, shot, settings, watch)?;
                 let integrator = shot.tracer.clone().into();
                 return Ok(Frame {
                     layers,

@@ -5,6 +5,7 @@ use crate::shadow_edges::ShadowEdges;
 use crate::snap::snapped;
 use crate::spread::PointPlaces;
 use crate::transfer::Transfer;
+use crate::virtual_points::VirtualPoints;
 use relight_render::irradiance;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
@@ -21,6 +22,8 @@ pub struct PreparedScene {
     pub places: PointPlaces,
     /// What is known around those where shadows' edges pass.
     pub edges: ShadowEdges,
+    /// Virtual lights at the points, for integrators that take them.
+    pub virtual_points: VirtualPoints,
     /// Visibility cuts; `None` for an asset baked without.
     pub cuts: Option<VisibilityCuts>,
 }
@@ -51,6 +54,7 @@ impl PreparedScene {
             points,
             places,
             edges,
+            virtual_points: VirtualPoints::default(),
             cuts,
         }
     }

@@ -94,35 +94,46 @@ fn around(
     if wanted == 1 {
         return Vec::new();
     }
+    let count = (wanted as f32 * LOOKED_AT) as usize;
+    own_places(surfaces, nearest, point, number, count, 1).collect()
+}
+
+/// Those of `count` places spread evenly over a point's disk to which it is nearest, on its own surface; from number `first` on, outwards
+/// from the middle.
+pub(crate) fn own_places(
+    surfaces: &dyn Surfaces,
+    nearest: &NearestPoint,
+    point: &SurfaceHit,
+    number: usize,
+    count: usize,
+    first: usize,
+) -> impl Iterator<Item = SurfaceHit> {
     let normal = point.geometric_normal;
     let frame = Frame::around(normal);
     let reach = nearest.level.disk_radius_of(number);
-    let count = (wanted as f32 * LOOKED_AT) as usize;
-    (1..count)
-        .filter_map(|k| {
-            let offset = sunflower(k, count, number) * reach;
-            let aside = frame.world_from_local(offset.extend(0.0));
-            if nearest.at(point.position + aside, point.normal) != Some(number as u32) {
-                return None;
-            }
-            let height = HEIGHT * offset.length();
-            let across = frame.world_from_local(Vec3::new(offset.x, offset.y, height));
-            let way = Ray {
-                t_max: 1.0,
-                ..ray_from(point, across)
-            };
-            if surfaces.closest_hit(&way).is_some() {
-                return None;
-            }
-            let down = Ray {
-                origin: way.origin + across,
-                direction: -normal,
-                t_min: 0.0,
-                t_max: 2.0 * height,
-            };
-            (surfaces.closest_hit(&down)).filter(|hit| hit.geometric_normal.dot(normal) > FACING)
-        })
-        .collect()
+    (first..count).filter_map(move |k| {
+        let offset = sunflower(k, count, number) * reach;
+        let aside = frame.world_from_local(offset.extend(0.0));
+        if nearest.at(point.position + aside, point.normal) != Some(number as u32) {
+            return None;
+        }
+        let height = HEIGHT * offset.length();
+        let across = frame.world_from_local(Vec3::new(offset.x, offset.y, height));
+        let way = Ray {
+            t_max: 1.0,
+            ..ray_from(point, across)
+        };
+        if surfaces.closest_hit(&way).is_some() {
+            return None;
+        }
+        let down = Ray {
+            origin: way.origin + across,
+            direction: -normal,
+            t_min: 0.0,
+            t_max: 2.0 * height,
+        };
+        (surfaces.closest_hit(&down)).filter(|hit| hit.geometric_normal.dot(normal) > FACING)
+    })
 }
 
 /// Places spread evenly over the unit disk, turned for each point (Vogel 1979).

@@ -153,15 +153,21 @@ impl Transfer {
     /// solved on clusters from that, and all together sent once more through T.
     pub fn indirect_from_direct(&self, direct: &[Vec3]) -> (Vec<VectorIrradiance>, TransferStats) {
         let mut stats = TransferStats::default();
-        let mut radiosity = self.radiosity(direct);
-        if self.bounces != Some(1) {
-            let once = self.one_bounce(&radiosity, &mut stats);
-            let start = Instant::now();
-            self.add_bounces(&mut radiosity, &once, &mut stats);
-            stats.bounce_ms += milliseconds(start);
-        }
+        let radiosity = self.radiosity_from_direct(direct, &mut stats);
         let values = self.one_bounce(&radiosity, &mut stats);
         (values, stats)
+    }
+
+    /// Radiosity of the finest points, W/m², whose one bounce is [`Transfer::indirect_from_direct`].
+    pub fn radiosity_from_direct(&self, direct: &[Vec3], stats: &mut TransferStats) -> Vec<Vec3> {
+        let mut radiosity = self.radiosity(direct);
+        if self.bounces != Some(1) {
+            let once = self.one_bounce(&radiosity, stats);
+            let start = Instant::now();
+            self.add_bounces(&mut radiosity, &once, stats);
+            stats.bounce_ms += milliseconds(start);
+        }
+        radiosity
     }
 
     /// [`Transfer::indirect_from_direct`] in two parts that sum to it: the first bounce, and all further ones.

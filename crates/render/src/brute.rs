@@ -101,10 +101,11 @@ pub fn render_points(picture: &Picture<'_>, points: &PointLights) -> Result<(Lay
                 }
                 let radiance = radiance * passed * tint;
                 total += radiance.as_dvec3();
-                if points.is_virtual(i) {
+                if points.is_clamped(i) {
                     passed_on.push((i, radiance));
                 } else {
-                    sums.add(Some(points.source[i] as usize), 1, radiance);
+                    let layer = 1 + u32::from(points.is_virtual(i));
+                    sums.add(Some(points.source[i] as usize), layer, radiance);
                 }
             }
         }

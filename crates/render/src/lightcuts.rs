@@ -22,7 +22,7 @@ mod sights;
 
 use crate::direct::light_met;
 use crate::layers::PixelSum;
-use crate::many_lights::PointLights;
+use crate::many_lights::{PointLights, StandingLights};
 use crate::picture::Picture;
 use crate::sum::Total;
 use crate::watch::Cancelled;
@@ -57,20 +57,44 @@ pub struct LightcutStats {
     pub limited: u64,
 }
 
-/// Trees over points, groups by layer and, with `light_layers`, by source.
-pub fn trees(scene: &TracedScene, points: &PointLights, light_layers: bool, seed: u64) -> LightClusters {
-    let groups: Vec<u32> = (0..points.len())
-        .map(|i| {
-            let source = if light_layers { points.source[i] } else { 0 };
-            2 * source + u32::from(points.is_virtual(i))
-        })
-        .collect();
-    let diagonal = scene.bounds().map_or(0.0, |(low, high)| (high - low).length());
+/// Trees over points, groups by layer and, with `light_layers`, by source. `standing`: where virtual lights stand still, if they do.
+pub fn trees(
+    scene: &TracedScene,
+    points: &PointLights,
+    standing: Option<&StandingLights>,
+    light_layers: bool,
+    seed: u64,
+) -> LightClusters {
+    let group = |i: usize| {
+        let source = if light_layers { points.source[i] } else { 0 };
+        2 * source + u32::from(points.is_virtual(i))
+    };
+    let moving = points.standing.first().map_or(points.len(), |set| set.start);
+    let groups: Vec<u32> = (0..moving).map(group).collect();
     let settings = BuildSettings {
         seed,
         ..BuildSettings::default()
     };
-    build(&points.lights, &groups, diagonal, &settings)
+    let mut trees = build(&points.lights[..moving], &groups, diagonal(scene), &settings);
+    for set in &points.standing {
+        let intensities: Vec<Vec3> = points.lights[set.clone()]
+            .iter()
+            .map(|light| light.intensity)
+            .collect();
+        if let Some(standing) = standing.filter(|_| intensities.iter().any(|&i| i != Vec3::ZERO)) {
+            trees.append(
+                &standing.tree_lit_by(&intensities, seed),
+                set.start as u32,
+                group(set.start),
+            );
+        }
+    }
+    trees
+}
+
+/// Diagonal of the scene's bounds, m.
+pub fn diagonal(scene: &TracedScene) -> f32 {
+    scene.bounds().map_or(0.0, |(low, high)| (high - low).length())
 }
 
 /// Samples per pixel where none are asked for; a cut for each.

@@ -3,7 +3,8 @@
 //! Source: Walter et al. 2005, section 5 and appendix A. Points, spots and directionals map one to one; rectangles and
 //! emissive triangles become oriented lights on their surface, spheres omni lights inside them, environments
 //! directional lights ([`relight_scene::environment_strata`]), sun and sky 64 and 5000 of them, and indirect light
-//! virtual lights at what particles from all of these hit (`virtual_lights`).
+//! virtual lights at what particles from all of these hit (`virtual_lights`), or at
+//! places that stand still, whose light the caller knows ([`StandingLights`]).
 //!
 //! Every set is unbiased: over all seeds, the mean irradiance of unoccluded points is that of the lights themselves.
 //! **Deviation:** what a light loses if it has fewer points than it has parts is spread over the rest, so its power is
@@ -12,12 +13,14 @@
 mod area;
 mod distant;
 mod points;
+mod standing;
 mod virtual_lights;
 
 #[cfg(test)]
 mod tests;
 
 pub use points::{PointLights, PointSettings, clamp_limit, clamped};
+pub use standing::{Stand, StandingLights};
 
 use glam::Vec3;
 use points::{End, surfaces};
@@ -26,8 +29,21 @@ use relight_scene::traced::TracedScene;
 use relight_transport::point_light::{Emission, PointLight};
 
 impl PointLights {
-    /// Points for all lights of a frame.
+    /// Points for all lights of a frame, virtual ones included.
     pub fn new(scene: &TracedScene, lights: &LightSet<'_>, settings: &PointSettings) -> PointLights {
+        let mut points = PointLights::that_shine(scene, lights, settings);
+        points.add_virtual(scene, settings);
+        points
+    }
+
+    /// Adds virtual lights where particles from what shines directly hit something.
+    pub fn add_virtual(&mut self, scene: &TracedScene, settings: &PointSettings) {
+        virtual_lights::push(self, scene, settings);
+        self.surfaces = surfaces(&self.ends);
+    }
+
+    /// Points for what shines directly.
+    pub fn that_shine(scene: &TracedScene, lights: &LightSet<'_>, settings: &PointSettings) -> PointLights {
         let mut points = PointLights {
             clamp: settings.clamp,
             ..PointLights::default()
@@ -79,7 +95,6 @@ impl PointLights {
             }
         }
         points.direct = points.lights.len();
-        virtual_lights::push(&mut points, scene, settings);
         points.surfaces = surfaces(&points.ends);
         points
     }

@@ -108,7 +108,7 @@ pub fn render(
     let mut exactly = vec![false; points.len()];
     exact_lights.iter().for_each(|&i| exactly[i as usize] = true);
     let approximate: Vec<u32> = (0..points.len() as u32)
-        .filter(|&i| !exactly[i as usize])
+        .filter(|&i| !exactly[i as usize] && points.lights[i as usize].intensity != Vec3::ZERO)
         .collect();
     let mut gather = Gather {
         scene,
@@ -120,7 +120,7 @@ pub fn render(
         seed: picture.seed,
         watch: picture.watch,
     };
-    let clamps = points.direct < points.len() && points.clamp.is_finite();
+    let clamps = points.clamp.is_finite() && (points.direct..points.len()).any(|i| points.is_clamped(i));
     if clamps && !approximate.is_empty() && mean > 0.0 {
         let job = Job {
             clusters: (settings.clusters / COARSER).max(1),

@@ -12,6 +12,8 @@ pub enum Emission {
     Omni,
     /// With the cosine about the axis: a point of a surface that emits or reflects like Lambert's.
     Oriented,
+    /// The same for a patch of surface, which those near by see with its extent.
+    Patch(Patch),
     /// Within a cone about the axis.
     Spot {
         /// Factor and summand of the cosine to the axis; their sum, clamped to 0..1 and squared, scales the intensity
@@ -24,7 +26,16 @@ pub enum Emission {
     Directional,
 }
 
-/// A light without extent.
+/// A rectangle at right angles to a light's axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patch {
+    /// From the light to the rectangle's middle, metres.
+    pub middle: Vec3,
+    /// From there to the middles of two sides.
+    pub halves: [Vec3; 2],
+}
+
+/// A light without extent, or nearly so.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointLight {
     /// How it shines.
@@ -49,6 +60,45 @@ pub struct Arrival {
     pub factor: f32,
 }
 
+/// Squared distance, in areas, up to which a patch is seen with its extent: beyond, its middle is off by a hundredth.
+const NEAR: f32 = 16.0;
+
+impl Patch {
+    /// m².
+    pub fn area(&self) -> f32 {
+        4.0 * self.halves[0].cross(self.halves[1]).length()
+    }
+
+    /// What reaches `x`, as seen from the light, which is at `distance`: Lambert's sum over the edges (Arvo 1994, equation 5: the
+    /// irradiance of a polygon); its direction is that of the vector irradiance.
+    fn arrival(&self, x: Vec3, distance: f32) -> Option<Arrival> {
+        let [u, v] = self.halves;
+        let from_x = self.middle - x;
+        let corners = [u + v, v - u, -u - v, u - v].map(|corner| (from_x + corner).normalize());
+        let mut sum = Vec3::ZERO;
+        for (k, &corner) in corners.iter().enumerate() {
+            let next = corners[(k + 1) % 4];
+            let across = corner.cross(next);
+            let sin = across.length();
+            // An edge that is seen from its end has no plane and no angle.
+            if sin > 0.0 {
+                sum += across * (sin.atan2(corner.dot(next)) / sin);
+            }
+        }
+        // Either way around.
+        if sum.dot(from_x) < 0.0 {
+            sum = -sum;
+        }
+        let length = sum.length();
+        let factor = 0.5 * length / self.area();
+        (factor > 0.0 && factor.is_finite()).then(|| Arrival {
+            direction: sum / length,
+            distance,
+            factor,
+        })
+    }
+}
+
 impl PointLight {
     /// What reaches `x`; `None` if nothing does, because `x` lies behind the light, outside its cone, or on it.
     pub fn arrival(&self, x: Vec3) -> Option<Arrival> {
@@ -63,6 +113,12 @@ impl PointLight {
         let distance = to_light.length();
         let direction = to_light / distance;
         let emitted = self.emission.towards(-direction.dot(self.axis));
+        if emitted > 0.0
+            && let Emission::Patch(patch) = self.emission
+            && distance * distance < NEAR * patch.area()
+        {
+            return patch.arrival(-to_light, distance);
+        }
         let factor = emitted / (distance * distance);
         (factor > 0.0 && factor.is_finite()).then_some(Arrival {
             direction,
@@ -77,7 +133,7 @@ impl Emission {
     pub fn towards(self, cos: f32) -> f32 {
         match self {
             Emission::Omni | Emission::Directional => 1.0,
-            Emission::Oriented => cos.max(0.0),
+            Emission::Oriented | Emission::Patch(_) => cos.max(0.0),
             Emission::Spot { scale, offset } => {
                 let share = (cos * scale + offset).clamp(0.0, 1.0);
                 share * share
@@ -136,5 +192,52 @@ mod tests {
         };
         assert_eq!(light(spot).arrival(below).unwrap().factor, 0.25);
         assert!(light(spot).arrival(aslant * 1.01).is_none());
+    }
+
+    /// Truth: the patch as ten thousand lights without extent. Tolerance: what lies beyond [`NEAR`] is one light.
+    #[test]
+    fn a_patch_lights_what_is_near_as_its_parts_do() {
+        let axis = Vec3::new(0.3, -0.8, 0.2).normalize();
+        let (u, v) = axis.any_orthonormal_pair();
+        let oriented = PointLight {
+            emission: Emission::Oriented,
+            position: Vec3::new(1.0, 2.0, 3.0),
+            axis,
+            intensity: Vec3::ONE,
+        };
+        let [long, wide, aside] = [0.4f32, 0.2, 0.01];
+        let patch = PointLight {
+            emission: Emission::Patch(Patch {
+                middle: u * aside,
+                halves: [0.5 * long * u, 0.5 * wide * v],
+            }),
+            ..oriented
+        };
+        for (along, beside, away) in [
+            (0.0, 0.0, 0.15),
+            (0.5, -0.2, 0.15),
+            (0.3, 0.3, 1.2),
+            (1.5, 0.4, 0.3),
+        ] {
+            let x = patch.position + u * along + v * beside + axis * away;
+            let mut vector = Vec3::ZERO;
+            for k in 0..10_000 {
+                let [a, b] = [k / 100, k % 100].map(|k: u32| (k as f32 + 0.5) / 100.0 - 0.5);
+                let part = PointLight {
+                    position: patch.position + u * (aside + a * long) + v * (b * wide),
+                    ..oriented
+                };
+                let arrival = part.arrival(x).unwrap();
+                vector += arrival.direction * arrival.factor * 1e-4;
+            }
+            let arrival = patch.arrival(x).unwrap();
+            let found = arrival.direction * arrival.factor;
+            assert!(
+                found.distance(vector) < 0.01 * vector.length(),
+                "{found} {vector}"
+            );
+        }
+        assert!(patch.arrival(patch.position - axis * 0.1).is_none(), "behind it");
+        assert!(patch.arrival(patch.position).is_none(), "on it");
     }
 }

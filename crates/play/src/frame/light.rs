@@ -1,7 +1,8 @@
 //! Light of a shot's fragments, from direct to indirect.
 
-use super::direct::{Starts, Sums};
+use super::direct::Sums;
 use super::emission::emission_at;
+use super::received::Starts;
 use super::settings::FrameSettings;
 use super::stats::{FrameTimes, RelitStats, milliseconds};
 use super::task::{Received, Task, add};

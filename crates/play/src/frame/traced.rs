@@ -1,8 +1,10 @@
-//! Frames that take nothing of the asset but its scene.
+//! Frames that are traced; of the asset they take its scene, and virtual lights its points.
 
 use super::settings::FrameSettings;
 use super::stats::{PointStats, TracedDetail, TracedStats, TreeStats, milliseconds};
+use super::virtual_lights::add_standing;
 use crate::choice::Tracer;
+use crate::prepared::PreparedScene;
 use crate::shot::TracedShot;
 use relight_render::lightcuts::{self, EyeRays};
 use relight_render::many_lights::{PointLights, PointSettings};
@@ -11,7 +13,6 @@ use relight_render::watch::{Cancelled, Watch};
 use relight_render::{brute, path, pixelcuts};
 use relight_scene::image::Layers;
 use relight_scene::light_set::LightSet;
-use relight_scene::traced::TracedScene;
 use std::time::Instant;
 
 /// Renders a frame with all its layers.
@@ -19,13 +20,14 @@ use std::time::Instant;
 /// # Errors
 /// [`Cancelled`] if `watch` says so.
 pub fn traced(
-    scene: &TracedScene,
+    prepared: &PreparedScene,
     lights: &LightSet<'_>,
     shot: &TracedShot,
-    settings: &FrameSettings,
+    frame: &FrameSettings,
     watch: &dyn Watch,
 ) -> Result<(Layers, TracedStats), Cancelled> {
     let start = Instant::now();
+    let scene = &prepared.scene;
     let TracedShot {
         camera,
         size,
@@ -34,7 +36,7 @@ pub fn traced(
     } = shot;
     let &FrameSettings {
         seed, light_layers, ..
-    } = settings;
+    } = frame;
     let picture = Picture {
         spp: *samples,
         seed,
@@ -43,15 +45,20 @@ pub fn traced(
         ..Picture::new(scene, lights, camera, *size)
     };
     let mut made = None;
-    let mut points_of = |settings: &PointSettings| {
+    let mut points_of = |settings: &PointSettings| -> Result<_, Cancelled> {
         let start = Instant::now();
-        let points = PointLights::new(scene, lights, &PointSettings { seed, ..*settings });
+        let settings = PointSettings { seed, ..*settings };
+        let mut points = PointLights::that_shine(scene, lights, &settings);
+        let standing = add_standing(prepared, lights, frame, settings.vpls, &mut points, watch)?;
+        if standing.is_none() {
+            points.add_virtual(scene, &settings);
+        }
         made = Some(PointStats {
             milliseconds: milliseconds(start),
             lights: points.len(),
             virtual_lights: points.len() - points.direct,
         });
-        points
+        Ok((points, standing))
     };
     let (layers, detail) = match tracer {
         Tracer::Lightcuts {
@@ -59,9 +66,10 @@ pub fn traced(
             cuts,
             reconstruction,
         } => {
-            let points = points_of(points);
+            let (points, standing) = points_of(points)?;
+            let standing = standing.as_ref().map(|sets| &sets.lights);
             let start = Instant::now();
-            let clusters = lightcuts::trees(scene, &points, light_layers, seed);
+            let clusters = lightcuts::trees(scene, &points, standing, light_layers, seed);
             let tree = TreeStats {
                 milliseconds: milliseconds(start),
                 bytes: clusters.bytes(),
@@ -83,11 +91,11 @@ pub fn traced(
             }
         }
         Tracer::Pixelcuts { points, cuts } => {
-            let (layers, stats) = pixelcuts::render(&picture, &points_of(points), cuts)?;
+            let (layers, stats) = pixelcuts::render(&picture, &points_of(points)?.0, cuts)?;
             (layers, TracedDetail::Pixelcuts(stats))
         }
         Tracer::BrutePoints(points) => {
-            let (layers, shadow_rays) = brute::render_points(&picture, &points_of(points))?;
+            let (layers, shadow_rays) = brute::render_points(&picture, &points_of(points)?.0)?;
             (layers, TracedDetail::BrutePoints { shadow_rays })
         }
         Tracer::Brute => (brute::render(&picture)?, TracedDetail::Plain),

@@ -234,6 +234,9 @@ impl Cut {
             term: Term::DARK,
         };
         let leaf = lit.clusters.children(node).is_none();
+        if leaf && lit.clusters.nodes[node as usize].intensity == Vec3::ZERO {
+            return looked;
+        }
         if !leaf {
             looked.error = receiver.node_bound(lit.clusters, node);
             // What can send nothing needs no ray.

@@ -64,7 +64,7 @@ impl ManyLights {
             ..PointSettings::default()
         };
         let points = PointLights::new(scene, lights, &settings);
-        let clusters = trees(scene, &points, false, seed);
+        let clusters = trees(scene, &points, None, false, seed);
         ManyLights { points, clusters }
     }
 

@@ -300,7 +300,7 @@ impl Lit<'_> {
     pub fn clamped(&self, node: u32, term: Term, limit: f32) -> Vec3 {
         let radiance = self.estimate(node, term);
         let light = self.clusters.nodes[node as usize].representative as usize;
-        if self.points.is_virtual(light) && self.clusters.children(node).is_none() {
+        if self.points.is_clamped(light) && self.clusters.children(node).is_none() {
             clamped(radiance, limit)
         } else {
             radiance

@@ -108,7 +108,7 @@ impl Run {
                 ..picture
             };
             let points = PointLights::new(&self.scene, picture.lights, &self.points);
-            let clusters = trees(&self.scene, &points, self.light_layers, 0);
+            let clusters = trees(&self.scene, &points, None, self.light_layers, 0);
             run(&picture, &points, &clusters)
         })
     }

@@ -5,6 +5,7 @@ use relight_scene::bsdf::Viewed;
 use relight_scene::rays::{self, Ray, SurfacePoint};
 use relight_scene::surface::{SurfaceHit, ray_from_end};
 use relight_transport::point_light::{Emission, PointLight};
+use std::ops::Range;
 
 /// Stages of the random streams: values of one must not repeat in another.
 pub(super) mod stage {
@@ -78,8 +79,8 @@ pub(super) struct Sphere {
 /// Lights without extent that stand for all lights of a frame.
 #[derive(Clone, Debug, Default)]
 pub struct PointLights {
-    /// World space: first what shines directly, then virtual lights. Intensities are finite and not negative, and
-    /// not all zero.
+    /// World space: first what shines directly, then virtual lights. Intensities are finite and not negative, and, but for those of
+    /// virtual lights that stand still, not all zero.
     pub lights: Vec<PointLight>,
     /// For each the light of the [`relight_scene::light_set::LightSet`] that it is of, or whose light it passes on.
     pub source: Vec<u32>,
@@ -91,6 +92,8 @@ pub struct PointLights {
     /// As [`PointLights::ends`].
     pub(super) surfaces: (f32, bool),
     pub(super) spheres: Vec<Sphere>,
+    /// The sets of virtual lights that stand still ([`super::StandingLights`]); they are the last ones.
+    pub(crate) standing: Vec<Range<usize>>,
 }
 
 impl PointLights {
@@ -107,6 +110,12 @@ impl PointLights {
     /// Whether a point is a virtual light.
     pub fn is_virtual(&self, i: usize) -> bool {
         i >= self.direct
+    }
+
+    /// Whether what a light gives is limited where it stands alone ([`clamp_limit`]): virtual lights without extent, whose light near by
+    /// has no bound.
+    pub fn is_clamped(&self, i: usize) -> bool {
+        self.is_virtual(i) && !matches!(self.lights[i].emission, Emission::Patch(_))
     }
 
     /// Whether shadow rays end at the lights: those to spherical lights end where they meet the sphere.

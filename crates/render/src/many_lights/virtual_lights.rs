@@ -236,7 +236,7 @@ impl<'a> Emitter<'a> {
                 };
                 Ray::endless(start.as_vec3(), direction.as_vec3())
             }
-            Emission::Oriented => {
+            Emission::Oriented | Emission::Patch(_) => {
                 let local = cosine_hemisphere(Vec2::from(random));
                 let direction = Frame::around(light.axis).world_from_local(local).normalize();
                 match self.points.ends[i] {
@@ -282,7 +282,7 @@ impl<'a> Emitter<'a> {
 fn solid_angle(emission: &Emission, disc: f64) -> f64 {
     match *emission {
         Emission::Omni => 4.0 * PI,
-        Emission::Oriented => PI,
+        Emission::Oriented | Emission::Patch(_) => PI,
         Emission::Spot { scale, offset } => TAU * Ramp::new(scale, offset).integral(),
         Emission::Directional => disc,
     }

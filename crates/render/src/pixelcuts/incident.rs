@@ -31,6 +31,7 @@ mod stage {
     pub const ROTATION: u32 = 0x7078_0002;
     pub const CUT: u32 = 0x7078_0003;
     pub const COARSE_CUT: u32 = 0x7078_0004;
+    pub const PIXEL: u32 = 0x7078_0005;
 }
 
 /// Metres that a normal's difference of 1 counts for in a tree, as a share of the diagonal: some five times the size of
@@ -192,12 +193,15 @@ impl Gather<'_> {
         );
         let mut runs: Vec<Run> = Vec::with_capacity(cut.len());
         let (mut rays, mut rayed) = (Vec::with_capacity(cut.len()), Vec::with_capacity(cut.len()));
+        let own = mix(self.seed ^ u64::from(light));
         // Chosen by themselves first: points lie far apart in memory, and are waited for together.
         let chosen: Vec<u32> = (cut.iter())
             .map(|&at| {
                 let node = &tree.nodes[at as usize];
                 let pixels = node.end - node.first;
-                let chosen = node.first + ((stream.uniform() * pixels as f32) as u32).min(pixels - 1);
+                // By the node's number: of a cut that has changed a little, other nodes keep their pixels.
+                let random = Stream::new(own, stage::PIXEL, at.into()).uniform();
+                let chosen = node.first + ((random * pixels as f32) as u32).min(pixels - 1);
                 tree.order[chosen as usize]
             })
             .collect();
@@ -257,7 +261,7 @@ impl Gather<'_> {
         if job.coarse && light.emission != Emission::Directional {
             share = (self.mean / irradiance.max_element()).min(1.0);
         }
-        if self.points.is_virtual(i) && irradiance.max_element() > f64::from(place.unlimited) {
+        if self.points.is_clamped(i) && irradiance.max_element() > f64::from(place.unlimited) {
             let Point { shading, wo, .. } = &self.view.points[point];
             let toll = reflected(shading, *wo, arrival.direction).as_dvec3() * irradiance;
             let radiance = toll.as_vec3();

@@ -1,7 +1,13 @@
 //! What the trees are made of.
 
 use crate::point_light::{Emission, PointLight};
-use glam::Vec3;
+use crate::random::Stream;
+use glam::{DVec3, Vec3};
+
+/// Stage of the random numbers that draw representatives of lights that stand still.
+const STAGE: u32 = 0x4c44;
+/// The type of spot lights in [`ClusterNode::kind`].
+const SPOT: u32 = 2;
 
 /// No child: the node is a light.
 pub(super) const LEAF: u32 = u32::MAX;
@@ -131,9 +137,59 @@ impl LightClusters {
         match kind >> ENVELOPE_BITS {
             0 => ClusterEmission::Omni,
             1 => ClusterEmission::Oriented,
-            2 => ClusterEmission::Spot(self.envelopes[(kind & ((1 << ENVELOPE_BITS) - 1)) as usize]),
+            SPOT => ClusterEmission::Spot(self.envelopes[(kind & ((1 << ENVELOPE_BITS) - 1)) as usize]),
             _ => ClusterEmission::Directional,
         }
+    }
+
+    /// The same tree over the same lights with other intensities, one each: for lights that stand still. Clusters are those that the lights
+    /// had when the tree was built; representatives are drawn anew, by the same random numbers for the same `seed`, so that few change
+    /// where intensities hardly do.
+    ///
+    /// # Panics
+    /// `intensities` are not one per light.
+    #[must_use]
+    pub fn lit_by(&self, intensities: &[Vec3], seed: u64) -> LightClusters {
+        let mut lit = self.clone();
+        let mut sums = vec![DVec3::ZERO; self.nodes.len()];
+        // Children come after their parents.
+        for at in (0..self.nodes.len()).rev() {
+            match self.children(at as u32) {
+                None => sums[at] = intensities[self.nodes[at].representative as usize].as_dvec3(),
+                Some([a, b]) => {
+                    let [ia, ib] = [a, b].map(|child| sums[child as usize].element_sum());
+                    let random = f64::from(Stream::new(seed, STAGE, at as u64).uniform());
+                    let elder = if random * (ia + ib) < ia { a } else { b };
+                    sums[at] = sums[a as usize] + sums[b as usize];
+                    lit.nodes[at].representative = lit.nodes[elder as usize].representative;
+                }
+            }
+            lit.nodes[at].intensity = sums[at].as_vec3();
+        }
+        lit
+    }
+
+    /// Adds trees over lights whose numbers start at `first_light` here, as `group`.
+    pub fn append(&mut self, trees: &LightClusters, first_light: u32, group: u32) {
+        let (first_node, first_envelope) = (self.nodes.len() as u32, self.envelopes.len() as u32);
+        self.nodes.extend(trees.nodes.iter().map(|node| ClusterNode {
+            representative: node.representative + first_light,
+            children: match node.children {
+                LEAF => LEAF,
+                children => children + first_node,
+            },
+            kind: match node.kind >> ENVELOPE_BITS {
+                SPOT => node.kind + first_envelope,
+                _ => node.kind,
+            },
+            ..*node
+        }));
+        self.envelopes.extend(&trees.envelopes);
+        let roots = trees.roots.iter().map(|root| Root {
+            node: root.node + first_node,
+            group,
+        });
+        self.roots.extend(roots);
     }
 
     /// Memory of the trees in bytes.
@@ -146,8 +202,9 @@ impl LightClusters {
 pub(super) fn type_of(light: &PointLight) -> u32 {
     match light.emission {
         Emission::Omni => 0,
-        Emission::Oriented => 1,
-        Emission::Spot { .. } => 2,
+        // Bounded by what it would be without extent.
+        Emission::Oriented | Emission::Patch(_) => 1,
+        Emission::Spot { .. } => SPOT,
         Emission::Directional => 3,
     }
 }

@@ -74,7 +74,7 @@ fn check(lights: &[PointLight], groups: &[u32], trees: &LightClusters) {
                             emission,
                             match light.emission {
                                 Emission::Omni => ClusterEmission::Omni,
-                                Emission::Oriented => ClusterEmission::Oriented,
+                                Emission::Oriented | Emission::Patch(_) => ClusterEmission::Oriented,
                                 Emission::Spot { scale, offset } =>
                                     ClusterEmission::Spot(Envelope::of(scale, offset)),
                                 Emission::Directional => ClusterEmission::Directional,

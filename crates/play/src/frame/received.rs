@@ -1,0 +1,87 @@
+//! What a light lets arrive where indirect light starts.
+
+use super::settings::FrameSettings;
+use super::task::Received;
+use crate::prepared::PreparedScene;
+use crate::shadow_edges::Places;
+use crate::spread::PointPlaces;
+use glam::Vec3;
+use relight_render::irradiance::{irradiance_around, irradiance_at};
+use relight_render::lighting::Met;
+use relight_scene::light_set::LightSet;
+use relight_scene::surface::SurfaceHit;
+
+/// Where light arrives from which indirect light starts.
+#[derive(Clone, Copy)]
+pub(super) struct Starts<'a> {
+    /// Places of the finest points, if transfer makes light.
+    pub points: Option<&'a PointPlaces>,
+    /// Surface samples, if visibility cuts make the first bounce.
+    pub samples: Option<&'a [Option<SurfaceHit>]>,
+}
+
+/// A scene whose points and samples are lit.
+#[derive(Clone, Copy)]
+pub(super) struct Receiving<'a> {
+    pub prepared: &'a PreparedScene,
+    pub settings: &'a FrameSettings,
+}
+
+impl Receiving<'_> {
+    /// Irradiance of one light where indirect light starts.
+    pub fn of(&self, starts: Starts, lights: &LightSet, light: usize) -> Received {
+        if lights.is_dark(light) {
+            return Received {
+                points: starts.points.map(|places| vec![Vec3::ZERO; places.points()]),
+                samples: starts.samples.map(|hits| vec![Vec3::ZERO; hits.len()]),
+            };
+        }
+        let irradiance = |hits: &[Option<SurfaceHit>], footprint: f32| {
+            irradiance_at(
+                &self.prepared.scene,
+                lights,
+                light,
+                hits,
+                footprint,
+                self.settings.point_samples,
+                self.settings.seed,
+            )
+        };
+        Received {
+            points: starts.points.map(|places| {
+                let (mut lit, met) = irradiance(&places.hits, self.prepared.footprint());
+                self.soften(lights, light, &met, &mut lit);
+                places.means(lit)
+            }),
+            samples: starts.samples.map(|hits| irradiance(hits, 0.0).0),
+        }
+    }
+
+    /// Takes the mean over a point's surface where a shadow's edge passes it.
+    fn soften(&self, lights: &LightSet, light: usize, met: &[Met], lit: &mut [Vec3]) {
+        // Surfaces of the scene stand still, and what comes from all around has no edges.
+        if !self.settings.steady || lights.is_emissive(light) || lights.is_distant(light) {
+            return;
+        }
+        let around = |hits: &[Option<SurfaceHit>], runs: &[(usize, u32)]| {
+            irradiance_around(
+                &self.prepared.scene,
+                lights,
+                light,
+                hits,
+                runs,
+                self.prepared.footprint(),
+                self.settings.seed,
+            )
+        };
+        let Some(transfer) = &self.prepared.transfer else {
+            return;
+        };
+        let places = Places {
+            scene: &self.prepared.scene,
+            hits: &self.prepared.places.hits,
+            disk_radius: transfer.finest.disk_radius,
+        };
+        self.prepared.edges.soften(places, met, around, lit);
+    }
+}
