@@ -183,7 +183,8 @@ pub struct PointArgs {
     /// Directions for the sky of each sun [default: 5000].
     #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 16_777_216))]
     pub sky_samples: Option<u32>,
-    /// Virtual lights, which make indirect light.
+    /// Virtual lights, which make indirect light: at the asset's points, at most so many (lightcuts take all points), of an asset without
+    /// points so many where particles land; 0: none [default: 0].
     #[arg(long, value_name = "N", value_parser = whole::<u32>(0, 16_777_216))]
     pub vpls: Option<u32>,
     /// Largest share of the light at a pixel that a single virtual light may have; inf for no limit.

@@ -11,20 +11,16 @@ use relight_render::many_lights::{Stand, StandingLights};
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_end};
 use relight_transport::basis::NearestPoint;
 use relight_transport::point_light::Patch;
-use relight_transport::random::Stream;
 use std::f32::consts::{FRAC_1_PI, PI};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Places on a point's disk by which its area is measured: to some tenth each, which evens out over all.
 const LOOKED_AT: usize = 32;
 
-/// Stage of the random numbers that draw one of several cells.
-const STAGE: u32 = 0x7670;
-
 /// Half of a patch's thinner side, in roots of its area.
 const THINNEST: f32 = 0.125;
 
-/// Virtual lights at the points of an asset; made when they are first asked for, and kept for as long as as many are most.
+/// Virtual lights at the points of an asset; made when they are first asked for, and kept until another number is.
 #[derive(Debug, Default)]
 pub struct VirtualPoints(Mutex<Option<(usize, Arc<PointSets>)>>);
 
@@ -81,22 +77,10 @@ impl PointSets {
                 hit.map_or(Vec::new(), |hit| cells_of(surfaces, &nearest, &hit, point))
             })
             .collect();
-        let each: Vec<Stand> = cells.par_iter().map(stand).collect();
+        let each: Vec<Stand> = cells.par_iter().map(|cell| stand(&[cell])).collect();
         let sets = StandingLights::new(&each, diagonal).sets(most);
-        // One of each by chance: where a rectangle around all would reach through walls, light would be lost.
-        let stands: Vec<Stand> = (sets.iter().enumerate())
-            .map(|(number, set)| {
-                let area: f32 = set.iter().map(|&i| cells[i as usize].area).sum();
-                let mut left = area * Stream::new(0, STAGE, number as u64).uniform();
-                let drawn = set.iter().find(|&&i| {
-                    left -= cells[i as usize].area;
-                    left < 0.0
-                });
-                Stand {
-                    area,
-                    ..each[*drawn.unwrap_or(&set[0]) as usize]
-                }
-            })
+        let stands: Vec<Stand> = (sets.par_iter())
+            .map(|set| stand(&set.iter().map(|&i| &cells[i as usize]).collect::<Vec<_>>()))
             .collect();
         let of = |&i: &u32| (cells[i as usize].point, cells[i as usize].area);
         PointSets {
@@ -147,33 +131,38 @@ fn cells_of(surfaces: &dyn Surfaces, nearest: &NearestPoint, hit: &SurfaceHit, p
         .collect()
 }
 
-/// A virtual light for a cell: on the place nearest to its middle, with a rectangle that spreads as far as it does.
-fn stand(cell: &Cell) -> Stand {
-    let places = &cell.places;
-    let share = 1.0 / places.len() as f32;
-    let middle = places.iter().map(|place| place.position).sum::<Vec3>() * share;
+/// A virtual light for cells: on the place nearest to their middle, with a rectangle that spreads as far as they do.
+fn stand(cells: &[&Cell]) -> Stand {
+    let places = || {
+        cells.iter().flat_map(|cell| {
+            let share = cell.area / cell.places.len() as f32;
+            cell.places.iter().map(move |place| (place, share))
+        })
+    };
+    let area: f32 = cells.iter().map(|cell| cell.area).sum();
+    let middle = places()
+        .map(|(place, share)| place.position * share)
+        .sum::<Vec3>()
+        / area;
     let off = |place: &SurfaceHit| place.position.distance_squared(middle);
-    let nearest = places.iter().fold(
-        &places[0],
-        |best, place| {
-            if off(place) < off(best) { place } else { best }
-        },
-    );
+    let nearest = places().fold(&cells[0].places[0], |best, (place, _)| {
+        if off(place) < off(best) { place } else { best }
+    });
     let end = ray_end(nearest);
     let (u, v) = end.normal.any_orthonormal_pair();
     // The spread across the normal, and its axes.
     let (mut uu, mut uv, mut vv) = (0.0, 0.0, 0.0);
-    for place in places {
+    for (place, share) in places() {
         let aside = place.position - middle;
         let (a, b) = (aside.dot(u), aside.dot(v));
-        uu += share * a * a;
-        uv += share * a * b;
-        vv += share * b * b;
+        uu += share * a * a / area;
+        uv += share * a * b / area;
+        vv += share * b * b / area;
     }
     let (sin, cos) = (0.5 * (2.0 * uv).atan2(uu - vv)).sin_cos();
     let along = uu * cos * cos + 2.0 * uv * sin * cos + vv * sin * sin;
     // A rectangle's variance along a side is a third of its half's square. Few places may lie in a line.
-    let half = |variance: f32| (3.0 * variance).sqrt().max(THINNEST * cell.area.sqrt());
+    let half = |variance: f32| (3.0 * variance).sqrt().max(THINNEST * area.sqrt());
     let aside = middle - end.position;
     Stand {
         end,
@@ -184,6 +173,6 @@ fn stand(cell: &Cell) -> Stand {
                 (v * cos - u * sin) * half((uu + vv - along).max(0.0)),
             ],
         },
-        area: cell.area,
+        area,
     }
 }

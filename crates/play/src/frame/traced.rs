@@ -49,7 +49,12 @@ pub fn traced(
         let start = Instant::now();
         let settings = PointSettings { seed, ..*settings };
         let mut points = PointLights::that_shine(scene, lights, &settings);
-        let standing = add_standing(prepared, lights, frame, settings.vpls, &mut points, watch)?;
+        // A cut hardly grows with its tree: it takes them all.
+        let most = match tracer {
+            Tracer::Lightcuts { .. } if settings.vpls > 0 => u32::MAX,
+            _ => settings.vpls,
+        };
+        let standing = add_standing(prepared, lights, frame, most, &mut points, watch)?;
         if standing.is_none() {
             points.add_virtual(scene, &settings);
         }

@@ -63,6 +63,9 @@ impl StandingLights {
     /// At most `most` sets of lights that are near each other and face the same way, every light in one: those of a cut through the tree
     /// where what is wide is split first.
     pub fn sets(&self, most: usize) -> Vec<Vec<u32>> {
+        if most >= self.len() {
+            return (0..self.len() as u32).map(|light| vec![light]).collect();
+        }
         let size = |node: u32| {
             let node = &self.tree.nodes[node as usize];
             let (sin, _) = node.half_angle();

@@ -240,3 +240,39 @@ fn trees_do_not_depend_on_threads() {
 fn nodes_are_a_cache_line() {
     assert_eq!(size_of::<ClusterNode>(), 64);
 }
+
+/// Truth: sums of what was given, and the trees' own layout.
+#[test]
+fn trees_over_lights_that_stand_still_are_lit_anew_and_appended() {
+    let lights = mixed(64, |_| 1.0);
+    let trees = build(&lights, &[], 10.0, &BuildSettings::default());
+    let intensities: Vec<Vec3> = (0..64).map(|i| Vec3::splat((i % 5) as f32)).collect();
+    let lit = trees.lit_by(&intensities, 1);
+    let mut both = build(&lights, &[], 10.0, &BuildSettings::default());
+    both.append(&lit, 64, 7);
+    let first = trees.nodes.len() as u32;
+    for node in 0..first {
+        let (old, new) = (&trees.nodes[node as usize], &both.nodes[(first + node) as usize]);
+        assert_eq!((old.low, old.high, old.axis), (new.low, new.high, new.axis));
+        assert_eq!(trees.emission(node), both.emission(first + node));
+        let children = both.children(first + node);
+        assert_eq!(children, trees.children(node).map(|c| c.map(|c| c + first)));
+        let light = new.representative - 64;
+        let own = children.map_or(intensities[light as usize], |children| {
+            children.map(|c| both.nodes[c as usize].intensity).iter().sum()
+        });
+        assert!(
+            own.distance(new.intensity) <= 1e-6 * own.length(),
+            "{own} {}",
+            new.intensity
+        );
+        let is_lit = intensities[light as usize] != Vec3::ZERO;
+        assert!(
+            is_lit || own == Vec3::ZERO || children.is_none(),
+            "no dark light stands for lit ones"
+        );
+    }
+    for (old, new) in trees.roots.iter().zip(&both.roots[trees.roots.len()..]) {
+        assert_eq!((old.node + first, 7), (new.node, new.group));
+    }
+}
