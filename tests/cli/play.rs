@@ -435,16 +435,17 @@ fn the_numbers_of_points_are_options_and_rays_are_counted() {
             .args(more);
         json(&play.assert().success().get_output().stdout)["frames"][0].clone()
     };
-    let few = run(
-        "lightcuts",
-        &["--sun-samples", "3", "--sky-samples", "50", "--vpls", "200"],
-    );
+    let numbers = ["--sun-samples", "3", "--sky-samples", "50", "--vpls", "200"];
+    let few = run("pixelcuts", &numbers);
     let lights_of = |frame: &serde_json::Value| {
         frame["lights"].as_u64().unwrap() - frame["virtual_lights"].as_u64().unwrap()
     };
     assert_eq!(few["virtual_lights"], 200);
     assert!((40..=53).contains(&lights_of(&few)), "{few}");
     assert!(few["shadow_rays_per_pixel"].as_f64().unwrap() > 0.0, "{few}");
+    // Lightcuts take every point.
+    let all = run("lightcuts", &numbers);
+    assert!(all["virtual_lights"].as_u64().unwrap() > 200, "{all}");
     let text = complaint(play(&folder.path().join("f.exr")).args(["--sun-samples", "3"]), 2);
     assert!(text.contains("--sun-samples"), "{text}");
 }

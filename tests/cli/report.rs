@@ -295,6 +295,49 @@ fn what_a_report_baked_is_not_baked_again() {
     assert_eq!(assets(folder.path()), before);
 }
 
+/// Truth: `compare` of the frames that the report keeps.
+#[test]
+fn frames_in_a_row_tell_their_flicker() {
+    let folder = folder();
+    let mut command = relight();
+    command
+        .args(["report", cornell().to_str().unwrap(), "--lights"])
+        .arg(data("cornell_moving.lights.json"))
+        .arg("-o")
+        .arg(folder.path())
+        .args([
+            "--size", "24x24", "--json", "-q", "--frames", "0-3", "--budget", "0.001s",
+        ]);
+    let said = json(&command.assert().success().get_output().stdout);
+    let setting = &settings(&said)[0];
+    let layer = setting["layer"].as_str().unwrap();
+    let images = std::fs::read_dir(folder.path().join("images"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .find(|path| path.is_dir())
+        .unwrap();
+    let pattern = images.join("frame_####.exr");
+    let compared = relight()
+        .arg("compare")
+        .args([&pattern, &pattern])
+        .args(["--layer", if layer == "all" { "" } else { layer }, "--json"])
+        .assert()
+        .success();
+    let compared = json(&compared.get_output().stdout);
+    let flicker = number(setting, "flicker");
+    assert!(flicker > 0.0 && flicker < 2.0, "{flicker}");
+    assert!(
+        compared.to_string().contains(&setting["flicker"].to_string()),
+        "{flicker}: {compared}"
+    );
+    let (_, single) = shared();
+    assert!(
+        settings(single)
+            .iter()
+            .all(|setting| setting["flicker"].is_null())
+    );
+}
+
 #[test]
 fn references_of_another_size_are_refused_and_given_ones_are_taken() {
     let folder = folder();

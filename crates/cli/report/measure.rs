@@ -19,6 +19,7 @@ use crate::output;
 use crate::play::{self, FrameReport, Pace};
 use crate::signals::{self, Until};
 use relight_scene::image::Layers;
+use relight_scene::image::flicker::{Flicker, greys};
 use relight_scene::image::metrics::{Comparison, compare, relmse};
 use relight_scene::image::{Limits, read_exr, write_atomically};
 use relight_scene::scene::Scene;
@@ -434,6 +435,7 @@ fn judge(runs: &Runs, one: &mut Measured) -> Result<(), Failure> {
     let mut sums: BTreeMap<&'static str, Errors> = BTreeMap::new();
     let mut doubts: BTreeMap<&'static str, f64> = BTreeMap::new();
     let share = 1.0 / runs.references.len() as f64;
+    let mut frames: BTreeMap<&'static str, Vec<Vec<f32>>> = BTreeMap::new();
     for reference in runs.references {
         let image = read_exr(
             &one.images.join(format!("frame_{:04}.exr", reference.frame)),
@@ -449,6 +451,9 @@ fn judge(runs: &Runs, one: &mut Measured) -> Result<(), Failure> {
                 sum.flip += found.flip * share;
                 sum.p99 = sum.p99.max(found.relative_error_p99);
             }
+            if let Some(picture) = image.rgb(layer).filter(|_| runs.task.frames.step == 1) {
+                frames.entry(layer).or_default().push(greys(&picture));
+            }
             let halves = reference
                 .halves
                 .as_ref()
@@ -459,6 +464,11 @@ fn judge(runs: &Runs, one: &mut Measured) -> Result<(), Failure> {
         }
     }
     sums.values_mut().for_each(|sum| sum.rmse = sum.rmse.sqrt());
+    for (layer, frames) in frames {
+        if let Some(sum) = sums.get_mut(layer) {
+            sum.flicker = Flicker::of(frames).map(|flicker| flicker.p99);
+        }
+    }
     doubts.values_mut().for_each(|doubt| *doubt = doubt.sqrt());
     one.errors = sums;
     one.doubt = doubts;

@@ -33,6 +33,9 @@ pub struct Errors {
     pub flip: f64,
     /// Largest of the frames.
     pub p99: f64,
+    /// Second difference in time over the mean that one pixel in a hundred exceeds; `None` unless three frames or more that follow each other
+    /// were measured.
+    pub flicker: Option<f64>,
 }
 
 impl Errors {
@@ -219,6 +222,7 @@ impl Measured {
             bias: judged.bias,
             flip: judged.flip,
             p99: judged.p99,
+            flicker: judged.flicker,
             layers: &self.errors,
             peak_memory_bytes: self.peak_memory,
             pareto,
@@ -254,6 +258,7 @@ pub struct SettingSummary<'a> {
     bias: f64,
     flip: f64,
     p99: f64,
+    flicker: Option<f64>,
     layers: &'a BTreeMap<&'static str, Errors>,
     peak_memory_bytes: Option<u64>,
     pareto: bool,

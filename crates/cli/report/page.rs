@@ -21,7 +21,7 @@ const SCRIPT: &str = include_str!("page.js");
 pub fn csv(measured: &[Measured]) -> String {
     let mut text =
         "integrator,layer,label,ms_per_frame,ms_once_per_shot,bake_seconds,asset_bytes,error,rmse,relmse,\
-                    floor_relmse,error_indirect,bias,flip,p99,bake_rays,peak_memory_bytes,pareto,\
+                    floor_relmse,error_indirect,bias,flip,p99,flicker,bake_rays,peak_memory_bytes,pareto,\
          error_low,error_high,ms_spread,repetitions\n"
             .to_owned();
     for (m, pareto) in measured.iter().zip(pareto(measured)) {
@@ -30,7 +30,7 @@ pub fn csv(measured: &[Measured]) -> String {
         // Labels hold commas, never quotes.
         let _ = writeln!(
             text,
-            "{},{},\"{}\",{},{},{},{},{},{},{},{},{},{},{},{},{},{},{pareto},{},{},{},{}",
+            "{},{},\"{}\",{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{pareto},{},{},{},{}",
             m.setting.integrator,
             m.setting.layer,
             m.setting.label(),
@@ -46,6 +46,7 @@ pub fn csv(measured: &[Measured]) -> String {
             e.bias,
             e.flip,
             e.p99,
+            known(e.flicker),
             known(m.bake_rays().map(|rays| rays as f64)),
             known(m.peak_memory.map(|b| b as f64)),
             m.error_range()[1],

@@ -9,7 +9,7 @@ use std::fmt::Write;
 /// A column's head, and what it means.
 type Head = (&'static str, &'static str);
 
-const HEADS: [Head; 18] = [
+const HEADS: [Head; 19] = [
     ("No.", "number of the setting in the plots"),
     (
         "Setting",
@@ -35,6 +35,10 @@ const HEADS: [Head; 18] = [
     (
         "99th percentile",
         "relative error that one pixel in a hundred exceeds",
+    ),
+    (
+        "Flicker, %",
+        "what one pixel in a hundred changes by from frame to frame beyond an even change; measured of three frames or more in a row",
     ),
     ("Once, ms", "milliseconds of what a standing camera needs once"),
     ("Bake, s", "seconds of the bake"),
@@ -89,6 +93,8 @@ pub fn settings(page: &mut String, measured: &[Measured], planned: u32) {
             format!("{:+.2}", 100.0 * e.bias),
             format!("{:.4}", e.flip),
             format!("{:.3}", e.p99),
+            e.flicker
+                .map_or_else(|| "–".into(), |f| format!("{:.2}", 100.0 * f)),
             format!("{:.1}", m.once_ms()),
             known(bake),
             format!("{:.1}", m.seconds_of(planned)),
