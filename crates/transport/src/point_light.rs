@@ -60,7 +60,7 @@ pub struct Arrival {
     pub factor: f32,
 }
 
-/// Squared distance, in areas, up to which a patch is seen with its extent: beyond, one light is off by some hundredth.
+/// Squared distance, in areas, up to which a patch is seen with its extent: beyond, one light is off by some hundredths.
 const NEAR: f32 = 16.0;
 
 impl Patch {
@@ -194,7 +194,8 @@ mod tests {
         assert!(light(spot).arrival(aslant * 1.01).is_none());
     }
 
-    /// Truth: the patch as ten thousand lights without extent. Tolerance: what lies beyond [`NEAR`] is one light.
+    /// Truth: the patch as ten thousand lights without extent. Tolerance: their sum; of the two places beyond [`NEAR`], that one light stands for
+    /// the patch, along the surface more than above it.
     #[test]
     fn a_patch_lights_what_is_near_as_its_parts_do() {
         let axis = Vec3::new(0.3, -0.8, 0.2).normalize();
@@ -213,11 +214,11 @@ mod tests {
             }),
             ..oriented
         };
-        for (along, beside, away) in [
-            (0.0, 0.0, 0.15),
-            (0.5, -0.2, 0.15),
-            (0.3, 0.3, 1.2),
-            (1.5, 0.4, 0.3),
+        for (along, beside, away, tolerance) in [
+            (0.0, 0.0, 0.15, 0.01),
+            (0.5, -0.2, 0.15, 0.01),
+            (0.3, 0.3, 1.2, 0.02),
+            (1.5, 0.4, 0.3, 0.05),
         ] {
             let x = patch.position + u * along + v * beside + axis * away;
             let mut vector = Vec3::ZERO;
@@ -233,7 +234,7 @@ mod tests {
             let arrival = patch.arrival(x).unwrap();
             let found = arrival.direction * arrival.factor;
             assert!(
-                found.distance(vector) < 0.02 * vector.length(),
+                found.distance(vector) < tolerance * vector.length(),
                 "{found} {vector}"
             );
         }

@@ -85,7 +85,7 @@ fn messages_name_the_path_and_what_was_found() {
         (light(&format!(r#"{point}, "intensity": [1e300,1,1]"#)), "lights[0].intensity[0]: expected a number from 0 to 1e30, found 1e300"),
         (light(&format!(r#"{point}, "intensity": [1,1,1], "color": 3"#)), "lights[0].color: unknown field `color`, expected one of `center`, `position`, `intensity`"),
         (light(point), "lights[0]: missing field `intensity` (line 1, column 36)"),
-        (light(r#""type": "laser""#), "lights[0].type: unknown variant `laser`, expected one of `point`, `spot`, `directional`, `rect`, `rectangle`, `sphere`, `environment`, `sun_sky`, `emissive`"),
+        (light(r#""type": "laser""#), "lights[0].type: unknown variant `laser`, expected one of `point`, `spot`, `ies`, `directional`, `rect`, `rectangle`, `sphere`, `environment`, `sun_sky`, `emissive`"),
         (light(r#""type": "spot", "position": [0,0,0], "direction": [0,0,0], "outer_angle_deg": 10, "intensity": [1,1,1]"#), "lights[0].direction: expected a direction"),
         (light(r#""type": "spot", "position": [0,0,0], "direction": [0,1,0], "outer_angle_deg": 120, "intensity": [1,1,1]"#), "lights[0].outer_angle_deg: expected a number from 0 to 90, found 120"),
         (light(r#""type": "spot", "position": [0,0,0], "direction": [0,1,0], "inner_angle_deg": 30, "outer_angle_deg": 20, "intensity": [1,1,1]"#), "lights[0].inner_angle_deg: must not exceed"),
