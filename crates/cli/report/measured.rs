@@ -63,7 +63,7 @@ pub struct Measured {
     pub stages: BTreeMap<String, Vec<f64>>,
     /// Milliseconds of what a standing camera needs once.
     pub once: Vec<f64>,
-    /// By the names of [`LAYERS`]; those that the integrator makes.
+    /// By the names of the layers; those that the integrator makes.
     pub errors: BTreeMap<&'static str, Errors>,
     /// Seconds of the bake; `None` where no log says.
     pub bake_seconds: Option<f64>,
