@@ -10,26 +10,21 @@ const EVEN: &str = "IESNA:LM-63-1995\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0\n1 1 60\
 const DOWN: &str = "IES:LM-63-2019\r\nTILT=NONE\r\n1 -1 0.5 4 1 1 2 0 0 0\r\n1 1 60\r\n0 44.9 45 180\r\n0\r\n200 200 0 0\r\n";
 
 fn play(asset: &Path, lights: &Path, integrator: &str) -> Layers {
-    let frame = lights.with_extension("exr");
+    lit(asset, Some(lights), &lights.with_extension("exr"), integrator)
+}
+
+/// A frame by the asset's own lights or others.
+fn lit(asset: &Path, lights: Option<&Path>, frame: &Path, integrator: &str) -> Layers {
     let mut play = relight();
-    play.arg("play")
-        .arg(asset)
-        .arg("--lights")
-        .arg(lights)
-        .arg("-o")
-        .arg(&frame);
-    play.args([
-        "--size",
-        "32x32",
-        "--float",
-        "--spp",
-        "4",
-        "--integrator",
-        integrator,
-    ])
-    .assert()
-    .success();
-    read_exr(&frame, &Limits::default()).unwrap()
+    play.arg("play").arg(asset).arg("-o").arg(frame);
+    if let Some(lights) = lights {
+        play.arg("--lights").arg(lights);
+    }
+    play.args(["--size", "32x32", "--float", "--spp", "4"])
+        .args(["--integrator", integrator])
+        .assert()
+        .success();
+    read_exr(frame, &Limits::default()).unwrap()
 }
 
 /// The lamp in the Cornell box, of a type with these fields.
@@ -158,22 +153,7 @@ fn lamps_of_scenes_are_in_their_assets() {
             serde_json::json!(DOWN)
         ),
     );
-    let frame = folder.path().join("own.exr");
-    let mut own = relight();
-    own.arg("play").arg(&asset).arg("-o").arg(&frame);
-    own.args([
-        "--size",
-        "32x32",
-        "--float",
-        "--spp",
-        "4",
-        "--integrator",
-        "brute",
-    ])
-    .assert()
-    .success();
-    let own = read_exr(&frame, &Limits::default())
-        .unwrap()
+    let own = lit(&asset, None, &folder.path().join("own.exr"), "brute")
         .rgb("direct")
         .unwrap();
     let same = play(&asset, &lights, "brute").rgb("direct").unwrap();

@@ -36,7 +36,12 @@ fn flicker(
             Ok(lit.indirect.iter().map(|v| v.element_sum() / 3.0).collect())
         })
         .collect();
-    let found = Flicker::of(frames?).ok_or("no light")?;
+    percentiles(frames?, bounds, why)
+}
+
+/// How much frames flicker.
+fn percentiles(frames: Vec<Vec<f32>>, bounds: [f64; 3], why: &'static str) -> Measured {
+    let found = Flicker::of(frames).ok_or("no light")?;
     Ok(vec![
         Measure::new("median", found.median, bounds[0], why),
         Measure::new("99th percentile", found.p99, bounds[1], why),
@@ -79,18 +84,14 @@ fn virtual_lights(stage: &Stage, tracer: Tracer, bounds: [f64; 3]) -> Measured {
     let truth = frames(Integrator::Transfer)?;
     let mean = |frames: &[Vec<f32>]| frames.iter().flatten().map(|&v| f64::from(v)).sum::<f64>();
     let off = (mean(&found) / mean(&truth) - 1.0).abs();
-    let flicker = Flicker::of(found).ok_or("no light")?;
-    Ok(vec![
-        Measure::new("median", flicker.median, bounds[0], VIRTUAL),
-        Measure::new("99th percentile", flicker.p99, bounds[1], VIRTUAL),
-        Measure::new("99.9th percentile", flicker.p999, bounds[2], VIRTUAL),
-        Measure::new(
-            "mean indirect light against transfer's",
-            off,
-            0.1,
-            "rectangles lose what of them reaches through walls; cuts err by 2 % of a pixel each, on the dark side",
-        ),
-    ])
+    let mut measures = percentiles(found, bounds, VIRTUAL)?;
+    measures.push(Measure::new(
+        "mean indirect light against transfer's",
+        off,
+        0.1,
+        "rectangles lose what of them reaches through walls; cuts err by 2 % of a pixel each, on the dark side",
+    ));
+    Ok(measures)
 }
 
 /// Lights apart are all of them together.

@@ -187,7 +187,7 @@ pub struct PointArgs {
     /// points so many where particles land; 0: none [default: 0].
     #[arg(long, value_name = "N", value_parser = whole::<u32>(0, 16_777_216))]
     pub vpls: Option<u32>,
-    /// Largest share of the light at a pixel that a single virtual light may have; inf for no limit.
+    /// Largest share of the light at a pixel that a single virtual light of particles may have; inf for no limit. Those at points have none.
     #[arg(long, value_name = "SHARE", default_value_t = PointSettings::default().clamp, value_parser = above_0(f32::INFINITY, "; inf for no limit"))]
     pub clamp: f32,
 }

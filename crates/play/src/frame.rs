@@ -6,8 +6,7 @@
 //!
 //! [`light`] runs the stages: `direct` (shadow rays, or lightcuts), `environment` (visibility cuts of even
 //! directions), `indirect` (where a pixel's indirect light is made), `emission`. [`resolve`] makes pixels of fragments.
-//! [`traced`] makes frames by tracing; virtual lights alone
-//! take what the asset holds.
+//! [`traced`] makes frames by tracing; virtual lights alone take what the asset holds.
 
 mod direct;
 mod emission;

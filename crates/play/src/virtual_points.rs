@@ -7,8 +7,10 @@ use crate::spread::own_places;
 use crate::transfer::Transfer;
 use glam::Vec3;
 use rayon::prelude::*;
+use relight_render::lightcuts::diagonal;
 use relight_render::many_lights::{Stand, StandingLights};
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_end};
+use relight_scene::traced::TracedScene;
 use relight_transport::basis::NearestPoint;
 use relight_transport::point_light::Patch;
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -37,17 +39,16 @@ impl VirtualPoints {
     /// Virtual lights for all points, at most `most` together.
     pub fn get(
         &self,
-        surfaces: &dyn Surfaces,
+        scene: &TracedScene,
         transfer: &Transfer,
         points: &[Option<SurfaceHit>],
-        diagonal: f32,
         most: usize,
     ) -> Arc<PointSets> {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, sets)) = kept.as_ref().filter(|(of, _)| *of == most) {
             return Arc::clone(sets);
         }
-        let sets = Arc::new(PointSets::new(surfaces, transfer, points, diagonal, most));
+        let sets = Arc::new(PointSets::new(scene, transfer, points, most));
         *kept = Some((most, Arc::clone(&sets)));
         sets
     }
@@ -64,28 +65,35 @@ struct Cell {
 
 impl PointSets {
     fn new(
-        surfaces: &dyn Surfaces,
+        scene: &TracedScene,
         transfer: &Transfer,
         points: &[Option<SurfaceHit>],
-        diagonal: f32,
         most: usize,
     ) -> PointSets {
         let nearest = NearestPoint::new(&transfer.finest);
         let cells: Vec<Cell> = (points.par_iter().enumerate())
             .with_min_len(64)
             .flat_map_iter(|(point, hit)| {
-                hit.map_or(Vec::new(), |hit| cells_of(surfaces, &nearest, &hit, point))
+                hit.map_or(Vec::new(), |hit| cells_of(scene, &nearest, &hit, point))
             })
             .collect();
         let each: Vec<Stand> = cells.par_iter().map(|cell| stand(&[cell])).collect();
-        let sets = StandingLights::new(&each, diagonal).sets(most);
+        let of = |cell: &Cell| (cell.point, cell.area);
+        let diagonal = diagonal(scene);
+        let lights = StandingLights::new(&each, diagonal);
+        if cells.len() <= most {
+            let sets = cells.iter().map(|cell| vec![of(cell)]).collect();
+            return PointSets { lights, sets };
+        }
+        let sets = lights.sets(most);
         let stands: Vec<Stand> = (sets.par_iter())
             .map(|set| stand(&set.iter().map(|&i| &cells[i as usize]).collect::<Vec<_>>()))
             .collect();
-        let of = |&i: &u32| (cells[i as usize].point, cells[i as usize].area);
         PointSets {
             lights: StandingLights::new(&stands, diagonal),
-            sets: sets.iter().map(|set| set.iter().map(of).collect()).collect(),
+            sets: (sets.iter())
+                .map(|set| set.iter().map(|&i| of(&cells[i as usize])).collect())
+                .collect(),
         }
     }
 

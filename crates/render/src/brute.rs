@@ -93,7 +93,7 @@ pub fn render_points(picture: &Picture<'_>, points: &PointLights) -> Result<(Lay
                     reached.push((i, radiance));
                 }
             }
-            scene.passed(rays, &mut passed[..rays.len()], occluded);
+            scene.passed_packet(rays, &mut passed[..rays.len()], occluded);
             shadow_rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
             for (&(i, radiance), &passed) in reached.iter().zip(&passed) {
                 if passed == Vec3::ZERO {

@@ -46,9 +46,8 @@ pub(crate) fn direct_sample(
     if reflected == Vec3::ZERO {
         return None;
     }
-    let mut passed = [Vec3::ZERO];
-    scene.passed(&[shadow_ray(scene, hit, &sample)], &mut passed, &mut Vec::new());
-    (passed[0] != Vec3::ZERO).then(|| (reflected * sample.radiance_over_pdf * passed[0], sample))
+    let passed = scene.passed(&shadow_ray(scene, hit, &sample));
+    (passed != Vec3::ZERO).then(|| (reflected * sample.radiance_over_pdf * passed, sample))
 }
 
 /// Calls `visit(light, radiance, density)` for all light that leaves a surface, or an area light before it, or

@@ -83,7 +83,7 @@ pub fn trees(
             .collect();
         if let Some(standing) = standing.filter(|_| intensities.iter().any(|&i| i != Vec3::ZERO)) {
             trees.append(
-                &standing.tree_lit_by(&intensities, seed),
+                &standing.tree.lit_by(&intensities, seed),
                 set.start as u32,
                 group(set.start),
             );

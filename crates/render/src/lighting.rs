@@ -132,7 +132,7 @@ where
             }
             passed.clear();
             passed.resize(rays.len(), Vec3::ZERO);
-            scene.passed(rays, passed, occluded);
+            scene.passed_packet(rays, passed, occluded);
             for ((local, _), passed) in targets.iter().zip(passed.iter()) {
                 met[*local] |= if *passed == Vec3::ZERO { DARK } else { LIT };
             }

@@ -3,8 +3,8 @@
 //! Source: Walter et al. 2005, section 5 and appendix A. Points, spots and directionals map one to one; rectangles and
 //! emissive triangles become oriented lights on their surface, spheres omni lights inside them, environments
 //! directional lights ([`relight_scene::environment_strata`]), sun and sky 64 and 5000 of them, and indirect light
-//! virtual lights at what particles from all of these hit (`virtual_lights`), or at
-//! places that stand still, whose light the caller knows ([`StandingLights`]).
+//! virtual lights at what particles from all of these hit (`virtual_lights`), or at places that stand still,
+//! whose light the caller knows ([`StandingLights`]).
 //!
 //! Every set is unbiased: over all seeds, the mean irradiance of unoccluded points is that of the lights themselves.
 //! **Deviation:** what a light loses if it has fewer points than it has parts is spread over the rest, so its power is

@@ -61,9 +61,13 @@ pub trait Surfaces: Sync {
             *out = self.occluded(ray);
         }
     }
-    /// How much of the light along each ray gets through: 0 where something stops it, 1 where nothing is on the ray, between them
-    /// through panes; linear RGB. `occluded` is a buffer.
-    fn passed(&self, rays: &[Ray], passed: &mut [Vec3], occluded: &mut Vec<bool>) {
+    /// How much of the light along a ray gets through: 0 where something stops it, 1 where nothing is on the ray, between them
+    /// through panes; linear RGB.
+    fn passed(&self, ray: &Ray) -> Vec3 {
+        if self.occluded(ray) { Vec3::ZERO } else { Vec3::ONE }
+    }
+    /// [`Surfaces::passed`] of several rays; `occluded` is a buffer.
+    fn passed_packet(&self, rays: &[Ray], passed: &mut [Vec3], occluded: &mut Vec<bool>) {
         unshaded(self, rays, passed, occluded);
     }
     /// Colour of the panes that [`Surfaces::closest_hit`] has passed before `t`, linear RGB: what arrives from there is to be
@@ -76,7 +80,7 @@ pub trait Surfaces: Sync {
     fn albedo(&self, hit: &SurfaceHit) -> Vec3;
 }
 
-/// [`Surfaces::passed`] where light is stopped or is not.
+/// [`Surfaces::passed_packet`] where light is stopped or is not.
 pub(crate) fn unshaded<S: Surfaces + ?Sized>(
     surfaces: &S,
     rays: &[Ray],

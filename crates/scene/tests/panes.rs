@@ -47,9 +47,11 @@ fn fresnel(cos: f32) -> f32 {
 }
 
 fn passed(scene: &TracedScene, ray: Ray) -> Vec3 {
-    let mut passed = [Vec3::ZERO];
-    scene.passed(&[ray], &mut passed, &mut Vec::new());
-    passed[0]
+    let passed = scene.passed(&ray);
+    let mut together = [Vec3::ZERO; 2];
+    scene.passed_packet(&[ray, ray], &mut together, &mut Vec::new());
+    assert_eq!(together, [passed; 2]);
+    passed
 }
 
 fn ray(from: Vec3, direction: Vec3) -> Ray {

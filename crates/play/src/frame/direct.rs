@@ -57,13 +57,12 @@ impl Sums {
 }
 
 impl Task<'_> {
-    /// Irradiance of one light where indirect light starts.
-    pub fn received_of(&self, starts: Starts, lights: &LightSet, light: usize) -> Received {
+    /// What lights let arrive where indirect light starts.
+    pub fn receiving(&self) -> Receiving<'_> {
         Receiving {
             prepared: self.prepared,
             settings: self.settings,
         }
-        .of(starts, lights, light)
     }
 
     /// What fragments reflect of one light. `by_cuts`: visibility cuts have taken what is wide of environments.
@@ -114,9 +113,8 @@ impl Task<'_> {
         };
         if points {
             if let (Some(places), Some(sum)) = (starts.points, &mut sums.points) {
-                let footprint = self.prepared.footprint();
-                let (irradiance, stats) = many.irradiance_at(scene, &places.hits, footprint);
-                sum.add(places.means(irradiance));
+                let (irradiance, stats) = self.receiving().by_lightcuts(&many, places);
+                sum.add(irradiance);
                 used.points += stats;
             }
             if let (Some(hits), Some(sum)) = (starts.samples, &mut sums.samples) {

@@ -92,7 +92,7 @@ impl Shining<'_> {
     /// What a light lets arrive where indirect light starts, by shadow rays.
     fn received_of(&self, light: usize, task: &Task, starts: Starts, times: &mut FrameTimes) -> Received {
         let start = Instant::now();
-        let received = task.received_of(starts, self.shadowed, light);
+        let received = task.receiving().of(starts, self.shadowed, light);
         times.direct_points += milliseconds(start);
         received
     }

@@ -7,6 +7,7 @@ use crate::shadow_edges::Places;
 use crate::spread::PointPlaces;
 use glam::Vec3;
 use relight_render::irradiance::{irradiance_around, irradiance_at};
+use relight_render::lightcuts::{LightcutStats, ManyLights};
 use relight_render::lighting::Met;
 use relight_scene::light_set::LightSet;
 use relight_scene::surface::SurfaceHit;
@@ -55,6 +56,13 @@ impl Receiving<'_> {
             }),
             samples: starts.samples.map(|hits| irradiance(hits, 0.0).0),
         }
+    }
+
+    /// Irradiance of all lights at the finest points by lightcuts.
+    pub fn by_lightcuts(&self, many: &ManyLights, places: &PointPlaces) -> (Vec<Vec3>, LightcutStats) {
+        let footprint = self.prepared.footprint();
+        let (irradiance, stats) = many.irradiance_at(&self.prepared.scene, &places.hits, footprint);
+        (places.means(irradiance), stats)
     }
 
     /// Takes the mean over a point's surface where a shadow's edge passes it.

@@ -3,10 +3,10 @@
 use super::received::{Receiving, Starts};
 use super::settings::FrameSettings;
 use crate::prepared::PreparedScene;
-use crate::transfer::{Transfer, TransferStats};
+use crate::transfer::TransferStats;
 use crate::virtual_points::PointSets;
 use glam::Vec3;
-use relight_render::lightcuts::{AT_POINTS, ManyLights, diagonal, worthwhile};
+use relight_render::lightcuts::{AT_POINTS, ManyLights, worthwhile};
 use relight_render::many_lights::PointLights;
 use relight_render::sum::Sum;
 use relight_render::watch::{Cancelled, Watch, go_on};
@@ -29,9 +29,8 @@ pub(super) fn add_standing(
     let Some(transfer) = prepared.transfer.as_ref().filter(|_| most > 0) else {
         return Ok(None);
     };
-    let scene = &prepared.scene;
-    let sets =
-        (prepared.virtual_points).get(scene, transfer, &prepared.points, diagonal(scene), most as usize);
+    let sets = (prepared.virtual_points).get(&prepared.scene, transfer, &prepared.points, most as usize);
+    let receiving = Receiving { prepared, settings };
     let add = |points: &mut PointLights, direct: &[Vec3], source: usize| {
         let radiosity = transfer.radiosity_from_direct(direct, &mut TransferStats::default());
         points.add_standing(&sets.lights, &sets.intensities(&radiosity), source as u32);
@@ -39,47 +38,34 @@ pub(super) fn add_standing(
     if settings.light_layers {
         for light in (0..lights.len()).filter(|&light| !lights.is_dark(light)) {
             go_on(watch)?;
-            add(points, &received_of(prepared, settings, lights, light), light);
+            add(points, &received_of(receiving, lights, light), light);
         }
     } else {
-        add(points, &received(prepared, transfer, settings, lights, watch)?, 0);
+        add(points, &received(receiving, lights, watch)?, 0);
     }
     Ok(Some(sets))
 }
 
 /// Direct irradiance of one light at the finest points.
-fn received_of(
-    prepared: &PreparedScene,
-    settings: &FrameSettings,
-    lights: &LightSet<'_>,
-    light: usize,
-) -> Vec<Vec3> {
+fn received_of(receiving: Receiving, lights: &LightSet, light: usize) -> Vec<Vec3> {
     let starts = Starts {
-        points: Some(&prepared.places),
+        points: Some(&receiving.prepared.places),
         samples: None,
     };
-    let received = Receiving { prepared, settings }.of(starts, lights, light);
-    received.points.unwrap_or_default()
+    receiving.of(starts, lights, light).points.unwrap_or_default()
 }
 
 /// Direct irradiance of all lights at the finest points.
-fn received(
-    prepared: &PreparedScene,
-    transfer: &Transfer,
-    settings: &FrameSettings,
-    lights: &LightSet<'_>,
-    watch: &dyn Watch,
-) -> Result<Vec<Vec3>, Cancelled> {
+fn received(receiving: Receiving, lights: &LightSet, watch: &dyn Watch) -> Result<Vec<Vec3>, Cancelled> {
+    let Receiving { prepared, settings } = receiving;
     if worthwhile(lights, settings.point_samples, AT_POINTS) {
         let many = ManyLights::new(&prepared.scene, lights, settings.seed);
-        let places = &prepared.places;
-        let (irradiance, _) = many.irradiance_at(&prepared.scene, &places.hits, prepared.footprint());
-        return Ok(places.means(irradiance));
+        return Ok(receiving.by_lightcuts(&many, &prepared.places).0);
     }
-    let mut sum = Sum::Nothing(transfer.finest.len());
+    let mut sum = Sum::Nothing(prepared.places.points());
     for light in (0..lights.len()).filter(|&light| !lights.is_dark(light)) {
         go_on(watch)?;
-        sum.add(received_of(prepared, settings, lights, light));
+        sum.add(received_of(receiving, lights, light));
     }
     Ok(sum.rounded())
 }

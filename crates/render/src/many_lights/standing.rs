@@ -17,7 +17,8 @@ pub struct StandingLights {
     lights: Vec<PointLight>,
     /// Metres.
     clearances: Vec<f32>,
-    tree: LightClusters,
+    /// Clusters by area.
+    pub(crate) tree: LightClusters,
 }
 
 /// Where a virtual light stands, and what it stands for.
@@ -63,9 +64,6 @@ impl StandingLights {
     /// At most `most` sets of lights that are near each other and face the same way, every light in one: those of a cut through the tree
     /// where what is wide is split first.
     pub fn sets(&self, most: usize) -> Vec<Vec<u32>> {
-        if most >= self.len() {
-            return (0..self.len() as u32).map(|light| vec![light]).collect();
-        }
         let size = |node: u32| {
             let node = &self.tree.nodes[node as usize];
             let (sin, _) = node.half_angle();
@@ -98,11 +96,6 @@ impl StandingLights {
         }
         found.sort_unstable();
         found
-    }
-
-    /// The tree with these intensities.
-    pub(crate) fn tree_lit_by(&self, intensities: &[Vec3], seed: u64) -> LightClusters {
-        self.tree.lit_by(intensities, seed)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::emitters::Emitters;
 use super::form::LightForm;
-use super::shape::{Extent, LightSample, ReferencePoint, Shape, attenuate, luminance64, over, times};
+use super::shape::{Extent, LightSample, ReferencePoint, Shape, attenuate, from_point, luminance64, times};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
@@ -46,17 +46,8 @@ impl Shape for PointLight {
     }
 
     fn sample(&self, _: &dyn Emitters, at: &ReferencePoint, _: [f32; 3]) -> Option<LightSample> {
-        let d = self.position - at.position.as_dvec3();
-        let squared = d.length_squared();
-        let direction = d.try_normalize()?;
-        let falloff = self.cone.as_ref().map_or(1.0, |cone| cone.falloff(-direction));
-        Some(LightSample {
-            direction: direction.as_vec3(),
-            distance: squared.sqrt() as f32,
-            radiance_over_pdf: over(self.intensity * falloff, squared),
-            pdf: 0.0,
-            emitter: None,
-        })
+        let falloff = |direction| (self.cone.as_ref()).map_or(1.0, |cone| cone.falloff(direction));
+        from_point(self.position, at, |direction| self.intensity * falloff(direction))
     }
 
     fn importance(&self, from: DVec3) -> f64 {

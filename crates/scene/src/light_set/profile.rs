@@ -2,7 +2,7 @@
 
 use super::emitters::Emitters;
 use super::form::LightForm;
-use super::shape::{Extent, LightSample, ReferencePoint, Shape, attenuate, luminance64, over, times};
+use super::shape::{Extent, LightSample, ReferencePoint, Shape, attenuate, from_point, luminance64, times};
 use crate::photometry::{LampAxes, Photometry};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
@@ -22,17 +22,8 @@ impl Shape for ProfileLight {
     }
 
     fn sample(&self, _: &dyn Emitters, at: &ReferencePoint, _: [f32; 3]) -> Option<LightSample> {
-        let d = self.position - at.position.as_dvec3();
-        let squared = d.length_squared();
-        let direction = d.try_normalize()?;
-        let intensity = times(self.scale, self.profile.candela(&self.axes, -direction));
-        (intensity != Vec3::ZERO).then(|| LightSample {
-            direction: direction.as_vec3(),
-            distance: squared.sqrt() as f32,
-            radiance_over_pdf: over(intensity, squared),
-            pdf: 0.0,
-            emitter: None,
-        })
+        let intensity = |direction| times(self.scale, self.profile.candela(&self.axes, direction));
+        from_point(self.position, at, intensity).filter(|sample| sample.radiance_over_pdf != Vec3::ZERO)
     }
 
     fn importance(&self, from: DVec3) -> f64 {

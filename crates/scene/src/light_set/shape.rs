@@ -183,6 +183,24 @@ pub(super) fn luminance64(rgb: Vec3) -> f64 {
     f64::from(luminance(rgb))
 }
 
+/// A sample of a light without extent; `intensity_towards` a unit direction from it, W/sr. `None` on the light.
+pub(super) fn from_point(
+    position: DVec3,
+    at: &ReferencePoint,
+    intensity_towards: impl FnOnce(DVec3) -> Vec3,
+) -> Option<LightSample> {
+    let d = position - at.position.as_dvec3();
+    let squared = d.length_squared();
+    let direction = d.try_normalize()?;
+    Some(LightSample {
+        direction: direction.as_vec3(),
+        distance: squared.sqrt() as f32,
+        radiance_over_pdf: over(intensity_towards(-direction), squared),
+        pdf: 0.0,
+        emitter: None,
+    })
+}
+
 /// A sample of a light that has extent.
 pub(super) fn extended(direction: Vec3, distance: f64, radiance: Vec3, pdf: f64) -> LightSample {
     LightSample {

@@ -397,7 +397,15 @@ impl Surfaces for TracedScene {
         }
     }
 
-    fn passed(&self, rays: &[Ray], passed: &mut [Vec3], occluded: &mut Vec<bool>) {
+    fn passed(&self, ray: &Ray) -> Vec3 {
+        match self.panes {
+            true => self.passed_panes(ray),
+            false if self.occluded(ray) => Vec3::ZERO,
+            false => Vec3::ONE,
+        }
+    }
+
+    fn passed_packet(&self, rays: &[Ray], passed: &mut [Vec3], occluded: &mut Vec<bool>) {
         if !self.panes {
             unshaded(self, rays, passed, occluded);
             return;
