@@ -31,7 +31,7 @@ from codecs_of_spec import (
 from xxh3 import xxh3_64
 from zstd_frame import decompress
 
-VERSION = 3
+VERSION = 5
 MAGIC = bytes.fromhex("8b524c540d0a1a0a")
 KINDS = {
     1: "provenance",
@@ -49,8 +49,6 @@ KINDS = {
     13: "cuts",
     14: "parted",
 }
-# Versions of each section's layout that this reader decodes.
-VERSIONS = {name: {1} for name in KINDS.values()} | {"points": {1, 2, 3}, "links_transfer": {1, 2}}
 MOST_RECORD_BYTES = 16777216
 
 
@@ -80,7 +78,7 @@ def container(data):
         require(codec != 0 or raw == stored, f"{name}: as many raw bytes as stored")
         require(raw <= 1024 * stored, f"{name}: at most 1024 raw bytes for each stored")
         require(xxh3_64(data[offset:end]) == checksum, f"{name}: its checksum")
-        if layout not in VERSIONS.get(name, ()) or codec > 1:
+        if (name, layout) not in DECODE or codec > 1:
             require(flags == 0, f"{name}: unsupported, needs a reader of format version {needs}")
             continue
         body = data[offset:end]
@@ -394,6 +392,7 @@ def parted(cursor):
     return {"points": points, "parents": parents, "near": nearest}
 
 
+# By section and version of its layout: what this reader decodes.
 DECODE = {
     (name, 1): decode
     for name, decode in {
