@@ -31,7 +31,7 @@ from codecs_of_spec import (
 from xxh3 import xxh3_64
 from zstd_frame import decompress
 
-VERSION = 5
+VERSION = 6
 MAGIC = bytes.fromhex("8b524c540d0a1a0a")
 KINDS = {
     1: "provenance",
@@ -207,7 +207,7 @@ def materials(cursor, version=1):
 
     def alpha_mode():
         variant = cursor.u32()
-        most = 3 if version == 2 else 2
+        most = 3 if version >= 2 else 2
         require(variant <= most, f"an alpha mode of 0 to {most}, found {variant}")
         return (variant, r.floats(1) if variant in (1, 3) else None)
 
@@ -231,7 +231,41 @@ def materials(cursor, version=1):
             "emissive_texture": r.option(texture_ref),
         }
 
-    return r.list_of(material)
+    def extensions():
+        return {
+            "material": cursor.u32(),
+            "ior": r.floats(1),
+            "specular": r.floats(1),
+            "specular_color": r.floats(3),
+            "clearcoat": r.floats(1),
+            "clearcoat_roughness": r.floats(1),
+            "clearcoat_normal_scale": r.floats(1),
+            "sheen_color": r.floats(3),
+            "sheen_roughness": r.floats(1),
+            "anisotropy": r.floats(1),
+            "anisotropy_rotation": r.floats(1),
+            "iridescence": r.floats(1),
+            "iridescence_ior": r.floats(1),
+            "iridescence_thickness": r.floats(2),
+            "specular_texture": r.option(texture_ref),
+            "specular_color_texture": r.option(texture_ref),
+            "clearcoat_texture": r.option(texture_ref),
+            "clearcoat_roughness_texture": r.option(texture_ref),
+            "clearcoat_normal_texture": r.option(texture_ref),
+            "sheen_color_texture": r.option(texture_ref),
+            "sheen_roughness_texture": r.option(texture_ref),
+            "anisotropy_texture": r.option(texture_ref),
+            "iridescence_texture": r.option(texture_ref),
+            "iridescence_thickness_texture": r.option(texture_ref),
+        }
+
+    found = r.list_of(material)
+    for further in r.list_of(extensions) if version == 3 else []:
+        require(further["material"] < len(found), "extensions of a material that is there")
+        require("extensions" not in found[further["material"]], "extensions of each material once")
+        require(not any("extensions" in later for later in found[further["material"] :]), "extensions by rising material")
+        found[further.pop("material")]["extensions"] = further
+    return found
 
 
 def textures(cursor):
@@ -414,6 +448,7 @@ DECODE = {
 }
 # 6.3, version 2, 6.6, versions 2 and 3, and 6.7, version 2.
 DECODE["materials", 2] = lambda cursor: materials(cursor, version=2)
+DECODE["materials", 3] = lambda cursor: materials(cursor, version=3)
 DECODE["points", 2] = lambda cursor: points(cursor, version=2)
 DECODE["points", 3] = lambda cursor: points(cursor, version=3)
 DECODE["links_transfer", 2] = lambda cursor: links_transfer(cursor, bits=8)
@@ -431,6 +466,20 @@ def check_finite(name, value):
         require(np.isfinite(value).all(), f"{name}: finite numbers")
 
 
+def check_extensions(further, textures):
+    """6.3, version 3: the ranges, and textures that are there."""
+    shares = ("specular", "clearcoat", "clearcoat_roughness", "sheen_color", "sheen_roughness", "anisotropy", "iridescence")
+    for name, value in further.items():
+        if name.endswith("_texture"):
+            require(value is None or value["texture"] < textures, "materials: a texture that is there")
+        elif name in shares:
+            require(((value >= 0) & (value <= 1)).all(), f"materials: {name} of 0 to 1")
+        elif name in ("specular_color", "iridescence_thickness"):
+            require((value >= 0).all(), f"materials: {name} of at least 0")
+        elif name in ("ior", "iridescence_ior"):
+            require(((value >= 1) | ((value == 0) & (name == "ior"))).all(), f"materials: {name} of at least 1")
+
+
 def check_whole(asset):
     """What section 6 says of several sections together."""
     shapes = asset.get("geometry", {"meshes": [], "instances": []})
@@ -444,6 +493,7 @@ def check_whole(asset):
         for use in ("base_color", "metallic_roughness", "normal", "emissive"):
             texture = surface[f"{use}_texture"]
             require(texture is None or texture["texture"] < len(asset.get("textures", [])), "materials: a texture that is there")
+        check_extensions(surface.get("extensions", {}), len(asset.get("textures", [])))
     sizes = [len(level["positions"]) for level in asset.get("points", [])]
     require(sum(sizes) < 1 << 32, "points: at most 2^32 − 1")
     clusters = []

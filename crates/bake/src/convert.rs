@@ -6,7 +6,7 @@
 use glam::{Affine2, Vec3, Vec4};
 use relight_format as format;
 use relight_scene::camera::CameraTrack;
-use relight_scene::material::{AlphaMode, Material, Texture, TextureUse, Wrap};
+use relight_scene::material::{AlphaMode, Extensions, Material, Texture, TextureUse, Wrap};
 use relight_scene::scene::{Instance, Mesh, Scene};
 use relight_scene::sequence::{camera_to_json, stage_to_json};
 
@@ -21,6 +21,14 @@ pub fn geometry(scene: &Scene) -> format::Geometry {
 /// Materials, in the scene's order.
 pub fn materials(scene: &Scene) -> Vec<format::Material> {
     scene.materials.iter().map(material).collect()
+}
+
+/// What further extensions say of the materials that have any.
+pub fn material_extensions(scene: &Scene) -> Vec<format::MaterialExtensions> {
+    (0u32..)
+        .zip(&scene.materials)
+        .filter_map(|(index, material)| Some(extensions(index, material.extensions.as_ref()?)))
+        .collect()
 }
 
 /// Images with their samplers, in the scene's order.
@@ -117,6 +125,36 @@ fn material(material: &Material) -> format::Material {
     }
 }
 
+fn extensions(material: u32, e: &Extensions) -> format::MaterialExtensions {
+    let texture = |usage: Option<TextureUse>| usage.map(|usage| Box::new(texture_ref(usage)));
+    format::MaterialExtensions {
+        material,
+        ior: e.ior,
+        specular: e.specular,
+        specular_color: e.specular_color.to_array(),
+        clearcoat: e.clearcoat,
+        clearcoat_roughness: e.clearcoat_roughness,
+        clearcoat_normal_scale: e.clearcoat_normal_scale,
+        sheen_color: e.sheen_color.to_array(),
+        sheen_roughness: e.sheen_roughness,
+        anisotropy: e.anisotropy,
+        anisotropy_rotation: e.anisotropy_rotation,
+        iridescence: e.iridescence,
+        iridescence_ior: e.iridescence_ior,
+        iridescence_thickness: e.iridescence_thickness,
+        specular_texture: texture(e.specular_texture),
+        specular_color_texture: texture(e.specular_color_texture),
+        clearcoat_texture: texture(e.clearcoat_texture),
+        clearcoat_roughness_texture: texture(e.clearcoat_roughness_texture),
+        clearcoat_normal_texture: texture(e.clearcoat_normal_texture),
+        sheen_color_texture: texture(e.sheen_color_texture),
+        sheen_roughness_texture: texture(e.sheen_roughness_texture),
+        anisotropy_texture: texture(e.anisotropy_texture),
+        iridescence_texture: texture(e.iridescence_texture),
+        iridescence_thickness_texture: texture(e.iridescence_thickness_texture),
+    }
+}
+
 fn texture_ref(usage: TextureUse) -> format::TextureRef {
     let Affine2 {
         matrix2: m,
@@ -124,7 +162,7 @@ fn texture_ref(usage: TextureUse) -> format::TextureRef {
     } = usage.texture_from_mesh;
     format::TextureRef {
         texture: usage.texture,
-        // Sets are renumbered to those in use, of which a material has at most four.
+        // Sets are renumbered to those in use, of which there are at most eight.
         uv_set: u8::try_from(usage.uv_set).unwrap_or(u8::MAX),
         transform: [m.x_axis.x, m.y_axis.x, t.x, m.x_axis.y, m.y_axis.y, t.y],
     }

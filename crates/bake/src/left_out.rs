@@ -6,7 +6,7 @@ use crate::params::{BakeParams, Omittable};
 use glam::{Vec2, Vec3, Vec4};
 use relight_format::LeftOut;
 use relight_scene::light::LightKind;
-use relight_scene::material::{Material, TextureUse};
+use relight_scene::material::{AlphaMode, Extensions, Material, TextureUse};
 use relight_scene::scene::Scene;
 use relight_scene::sequence::{Sequence, stage_to_json};
 use relight_scene::traced::Shading;
@@ -127,6 +127,18 @@ fn glossy_maps(pruned: &mut Pruned) {
     for material in &mut pruned.scene.materials {
         count += usize::from(material.normal_texture.take().is_some());
         count += usize::from(material.metallic_roughness_texture.take().is_some());
+        if let Some(extensions) = material.extensions.take() {
+            count += extensions.textures().into_iter().flatten().count();
+            // What a pane mirrors decides what passes.
+            if let AlphaMode::Pane { .. } = material.alpha_mode {
+                material.extensions = Some(Box::new(Extensions {
+                    ior: extensions.ior,
+                    specular: extensions.specular,
+                    specular_color: extensions.specular_color,
+                    ..Extensions::default()
+                }));
+            }
+        }
     }
     if count > 0 {
         note(
@@ -144,9 +156,9 @@ fn tangents(pruned: &mut Pruned) {
     } = &mut pruned.scene;
     let (mut count, mut bytes) = (0, 0);
     for mesh in meshes {
-        let used = materials
-            .get(mesh.material as usize)
-            .is_some_and(|m| m.normal_texture.is_some());
+        let used = materials.get(mesh.material as usize).is_some_and(|m| {
+            m.normal_texture.is_some() || m.extensions.as_ref().is_some_and(|e| e.needs_tangents())
+        });
         if !used && !mesh.tangents.is_empty() {
             count += 1;
             bytes += mesh.tangents.len() * 5;
@@ -155,19 +167,17 @@ fn tangents(pruned: &mut Pruned) {
     }
     if count > 0 {
         let what = format!("tangents of {}", plural(count, "mesh").replace("meshs", "meshes"));
-        note(&mut pruned.left_out, what, "no normal map uses them", bytes);
+        note(
+            &mut pruned.left_out,
+            what,
+            "neither a normal map nor an anisotropic lobe uses them",
+            bytes,
+        );
     }
 }
 
 fn uses(material: &mut Material) -> impl Iterator<Item = &mut TextureUse> {
-    [
-        &mut material.base_color_texture,
-        &mut material.metallic_roughness_texture,
-        &mut material.normal_texture,
-        &mut material.emission_texture,
-    ]
-    .into_iter()
-    .flatten()
+    material.source_textures_mut().flatten()
 }
 
 /// Keeps the sets that a mesh's material looks up, renumbered.
@@ -243,10 +253,7 @@ fn textures(pruned: &mut Pruned) {
             uses(material).for_each(|usage| used[usage.texture as usize] = true);
         } else {
             // No triangle shows it: it stays for its name and number alone.
-            material.base_color_texture = None;
-            material.metallic_roughness_texture = None;
-            material.normal_texture = None;
-            material.emission_texture = None;
+            material.source_textures_mut().for_each(|usage| *usage = None);
         }
     }
     let mut new_index = Vec::with_capacity(used.len());

@@ -11,7 +11,7 @@ use relight_render::expose::expose;
 use relight_scene::bsdf::hemispherical_albedo;
 use relight_scene::environment::uv_from_direction;
 use relight_scene::light::{EnvironmentMap, LightKind};
-use relight_scene::material::Material;
+use relight_scene::material::{Extensions, Material};
 use relight_scene::scene::Mesh;
 use relight_scene::traced::{Shading, TracedScene};
 use std::sync::Arc;
@@ -30,55 +30,148 @@ fn glossy(roughness: f32, metallic: f32) -> Material {
     }
 }
 
-/// A white glossy sphere in an even sky, traced: it can show no more light than comes.
+/// White glossy spheres in an even sky, traced: they can show no more light than comes.
 fn white_sphere(stage: &Stage) -> Measured {
     let mut measures = Vec::new();
     for metallic in [0.0f32, 1.0] {
         for roughness in ROUGHNESS {
-            let ball = scene(
-                vec![(sphere(16, false), glossy(roughness, metallic))],
-                Vec3::new(0.0, 0.0, 3.0),
-                Vec3::ZERO,
-            );
-            let traced = TracedScene::new(Arc::new(ball), Shading::Full).map_err(|e| e.to_string())?;
-            let camera = traced.scene().cameras[0].at(0.0);
-            let layers = stage.traced(&traced, &[sky(1.0)])?;
-            let beauty = layers.rgb("beauty").unwrap_or_default().pixels;
-            let broken = beauty
-                .iter()
-                .flatten()
-                .filter(|v| !v.is_finite() || **v < 0.0)
-                .count();
-            let all = beauty.iter().map(|p| f64::from(p[0])).sum::<f64>() / beauty.len().max(1) as f64;
-            let name = format!(
-                "{} of roughness {roughness}",
-                ["dielectric", "metal"][metallic as usize]
-            );
-            measures.push(Measure::none(
-                format!("{name}: broken pixels"),
-                broken,
-                "light is a number, not negative",
-            ));
-            measures.push(Measure::new(
-                format!("{name}: light over the sky's, less 1"),
-                all - 1.0,
-                0.01,
-                "no surface makes light; noise of 36,864 paths",
-            ));
-            // Total reflectances of what the camera sees.
-            let seen = expose(&traced, &camera, SIZE, SIZE, 1);
-            let most = (seen.points.iter().flatten())
-                .map(|p| f64::from(hemispherical_albedo(p).max_element()))
-                .fold(0.0, f64::max);
-            measures.push(Measure::new(
-                format!("{name}: albedo"),
-                most,
-                1.0,
-                "no surface makes light",
-            ));
+            let kind = ["dielectric", "metal"][metallic as usize];
+            let name = format!("{kind} of roughness {roughness}");
+            white(stage, &name, glossy(roughness, metallic), &mut measures)?;
         }
     }
     Ok(measures)
+}
+
+/// The same under every extension of glTF's materials.
+fn white_extensions(stage: &Stage) -> Measured {
+    let mut measures = Vec::new();
+    let none = Extensions::default;
+    for (name, extensions) in [
+        ("index of 2.4", Extensions { ior: 2.4, ..none() }),
+        ("index of 0", Extensions { ior: 0.0, ..none() }),
+        (
+            "half a coloured specular",
+            Extensions {
+                specular: 0.5,
+                specular_color: Vec3::new(9.0, 1.0, 0.0),
+                ..none()
+            },
+        ),
+        (
+            "clearcoat",
+            Extensions {
+                clearcoat: 1.0,
+                ..none()
+            },
+        ),
+        (
+            "rough clearcoat",
+            Extensions {
+                clearcoat: 1.0,
+                clearcoat_roughness: 0.7,
+                ..none()
+            },
+        ),
+        (
+            "sharp sheen",
+            Extensions {
+                sheen_color: Vec3::ONE,
+                ..none()
+            },
+        ),
+        (
+            "sheen",
+            Extensions {
+                sheen_color: Vec3::ONE,
+                sheen_roughness: 0.5,
+                ..none()
+            },
+        ),
+        (
+            "anisotropy",
+            Extensions {
+                anisotropy: 0.8,
+                ..none()
+            },
+        ),
+        (
+            "iridescence",
+            Extensions {
+                iridescence: 1.0,
+                iridescence_ior: 2.0,
+                ..none()
+            },
+        ),
+        (
+            "all",
+            Extensions {
+                ior: 1.8,
+                clearcoat: 0.7,
+                sheen_color: Vec3::new(1.0, 0.5, 0.1),
+                sheen_roughness: 0.3,
+                anisotropy: 0.6,
+                iridescence: 0.5,
+                ..none()
+            },
+        ),
+    ] {
+        for (metallic, roughness) in [(0.0f32, 0.1f32), (0.0, 0.6), (1.0, 0.3)] {
+            let kind = ["dielectric", "metal"][metallic as usize];
+            let material = Material {
+                extensions: Some(Box::new(extensions.clone())),
+                ..glossy(roughness, metallic)
+            };
+            white(
+                stage,
+                &format!("{name} over {kind} of roughness {roughness}"),
+                material,
+                &mut measures,
+            )?;
+        }
+    }
+    Ok(measures)
+}
+
+/// A sphere in an even sky: its light, and the total reflectances of what the camera sees.
+fn white(stage: &Stage, name: &str, material: Material, measures: &mut Vec<Measure>) -> Result<(), String> {
+    let ball = scene(
+        vec![(sphere(16, false), material)],
+        Vec3::new(0.0, 0.0, 3.0),
+        Vec3::ZERO,
+    );
+    let traced = TracedScene::new(Arc::new(ball), Shading::Full).map_err(|e| e.to_string())?;
+    let camera = traced.scene().cameras[0].at(0.0);
+    let layers = stage.traced(&traced, &[sky(1.0)])?;
+    let beauty = layers.rgb("beauty").unwrap_or_default().pixels;
+    let broken = beauty
+        .iter()
+        .flatten()
+        .filter(|v| !v.is_finite() || **v < 0.0)
+        .count();
+    let all = beauty.iter().map(|p| f64::from(p[0])).sum::<f64>() / beauty.len().max(1) as f64;
+    measures.push(Measure::none(
+        format!("{name}: broken pixels"),
+        broken,
+        "light is a number, not negative",
+    ));
+    measures.push(Measure::new(
+        format!("{name}: light over the sky's, less 1"),
+        all - 1.0,
+        0.01,
+        "no surface makes light; noise of 36,864 paths",
+    ));
+    let seen = expose(&traced, &camera, SIZE, SIZE, 1);
+    let most = (seen.points.iter().flatten())
+        .map(|p| f64::from(hemispherical_albedo(p).max_element()))
+        .fold(0.0, f64::max);
+    measures.push(Measure::new(
+        format!("{name}: albedo"),
+        most,
+        1.0,
+        "no surface makes light",
+    ));
+    Ok(())
 }
 
 /// Glossy spheres in a room, by transfer, under a lamp, a panel and a sky.
@@ -280,6 +373,12 @@ pub fn cases() -> Vec<Case> {
             false,
             "white surfaces of any roughness show no more light than comes",
             white_sphere,
+        ),
+        Case::new(
+            "material/extensions",
+            false,
+            "the same under clearcoat, sheen, thin films, anisotropic lobes and other indices",
+            white_extensions,
         ),
         Case::new(
             "material/in-a-room",

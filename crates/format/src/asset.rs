@@ -14,6 +14,8 @@ pub struct Asset {
     pub geometry: Geometry,
     /// Materials, indexed by [`Mesh::material`].
     pub materials: Vec<Material>,
+    /// What further extensions say of some of them, by rising material, at most once each.
+    pub material_extensions: Vec<MaterialExtensions>,
     /// Images, indexed by [`TextureRef::texture`].
     pub textures: Vec<Texture>,
     /// Cameras, lights and animations of the scene.
@@ -185,6 +187,91 @@ impl Default for Material {
             metallic_roughness_texture: None,
             normal_texture: None,
             emissive_texture: None,
+        }
+    }
+}
+
+/// What KHR_materials_ior, _specular, _clearcoat, _sheen, _anisotropy and _iridescence say of a material. All values finite.
+#[derive(Debug, Clone, PartialEq, Encode, Decode)]
+pub struct MaterialExtensions {
+    /// Index into [`Asset::materials`].
+    pub material: u32,
+    /// Index of refraction of the dielectric, at least 1, or 0 for one that mirrors all light.
+    pub ior: f32,
+    /// Strength of the dielectric's reflection, 0 to 1.
+    pub specular: f32,
+    /// Its colour at normal incidence, linear RGB, not negative.
+    pub specular_color: [f32; 3],
+    /// Strength of the clearcoat, 0 to 1.
+    pub clearcoat: f32,
+    /// Perceptual roughness of the clearcoat, 0 to 1.
+    pub clearcoat_roughness: f32,
+    /// Scale of the clearcoat normal texture's x and y.
+    pub clearcoat_normal_scale: f32,
+    /// Colour of the sheen, linear RGB, 0 to 1.
+    pub sheen_color: [f32; 3],
+    /// Perceptual roughness of the sheen, 0 to 1.
+    pub sheen_roughness: f32,
+    /// How much rougher the lobe is along the tangent, 0 to 1.
+    pub anisotropy: f32,
+    /// Turns the tangent towards the bitangent, radians.
+    pub anisotropy_rotation: f32,
+    /// Strength of the thin film, 0 to 1.
+    pub iridescence: f32,
+    /// Index of refraction of the film, at least 1.
+    pub iridescence_ior: f32,
+    /// Thickness of the film where its texture is 0 and where it is 1 or absent, nanometres, not negative.
+    pub iridescence_thickness: [f32; 2],
+    /// Strength of the reflection in alpha, linear.
+    pub specular_texture: Option<Box<TextureRef>>,
+    /// sRGB.
+    pub specular_color_texture: Option<Box<TextureRef>>,
+    /// Strength in red, linear.
+    pub clearcoat_texture: Option<Box<TextureRef>>,
+    /// Roughness in green, linear.
+    pub clearcoat_roughness_texture: Option<Box<TextureRef>>,
+    /// Tangent-space normals, linear.
+    pub clearcoat_normal_texture: Option<Box<TextureRef>>,
+    /// sRGB.
+    pub sheen_color_texture: Option<Box<TextureRef>>,
+    /// Roughness in alpha, linear.
+    pub sheen_roughness_texture: Option<Box<TextureRef>>,
+    /// Direction in red and green, strength in blue, linear.
+    pub anisotropy_texture: Option<Box<TextureRef>>,
+    /// Strength in red, linear.
+    pub iridescence_texture: Option<Box<TextureRef>>,
+    /// Thickness in green, linear.
+    pub iridescence_thickness_texture: Option<Box<TextureRef>>,
+}
+
+impl Default for MaterialExtensions {
+    /// The extensions' defaults, of material 0.
+    fn default() -> Self {
+        MaterialExtensions {
+            material: 0,
+            ior: 1.5,
+            specular: 1.0,
+            specular_color: [1.0; 3],
+            clearcoat: 0.0,
+            clearcoat_roughness: 0.0,
+            clearcoat_normal_scale: 1.0,
+            sheen_color: [0.0; 3],
+            sheen_roughness: 0.0,
+            anisotropy: 0.0,
+            anisotropy_rotation: 0.0,
+            iridescence: 0.0,
+            iridescence_ior: 1.3,
+            iridescence_thickness: [100.0, 400.0],
+            specular_texture: None,
+            specular_color_texture: None,
+            clearcoat_texture: None,
+            clearcoat_roughness_texture: None,
+            clearcoat_normal_texture: None,
+            sheen_color_texture: None,
+            sheen_roughness_texture: None,
+            anisotropy_texture: None,
+            iridescence_texture: None,
+            iridescence_thickness_texture: None,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::assets::{pane_asset, short_asset, wide_asset, widened_asset};
+use common::assets::{extended_asset, pane_asset, short_asset, wide_asset, widened_asset};
 use common::small_asset;
 use proptest::prelude::*;
 use relight_format::*;
@@ -89,6 +89,31 @@ fn panes_come_back_and_only_they_need_a_newer_reader() {
             .to_string()
             .contains("transmission")
     );
+}
+
+#[test]
+fn extensions_of_materials_come_back_and_only_they_need_a_newer_reader() {
+    let asset = extended_asset();
+    let bytes = write_asset(&asset).unwrap();
+    let read = read_asset(&bytes, &Limits::default()).unwrap();
+    assert_eq!(read.materials, asset.materials);
+    assert_eq!(read.material_extensions, asset.material_extensions);
+    let sections = common::sections_of(&bytes);
+    let materials = (sections.iter())
+        .find(|s| s.kind == layout::Kind::Materials as u32)
+        .unwrap();
+    assert_eq!((materials.version, materials.needs), (3, 6));
+    let refused = |change: fn(&mut Asset)| {
+        let mut asset = asset.clone();
+        change(&mut asset);
+        write_asset(&asset).unwrap_err().to_string()
+    };
+    assert!(refused(|a| a.material_extensions[0].ior = 0.5).contains("indices of refraction"));
+    assert!(refused(|a| a.material_extensions[0].clearcoat = 1.5).contains("within their ranges"));
+    assert!(refused(|a| a.material_extensions[0].anisotropy_rotation = f32::NAN).contains("finite"));
+    assert!(refused(|a| a.material_extensions[0].material = 99).contains("material"));
+    assert!(refused(|a| a.material_extensions.push(a.material_extensions[0].clone())).contains("each once"));
+    assert!(refused(|a| a.textures.clear()).contains("texture"));
 }
 
 #[test]

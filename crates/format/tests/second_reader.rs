@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::assets::{empty_asset, pane_asset, short_asset, wide_asset, widened_asset};
+use common::assets::{empty_asset, extended_asset, pane_asset, short_asset, wide_asset, widened_asset};
 use common::{Forged, dump, fixtures, forge, sections_of, small_asset};
 use relight_format::*;
 use std::path::{Path, PathBuf};
@@ -88,6 +88,7 @@ fn both_readers_find_the_same_in_what_is_written_now() {
         empty_asset(),
         short_asset(),
         pane_asset(),
+        extended_asset(),
     ];
     for (i, asset) in assets.iter().enumerate() {
         let file = folder.path().join(format!("{i}.relight"));
@@ -105,7 +106,13 @@ fn both_readers_refuse_the_same_forgeries() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let mut forgeries = Vec::new();
-    for asset in [small_asset(), wide_asset(), short_asset(), pane_asset()] {
+    for asset in [
+        small_asset(),
+        wide_asset(),
+        short_asset(),
+        pane_asset(),
+        extended_asset(),
+    ] {
         forgeries.extend(forged_from(&write_asset(&asset).unwrap()));
     }
     forgeries.extend(disputable(&sections_of(&write_asset(&small_asset()).unwrap())));
@@ -250,6 +257,7 @@ fn write_the_fixtures() {
         ("nothing", empty_asset()),
         ("short", short_asset()),
         ("widened", widened_asset()),
+        ("extended", extended_asset()),
     ] {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!(
             "tests/fixtures/version_{}_{name}.relight",

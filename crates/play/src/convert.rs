@@ -2,7 +2,7 @@
 
 use glam::{Affine2, Affine3A, Mat2, Mat3A, Vec2, Vec3, Vec3A, Vec4};
 use relight_format as format;
-use relight_scene::material::{AlphaMode, Material, Texture, TextureUse, Wrap};
+use relight_scene::material::{AlphaMode, Extensions, Material, Texture, TextureUse, Wrap};
 use relight_scene::scene::{Instance, Mesh};
 
 /// Meshes, in the asset's order. Takes the arrays over where their layout allows.
@@ -63,6 +63,36 @@ pub fn material(material: format::Material) -> Material {
         unlit: material.unlit,
         name: material.name,
         ..Material::default()
+    }
+}
+
+/// What further extensions say of a material.
+pub fn extensions(e: format::MaterialExtensions) -> Extensions {
+    let texture = |usage: Option<Box<format::TextureRef>>| usage.map(|usage| texture_use(*usage));
+    Extensions {
+        ior: e.ior,
+        specular: e.specular,
+        specular_color: e.specular_color.into(),
+        clearcoat: e.clearcoat,
+        clearcoat_roughness: e.clearcoat_roughness,
+        clearcoat_normal_scale: e.clearcoat_normal_scale,
+        sheen_color: e.sheen_color.into(),
+        sheen_roughness: e.sheen_roughness,
+        anisotropy: e.anisotropy,
+        anisotropy_rotation: e.anisotropy_rotation,
+        iridescence: e.iridescence,
+        iridescence_ior: e.iridescence_ior,
+        iridescence_thickness: e.iridescence_thickness,
+        specular_texture: texture(e.specular_texture),
+        specular_color_texture: texture(e.specular_color_texture),
+        clearcoat_texture: texture(e.clearcoat_texture),
+        clearcoat_roughness_texture: texture(e.clearcoat_roughness_texture),
+        clearcoat_normal_texture: texture(e.clearcoat_normal_texture),
+        sheen_color_texture: texture(e.sheen_color_texture),
+        sheen_roughness_texture: texture(e.sheen_roughness_texture),
+        anisotropy_texture: texture(e.anisotropy_texture),
+        iridescence_texture: texture(e.iridescence_texture),
+        iridescence_thickness_texture: texture(e.iridescence_thickness_texture),
     }
 }
 

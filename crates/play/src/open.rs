@@ -125,10 +125,17 @@ pub(crate) fn opened(mut asset: Asset, path: &Path, sections: Sections) -> Resul
         Sections::All => transfer(&mut asset, path)?,
         Sections::Scene => None,
     };
+    let mut materials: Vec<_> = asset.materials.into_iter().map(convert::material).collect();
+    for extensions in asset.material_extensions {
+        let index = extensions.material as usize;
+        if let Some(material) = materials.get_mut(index) {
+            material.extensions = Some(Box::new(convert::extensions(extensions)));
+        }
+    }
     let scene = Arc::new(Scene {
         meshes: convert::meshes(asset.geometry.meshes),
         instances: (asset.geometry.instances.iter()).map(convert::instance).collect(),
-        materials: asset.materials.into_iter().map(convert::material).collect(),
+        materials,
         textures: (asset.textures.into_iter().enumerate())
             .map(convert::texture)
             .collect(),

@@ -220,11 +220,7 @@ pub(crate) fn follow_mirrors(
         // The middle of the lobe: with u = 0 the visible normal is the normal but for α.
         let normal = view.point.shading_normal;
         let wi = (normal * (2.0 * normal.dot(view.wo)) - view.wo).normalize();
-        view.throughput *= bsdf::albedo::specular(
-            view.point.f0,
-            view.point.alpha,
-            normal.dot(view.wo).clamp(0.0, 1.0),
-        );
+        view.throughput *= bsdf::albedo::specular(&view.point, normal.dot(view.wo).clamp(0.0, 1.0));
         let ray: Ray = ray_from(&view.hit, wi);
         let next = scene.closest_hit(&ray);
         light_met(
@@ -247,7 +243,11 @@ pub(crate) fn follow_mirrors(
 
 /// A metal as smooth as materials can be.
 fn is_mirror(point: &ShadingPoint) -> bool {
-    !point.lambert && point.gloss == Gloss::Ggx && point.alpha <= MIN_ALPHA && point.diffuse == Vec3::ZERO
+    !point.lambert
+        && point.gloss == Gloss::Ggx
+        && point.alpha <= MIN_ALPHA
+        && point.diffuse == Vec3::ZERO
+        && point.layers.is_none()
 }
 
 #[cfg(test)]

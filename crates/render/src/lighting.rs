@@ -223,7 +223,8 @@ impl<'a> Receivers<'a> {
 
 /// Whether a lobe is so narrow that samples of a light may miss what it reflects.
 fn is_narrow(point: &ShadingPoint) -> bool {
-    !point.lambert && (point.gloss != Gloss::Ggx || point.alpha < WIDE)
+    let coat = (point.layers.as_ref()).is_some_and(|layers| layers.coat > 0.0 && layers.coat_alpha < WIDE);
+    !point.lambert && (point.gloss != Gloss::Ggx || point.alpha < WIDE || coat)
 }
 
 /// Adds to `out` the radiance that each receiver sends towards its viewer after one reflection of one light. `run_of` says whose sequence a place's samples are taken from ([`own_run`] for its own), and

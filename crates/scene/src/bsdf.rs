@@ -18,20 +18,28 @@
 //! the directional albedos of the two parts (tables of [`albedo`]). It is 1 wherever the printed sum conserves
 //! energy, and symmetric, so that reciprocity holds.
 //!
+//! What glTF's extensions change: f0 and the 1 beside it (KHR_materials_ior, _specular, _iridescence), which take the most reflective
+//! channel's share from all of the diffuse part; [`anisotropic`] lobes; [`layers`] of sheen and clearcoat over all of it.
+//!
 //! Sampling: one lobe, chosen by its albedo; the specular one by visible normals (Heitz 2018, in the form of
 //! Dupuy and Benyoub 2023), the diffuse one by cosine. The density is that of the mixture.
 
 pub mod albedo;
+mod anisotropic;
 pub mod bounds;
 mod eval;
+#[cfg(test)]
+mod extension_tests;
 mod frame;
 mod integrate;
+mod layers;
 mod lobe;
 mod microfacet;
 mod mixture;
 #[cfg(test)]
 mod model_tests;
 mod phong;
+mod sheen;
 #[cfg(test)]
 mod tests;
 mod ward;
@@ -41,3 +49,4 @@ pub use eval::{BsdfSample, diffuse_reflectance, eval, lobe_albedo, pdf, sample, 
 pub use integrate::{Incident, Viewed, integrate, integrate_diffuse, irradiance};
 pub use lobe::{Lobe, at_least_as_wide, lobe, spread_by_normals, width_facing};
 pub use phong::{MAX_EXPONENT, exponent_of_alpha};
+pub use sheen::MIN_SHEEN_ALPHA;

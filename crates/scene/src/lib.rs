@@ -76,4 +76,5 @@ pub mod surface_nets;
 pub mod surface_scene;
 pub mod texture;
 mod texture_range;
+mod thin_film;
 pub mod traced;

@@ -59,6 +59,128 @@ pub enum Model {
     },
 }
 
+/// What the extensions KHR_materials_ior, _specular, _clearcoat, _sheen, _anisotropy and _iridescence add to
+/// metallic-roughness; other models ignore them. Textures multiply factors; the channels are the extensions'.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Extensions {
+    /// Index of refraction of the dielectric, at least 1, or 0 for one that mirrors all light.
+    pub ior: f32,
+    /// Strength of the dielectric's reflection, 0..=1.
+    pub specular: f32,
+    /// Linear; alpha.
+    pub specular_texture: Option<TextureUse>,
+    /// Colour of the dielectric's reflection at normal incidence, linear RGB, not negative.
+    pub specular_color: Vec3,
+    /// sRGB.
+    pub specular_color_texture: Option<TextureUse>,
+    /// Strength of the clearcoat, 0..=1.
+    pub clearcoat: f32,
+    /// Linear; red.
+    pub clearcoat_texture: Option<TextureUse>,
+    /// Perceptual roughness of the clearcoat, 0..=1.
+    pub clearcoat_roughness: f32,
+    /// Linear; green.
+    pub clearcoat_roughness_texture: Option<TextureUse>,
+    /// Linear tangent-space normals; without one the clearcoat has the mesh's.
+    pub clearcoat_normal_texture: Option<TextureUse>,
+    /// Scale of the clearcoat normal's x and y.
+    pub clearcoat_normal_scale: f32,
+    /// Linear RGB in 0..=1.
+    pub sheen_color: Vec3,
+    /// sRGB.
+    pub sheen_color_texture: Option<TextureUse>,
+    /// Perceptual roughness of the sheen, 0..=1.
+    pub sheen_roughness: f32,
+    /// Linear; alpha.
+    pub sheen_roughness_texture: Option<TextureUse>,
+    /// How much rougher than across the lobe is along the tangent, 0..=1.
+    pub anisotropy: f32,
+    /// Turns the tangent towards the bitangent, radians.
+    pub anisotropy_rotation: f32,
+    /// Linear: red and green are the direction, blue multiplies the strength.
+    pub anisotropy_texture: Option<TextureUse>,
+    /// Strength of the thin film, 0..=1.
+    pub iridescence: f32,
+    /// Linear; red.
+    pub iridescence_texture: Option<TextureUse>,
+    /// Index of refraction of the thin film, at least 1.
+    pub iridescence_ior: f32,
+    /// Thickness of the film where the texture is 0 and where it is 1, or there is none; nanometres.
+    pub iridescence_thickness: [f32; 2],
+    /// Linear; green.
+    pub iridescence_thickness_texture: Option<TextureUse>,
+}
+
+impl Extensions {
+    /// All textures, present or not.
+    pub fn textures(&self) -> [&Option<TextureUse>; 10] {
+        [
+            &self.specular_texture,
+            &self.specular_color_texture,
+            &self.clearcoat_texture,
+            &self.clearcoat_roughness_texture,
+            &self.clearcoat_normal_texture,
+            &self.sheen_color_texture,
+            &self.sheen_roughness_texture,
+            &self.anisotropy_texture,
+            &self.iridescence_texture,
+            &self.iridescence_thickness_texture,
+        ]
+    }
+
+    /// The same, to change them.
+    pub fn textures_mut(&mut self) -> [&mut Option<TextureUse>; 10] {
+        [
+            &mut self.specular_texture,
+            &mut self.specular_color_texture,
+            &mut self.clearcoat_texture,
+            &mut self.clearcoat_roughness_texture,
+            &mut self.clearcoat_normal_texture,
+            &mut self.sheen_color_texture,
+            &mut self.sheen_roughness_texture,
+            &mut self.anisotropy_texture,
+            &mut self.iridescence_texture,
+            &mut self.iridescence_thickness_texture,
+        ]
+    }
+
+    /// Whether a mesh's tangents matter.
+    pub fn needs_tangents(&self) -> bool {
+        self.anisotropy > 0.0 || self.clearcoat_normal_texture.is_some()
+    }
+}
+
+impl Default for Extensions {
+    /// The extensions' defaults, which change nothing.
+    fn default() -> Self {
+        Extensions {
+            ior: 1.5,
+            specular: 1.0,
+            specular_texture: None,
+            specular_color: Vec3::ONE,
+            specular_color_texture: None,
+            clearcoat: 0.0,
+            clearcoat_texture: None,
+            clearcoat_roughness: 0.0,
+            clearcoat_roughness_texture: None,
+            clearcoat_normal_texture: None,
+            clearcoat_normal_scale: 1.0,
+            sheen_color: Vec3::ZERO,
+            sheen_color_texture: None,
+            sheen_roughness: 0.0,
+            sheen_roughness_texture: None,
+            anisotropy: 0.0,
+            anisotropy_rotation: 0.0,
+            anisotropy_texture: None,
+            iridescence: 0.0,
+            iridescence_texture: None,
+            iridescence_ior: 1.3,
+            iridescence_thickness: [100.0, 400.0],
+            iridescence_thickness_texture: None,
+        }
+    }
+}
+
 /// A height map: the shading normal leans away from where it rises (Blinn 1978).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bump {
@@ -104,21 +226,56 @@ pub struct Material {
     pub double_sided: bool,
     /// KHR_materials_unlit: shows its base colour as emission and reflects nothing.
     pub unlit: bool,
+    /// What further extensions say; `None`: nothing.
+    pub extensions: Option<Box<Extensions>>,
 }
 
 impl Material {
-    /// The first texture that it looks up, for coordinates along the surface; emission last.
+    /// The first texture that it looks up, for coordinates along the surface; emission and extensions last.
     pub fn any_texture(&self) -> Option<&TextureUse> {
-        [
+        let own = [
             &self.normal_texture,
             &self.base_color_texture,
             &self.metallic_roughness_texture,
             &self.specular_texture,
             &self.emission_texture,
-        ]
-        .into_iter()
-        .flatten()
-        .next()
+        ];
+        let further = self
+            .extensions
+            .iter()
+            .flat_map(|extensions| extensions.textures());
+        own.into_iter().chain(further).flatten().next()
+    }
+
+    /// The textures that sources have, present or not: all but those of [`crate::material_edits`].
+    pub fn source_textures_mut(&mut self) -> impl Iterator<Item = &mut Option<TextureUse>> {
+        let own = [
+            &mut self.base_color_texture,
+            &mut self.metallic_roughness_texture,
+            &mut self.normal_texture,
+            &mut self.emission_texture,
+        ];
+        let further = self
+            .extensions
+            .iter_mut()
+            .flat_map(|extensions| extensions.textures_mut());
+        own.into_iter().chain(further)
+    }
+
+    /// Sets of texture coordinates that the textures of [`Material::source_textures_mut`] need: one more than the highest.
+    pub fn uv_sets(&self) -> u32 {
+        let own = [
+            &self.base_color_texture,
+            &self.metallic_roughness_texture,
+            &self.normal_texture,
+            &self.emission_texture,
+        ];
+        let further = self
+            .extensions
+            .iter()
+            .flat_map(|extensions| extensions.textures());
+        let uses = own.into_iter().chain(further).flatten();
+        uses.map(|usage| usage.uv_set + 1).max().unwrap_or(0)
     }
 }
 
@@ -142,6 +299,7 @@ impl Default for Material {
             alpha_mode: AlphaMode::Opaque,
             double_sided: false,
             unlit: false,
+            extensions: None,
         }
     }
 }

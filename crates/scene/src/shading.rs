@@ -19,6 +19,13 @@ const MIN_BENT_COSINE: f32 = 2e-3;
 pub enum Gloss {
     /// Metallic-roughness: GGX of [`ShadingPoint::alpha`] with Schlick's Fresnel term over `f0`.
     Ggx,
+    /// The same, anisotropic: [`ShadingPoint::alpha`] is the smaller of the two.
+    GgxAnisotropic {
+        /// Along and across the tangent, each from [`MIN_ALPHA`] to 1.
+        alpha: [f32; 2],
+        /// World space, about perpendicular to the shading normal.
+        tangent: Vec3,
+    },
     /// `f0` times a normalised Phong lobe.
     Phong {
         /// From 0 to [`crate::bsdf::MAX_EXPONENT`].
@@ -31,6 +38,28 @@ pub enum Gloss {
         /// World space, about perpendicular to the shading normal.
         tangent: Vec3,
     },
+}
+
+impl Gloss {
+    /// Whether it is GGX, isotropic or not.
+    pub fn is_ggx(&self) -> bool {
+        matches!(self, Gloss::Ggx | Gloss::GgxAnisotropic { .. })
+    }
+}
+
+/// What lies over a metallic-roughness surface: sheen, and clearcoat over that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Layers {
+    /// Strength of the clearcoat, 0..=1.
+    pub coat: f32,
+    /// GGX α of the clearcoat, from [`MIN_ALPHA`] to 1.
+    pub coat_alpha: f32,
+    /// The clearcoat's shading normal, world space, on the side of the others.
+    pub coat_normal: Vec3,
+    /// Colour of the sheen, linear RGB in 0..=1.
+    pub sheen: Vec3,
+    /// Charlie α of the sheen, from [`crate::bsdf::MIN_SHEEN_ALPHA`] to 1.
+    pub sheen_alpha: f32,
 }
 
 /// A surface point as BRDFs see it. All vectors are in world space and unit vectors.
@@ -51,12 +80,19 @@ pub struct ShadingPoint {
     /// Reflectance of the specular part at normal incidence, linear RGB in 0..=1. With a [`Gloss`] other than
     /// GGX, `diffuse` + `f0` is at most 1 in each channel.
     pub f0: Vec3,
+    /// Reflectance of the GGX part at grazing angles, from `f0` to 1: 1, but where KHR_materials_specular lowers it.
+    pub f90: f32,
+    /// Schlick's term, as reflectances at normal incidence and at grazing angles, that the diffuse part under GGX loses;
+    /// `None`: that of `f0` and `f90`, channel by channel.
+    pub veil: Option<[f32; 2]>,
     /// GGX α, from [`MIN_ALPHA`] to 1.
     pub alpha: f32,
     /// Shape of the specular part.
     pub gloss: Gloss,
     /// Whether the Lambert part is all there is; `f0` is then zero.
     pub lambert: bool,
+    /// What lies over GGX and the Lambert part.
+    pub layers: Option<Layers>,
     /// Radiance towards the side the ray came from, W/(m² sr). Zero on the back of materials that are not
     /// double-sided.
     pub emission: Vec3,
@@ -75,9 +111,12 @@ impl ShadingPoint {
             base_color: albedo,
             diffuse: albedo,
             f0: Vec3::ZERO,
+            f90: 1.0,
+            veil: None,
             alpha: 1.0,
             gloss: Gloss::Ggx,
             lambert: true,
+            layers: None,
             emission: Vec3::ZERO,
             material: 0,
         }
@@ -88,6 +127,9 @@ impl ShadingPoint {
     /// silhouettes, and the BRDF would be black there.
     pub fn facing(mut self, wo: Vec3) -> ShadingPoint {
         self.shading_normal = bend_towards(self.shading_normal, wo);
+        if let Some(layers) = &mut self.layers {
+            layers.coat_normal = bend_towards(layers.coat_normal, wo);
+        }
         self
     }
 }

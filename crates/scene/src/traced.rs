@@ -11,6 +11,7 @@
 //! triangle's front is always where its vertices run counter-clockwise in world space.
 
 mod corner;
+mod extended;
 mod occluders;
 mod panes;
 mod prepare;

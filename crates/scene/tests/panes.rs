@@ -2,7 +2,7 @@
 
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use relight_scene::bsdf;
-use relight_scene::material::{AlphaMode, Material};
+use relight_scene::material::{AlphaMode, Extensions, Material};
 use relight_scene::rays::Ray;
 use relight_scene::scene::{Instance, Mesh, Scene};
 use relight_scene::surface::Surfaces;
@@ -118,6 +118,33 @@ fn rays_pass_as_often_as_light_does() {
     assert_eq!(tints, gone);
 }
 
+/// KHR_materials_ior and _specular: Fresnel's share of a pane is that of its material.
+#[test]
+fn panes_mirror_what_their_index_says() {
+    for (ior, specular, share) in [
+        (1.5, 1.0, 0.04),
+        (2.0, 1.0, 1.0 / 9.0),
+        (2.0, 0.5, 0.5 / 9.0),
+        (1.0, 1.0, 0.0),
+        (0.0, 1.0, 1.0),
+    ] {
+        let extensions = Extensions {
+            ior,
+            specular,
+            ..Extensions::default()
+        };
+        let scene = panes(vec![Material {
+            extensions: Some(Box::new(extensions)),
+            ..glass([1.0; 3], 1.0)
+        }]);
+        let found = passed(&scene, ray(Vec3::new(1.0, 0.5, 1.0), Vec3::NEG_Z));
+        assert!(
+            (found - (1.0 - share)).abs().max_element() < 1e-6,
+            "{ior} {specular}: {found}"
+        );
+    }
+}
+
 /// What passes and what is reflected, by a quadrature of the BRDF's samples, is no more than what came; of clear glass all of it.
 #[test]
 fn panes_make_no_energy() {
@@ -130,38 +157,49 @@ fn panes_make_no_energy() {
         ([0.0; 3], 1.0, 0.0, 0.1),
         ([1.0; 3], 1.0, 1.0, 0.1),
     ] {
-        let material = Material {
-            metallic,
-            roughness,
-            ..glass(color, transmission)
-        };
-        let scene = panes(vec![material]);
-        for degrees in [5.0f32, 40.0, 70.0, 85.0] {
-            let (sin, cos) = degrees.to_radians().sin_cos();
-            let wo = Vec3::new(sin, 0.0, cos);
-            let hit = scene.surface_at(0, [0.3, 0.3], true);
-            let point = scene.shading_point(&hit).facing(wo);
-            let mut reflected = Vec3::ZERO;
-            const N: usize = 4096;
-            for i in 0..N {
-                let u = [
-                    i as f32 / N as f32,
-                    (i * 2531 % N) as f32 / N as f32,
-                    (i * 1597 % N) as f32 / N as f32,
-                ];
-                if let Some(sample) = bsdf::sample(&point, wo, u) {
-                    reflected += sample.weight / N as f32;
+        for extensions in [
+            None,
+            Some(Extensions {
+                ior: 2.0,
+                specular: 0.7,
+                clearcoat: 1.0,
+                ..Extensions::default()
+            }),
+        ] {
+            let material = Material {
+                metallic,
+                roughness,
+                extensions: extensions.clone().map(Box::new),
+                ..glass(color, transmission)
+            };
+            let scene = panes(vec![material]);
+            for degrees in [5.0f32, 40.0, 70.0, 85.0] {
+                let (sin, cos) = degrees.to_radians().sin_cos();
+                let wo = Vec3::new(sin, 0.0, cos);
+                let hit = scene.surface_at(0, [0.3, 0.3], true);
+                let point = scene.shading_point(&hit).facing(wo);
+                let mut reflected = Vec3::ZERO;
+                const N: usize = 4096;
+                for i in 0..N {
+                    let u = [
+                        i as f32 / N as f32,
+                        (i * 2531 % N) as f32 / N as f32,
+                        (i * 1597 % N) as f32 / N as f32,
+                    ];
+                    if let Some(sample) = bsdf::sample(&point, wo, u) {
+                        reflected += sample.weight / N as f32;
+                    }
                 }
-            }
-            let pass = passed(&scene, ray(wo + Vec3::new(1.0, 0.5, 0.0), -wo));
-            let all = pass + reflected * (1.0 - pass.max_element());
-            // The noise of the samples.
-            assert!(
-                all.max_element() < 1.01,
-                "{color:?} {transmission} {degrees}: {all}"
-            );
-            if color == [1.0; 3] && metallic == 0.0 && transmission == 1.0 && roughness == 0.0 {
-                assert!((all - 1.0).abs().max_element() < 0.01, "{degrees}: {all}");
+                let pass = passed(&scene, ray(wo + Vec3::new(1.0, 0.5, 0.0), -wo));
+                let all = pass + reflected * (1.0 - pass.max_element());
+                // The noise of the samples.
+                assert!(
+                    all.max_element() < 1.01,
+                    "{color:?} {transmission} {degrees}: {all}"
+                );
+                if color == [1.0; 3] && metallic == 0.0 && transmission == 1.0 && roughness == 0.0 {
+                    assert!((all - 1.0).abs().max_element() < 0.01, "{degrees}: {all}");
+                }
             }
         }
     }

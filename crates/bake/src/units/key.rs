@@ -2,7 +2,7 @@
 
 use crate::points::candidates::Candidate;
 use glam::{Vec2, Vec3};
-use relight_scene::material::{AlphaMode, Material, Texture};
+use relight_scene::material::{AlphaMode, Extensions, Material, Texture};
 use relight_scene::scene::{Mesh, Scene};
 use relight_transport::basis::Level;
 use xxhash_rust::xxh3::{Xxh3, xxh3_128};
@@ -109,6 +109,13 @@ fn alpha(key: &mut Key, mesh: &Mesh, material: &Material, textures: &[Texture], 
             .f32s(&[transmission, material.metallic])
             .f32s(&material.base_color.to_array())
             .f32s(
+                &material
+                    .extensions
+                    .iter()
+                    .flat_map(|e| mirrored(e))
+                    .collect::<Vec<f32>>(),
+            )
+            .f32s(
                 &mesh
                     .colors
                     .iter()
@@ -131,6 +138,12 @@ fn alpha(key: &mut Key, mesh: &Mesh, material: &Material, textures: &[Texture], 
     if let Some(uvs) = mesh.uvs.get(usage.uv_set as usize) {
         key.f32s(&uvs.iter().flat_map(Vec2::to_array).collect::<Vec<f32>>());
     }
+}
+
+/// What a pane mirrors.
+fn mirrored(extensions: &Extensions) -> [f32; 5] {
+    let [r, g, b] = extensions.specular_color.to_array();
+    [extensions.ior, extensions.specular, r, g, b]
 }
 
 /// All of a scene as it was imported, whatever files it came from: for telling whether it has changed.

@@ -20,7 +20,7 @@ use crate::layout::MAX_RECORD_BYTES;
 const CONFIGURATION: Configuration<LittleEndian, Fixint> = legacy();
 
 /// Most memory that a record takes per byte in the file: a material takes 224 bytes of memory and at least 58 in the file, a
-/// pair of empty texts 48 and 16.
+/// pair of empty texts 48 and 16, extensions of a material 160 and 86.
 const MEMORY_PER_BYTE: usize = 4;
 
 /// Limit of records without lists and texts: the longest, a file's header, has 56 bytes.
@@ -155,7 +155,7 @@ pub fn one_of<T: Copy, const N: usize, D: Decoder>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::{LeftOut, Material};
+    use crate::asset::{LeftOut, Material, MaterialExtensions};
 
     /// What the limits rest on.
     #[test]
@@ -167,6 +167,7 @@ mod tests {
         }
         let ratios = [
             ratio::<Material>(),
+            ratio::<MaterialExtensions>(),
             ratio::<LeftOut>(),
             ratio::<String>(),
             ratio::<(String, String)>(),

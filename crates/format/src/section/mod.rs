@@ -24,6 +24,7 @@ pub fn version(kind: Kind, asset: &Asset) -> u16 {
     match kind {
         Kind::Points => points::version(&asset.points, grey),
         Kind::LinksTransfer if short_links => 2,
+        Kind::Materials if !asset.material_extensions.is_empty() => 3,
         Kind::Materials if asset.materials.iter().any(Material::is_pane) => 2,
         _ => 1,
     }
@@ -50,7 +51,11 @@ pub fn encode(kind: Kind, asset: &Asset) -> Result<Option<Vec<u8>>> {
             !(geometry.meshes.is_empty() && geometry.instances.is_empty())
         }
         Kind::Materials => {
-            records::encode(kind, &asset.materials, out)?;
+            if asset.material_extensions.is_empty() {
+                records::encode(kind, &asset.materials, out)?;
+            } else {
+                records::encode(kind, &(&asset.materials, &asset.material_extensions), out)?;
+            }
             !asset.materials.is_empty()
         }
         Kind::Textures => {
@@ -97,7 +102,11 @@ pub fn decode(kind: Kind, version: u16, raw: &[u8], memory: &mut u64, asset: &mu
         Kind::Provenance => asset.provenance = records::decode(&mut cursor)?,
         Kind::Geometry => asset.geometry = geometry::decode(&mut cursor)?,
         Kind::Materials => {
-            asset.materials = records::decode(&mut cursor)?;
+            if version >= 3 {
+                (asset.materials, asset.material_extensions) = records::decode(&mut cursor)?;
+            } else {
+                asset.materials = records::decode(&mut cursor)?;
+            }
             let known = version >= 2 || !asset.materials.iter().any(Material::is_pane);
             let (here, found) = (Location::Raw(0), "a pane, which version 2 has");
             require(known, kind.name(), here, "an alpha mode of 0 to 2", found)?;

@@ -64,6 +64,21 @@ impl Asset {
                 )?;
             }
         }
+        for (i, extensions) in self.material_extensions.iter().enumerate() {
+            extensions.validate(i)?;
+            let kind = Kind::Materials;
+            check_below(kind, i, "material", extensions.material, self.materials.len())?;
+            for texture in extensions.textures() {
+                check_below(kind, i, "texture", texture.texture, self.textures.len())?;
+            }
+        }
+        let rising = self.material_extensions.is_sorted_by_key(|e| e.material)
+            && self
+                .material_extensions
+                .windows(2)
+                .all(|pair| pair[0].material != pair[1].material);
+        let expected = "extensions by rising material, each once";
+        check(rising, Kind::Materials, 0, expected, "another order")?;
         let known = |mime: &str| ["image/png", "image/jpeg"].contains(&mime);
         for (i, texture) in self.textures.iter().enumerate() {
             let mime = &texture.mime;

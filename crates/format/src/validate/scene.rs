@@ -1,7 +1,7 @@
 //! Rules of meshes, instances and materials (SPEC 6.2, 6.3).
 
 use super::check::{check, check_below, check_each, check_finite, check_length, check_unit, is_unit};
-use crate::asset::{AlphaMode, Geometry, Material, Mesh, TextureRef};
+use crate::asset::{AlphaMode, Geometry, Material, MaterialExtensions, Mesh, TextureRef};
 use crate::error::Result;
 use crate::layout::{Kind, MAX_UV_SETS};
 
@@ -102,5 +102,70 @@ impl Material {
         let emits = self.emissive.iter().all(|&e| e >= 0.0);
         let found = format_args!("{:?}", self.emissive);
         check(emits, kind, index, "emission of at least 0", found)
+    }
+}
+
+impl MaterialExtensions {
+    /// The textures that the extensions refer to.
+    pub fn textures(&self) -> impl Iterator<Item = &TextureRef> {
+        let all = [
+            &self.specular_texture,
+            &self.specular_color_texture,
+            &self.clearcoat_texture,
+            &self.clearcoat_roughness_texture,
+            &self.clearcoat_normal_texture,
+            &self.sheen_color_texture,
+            &self.sheen_roughness_texture,
+            &self.anisotropy_texture,
+            &self.iridescence_texture,
+            &self.iridescence_thickness_texture,
+        ];
+        all.into_iter().flatten().map(AsRef::as_ref)
+    }
+
+    pub(super) fn validate(&self, index: usize) -> Result<()> {
+        let kind = Kind::Materials;
+        let transforms = self.textures().flat_map(|texture| texture.transform);
+        let shares = [
+            self.specular,
+            self.clearcoat,
+            self.clearcoat_roughness,
+            self.sheen_roughness,
+            self.anisotropy,
+            self.iridescence,
+        ];
+        let shares = || shares.into_iter().chain(self.sheen_color);
+        let lengths = || self.specular_color.into_iter().chain(self.iridescence_thickness);
+        let others = [
+            self.ior,
+            self.clearcoat_normal_scale,
+            self.anisotropy_rotation,
+            self.iridescence_ior,
+        ];
+        let all = shares().chain(lengths()).chain(others).chain(transforms);
+        let found = format_args!("{self:?}");
+        check(
+            { all }.all(f32::is_finite),
+            kind,
+            index,
+            "finite parameters of extensions",
+            found,
+        )?;
+        let within = shares().all(|share| (0.0..=1.0).contains(&share)) && lengths().all(|x| x >= 0.0);
+        check(
+            within,
+            kind,
+            index,
+            "parameters of extensions within their ranges",
+            found,
+        )?;
+        let refracts = (self.ior == 0.0 || self.ior >= 1.0) && self.iridescence_ior >= 1.0;
+        check(
+            refracts,
+            kind,
+            index,
+            "indices of refraction of at least 1, or an ior of 0",
+            found,
+        )
     }
 }

@@ -260,3 +260,33 @@ pub fn pane_asset() -> Asset {
     asset.materials[0].alpha_mode = AlphaMode::Pane(0.75);
     asset
 }
+
+/// The wide asset with extensions of its last material, and a pane.
+pub fn extended_asset() -> Asset {
+    let mut asset = wide_asset();
+    asset.materials[0].alpha_mode = AlphaMode::Pane(0.5);
+    let reference = TextureRef {
+        texture: 1,
+        uv_set: 0,
+        transform: [2.0, 0.0, 0.25, 0.0, 2.0, -0.5],
+    };
+    asset.material_extensions = vec![MaterialExtensions {
+        material: asset.materials.len() as u32 - 1,
+        ior: 1.33,
+        specular: 0.75,
+        specular_color: [0.5, 1.0, 2.0],
+        clearcoat: 1.0,
+        clearcoat_roughness: 0.125,
+        sheen_color: [0.25, 0.5, 1.0],
+        sheen_roughness: 0.5,
+        anisotropy: 0.625,
+        anisotropy_rotation: -1.5,
+        iridescence: 0.875,
+        iridescence_ior: 1.8,
+        iridescence_thickness: [120.0, 550.0],
+        clearcoat_normal_texture: Some(Box::new(reference)),
+        iridescence_thickness_texture: Some(Box::new(reference)),
+        ..MaterialExtensions::default()
+    }];
+    asset
+}

@@ -138,13 +138,52 @@ impl Dump {
             ("normal_texture", &m.normal_texture),
             ("emissive_texture", &m.emissive_texture),
         ] {
-            let Some(texture) = texture else {
-                self.none(&of(part));
-                continue;
-            };
-            self.number(&of(&format!("{part}.texture")), texture.texture.into());
-            self.number(&of(&format!("{part}.uv_set")), texture.uv_set.into());
-            self.f32(&of(&format!("{part}.transform")), &texture.transform);
+            self.texture_ref(&of(part), texture.as_ref());
+        }
+    }
+
+    fn texture_ref(&mut self, name: &str, texture: Option<&TextureRef>) {
+        let Some(texture) = texture else {
+            self.none(name);
+            return;
+        };
+        self.number(&format!("{name}.texture"), texture.texture.into());
+        self.number(&format!("{name}.uv_set"), texture.uv_set.into());
+        self.f32(&format!("{name}.transform"), &texture.transform);
+    }
+
+    fn extensions(&mut self, name: &str, e: &MaterialExtensions) {
+        let of = |part: &str| format!("{name}.extensions.{part}");
+        for (part, values) in [
+            ("ior", &[e.ior][..]),
+            ("specular", &[e.specular][..]),
+            ("specular_color", &e.specular_color[..]),
+            ("clearcoat", &[e.clearcoat][..]),
+            ("clearcoat_roughness", &[e.clearcoat_roughness][..]),
+            ("clearcoat_normal_scale", &[e.clearcoat_normal_scale][..]),
+            ("sheen_color", &e.sheen_color[..]),
+            ("sheen_roughness", &[e.sheen_roughness][..]),
+            ("anisotropy", &[e.anisotropy][..]),
+            ("anisotropy_rotation", &[e.anisotropy_rotation][..]),
+            ("iridescence", &[e.iridescence][..]),
+            ("iridescence_ior", &[e.iridescence_ior][..]),
+            ("iridescence_thickness", &e.iridescence_thickness[..]),
+        ] {
+            self.f32(&of(part), values);
+        }
+        for (part, texture) in [
+            ("specular_texture", &e.specular_texture),
+            ("specular_color_texture", &e.specular_color_texture),
+            ("clearcoat_texture", &e.clearcoat_texture),
+            ("clearcoat_roughness_texture", &e.clearcoat_roughness_texture),
+            ("clearcoat_normal_texture", &e.clearcoat_normal_texture),
+            ("sheen_color_texture", &e.sheen_color_texture),
+            ("sheen_roughness_texture", &e.sheen_roughness_texture),
+            ("anisotropy_texture", &e.anisotropy_texture),
+            ("iridescence_texture", &e.iridescence_texture),
+            ("iridescence_thickness_texture", &e.iridescence_thickness_texture),
+        ] {
+            self.texture_ref(&of(part), texture.as_deref());
         }
     }
 
@@ -235,7 +274,18 @@ pub fn lines(asset: &Asset) -> Vec<String> {
         dump.vectors("links_transfer.vectors", &links.vectors);
     }
     if !asset.materials.is_empty() {
-        dump.list("materials", &asset.materials, Dump::material);
+        dump.0.push(format!("materials list[{}]", asset.materials.len()));
+        for (i, material) in asset.materials.iter().enumerate() {
+            let name = format!("materials.{i}");
+            dump.material(&name, material);
+            for further in asset
+                .material_extensions
+                .iter()
+                .filter(|e| e.material as usize == i)
+            {
+                dump.extensions(&name, further);
+            }
+        }
     }
     if let Some(separations) = &asset.separations {
         dump.u32("parted.points", separations.pairs.iter().map(|pair| pair[0]));

@@ -65,6 +65,7 @@ pub fn small_asset() -> Asset {
                 world_from_mesh: [1.0, 0.0, 0.0, 5.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.25],
             }],
         },
+        material_extensions: Vec::new(),
         materials: vec![Material {
             name: "wall".into(),
             alpha_mode: AlphaMode::Mask(0.5),

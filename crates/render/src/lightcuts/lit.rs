@@ -44,7 +44,7 @@ pub(crate) struct Receiver<'a> {
     footprint: f32,
     viewed: Viewed<'a>,
     bound: ReflectionBound,
-    axes: [Axis; 4],
+    axes: [Axis; 6],
 }
 
 impl<'a> Receiver<'a> {

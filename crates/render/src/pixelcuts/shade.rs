@@ -9,8 +9,7 @@ use super::filter::filtered;
 use super::view::{Point, View};
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_scene::bsdf::{self, albedo};
-use relight_scene::shading::Gloss;
+use relight_scene::bsdf;
 use relight_transport::pixel_scatter::stride;
 use relight_transport::sh::{self, Coefficients};
 use std::f32::consts::FRAC_1_PI;
@@ -58,9 +57,10 @@ fn reflect(point: &Point, light: &[f32]) -> Vec3 {
     let cos = normal.dot(point.wo);
     let mut radiance = irradiance * bsdf::diffuse_reflectance(shading, cos) * FRAC_1_PI;
     if let Some(lobe) = bsdf::lobe(shading, point.wo) {
-        let share = match shading.gloss {
-            Gloss::Ggx => albedo::specular(shading.f0, shading.alpha, cos),
-            _ => shading.f0,
+        let share = if shading.gloss.is_ggx() {
+            bsdf::lobe_albedo(shading, point.wo)
+        } else {
+            shading.f0
         };
         radiance += share * weighed(light, &lobe_factors(&lobe)).max(Vec3::ZERO);
     }

@@ -96,7 +96,8 @@ impl View {
                 position: point.hit.position,
                 normal: point.hit.normal,
                 plain: point.shading.shading_normal.dot(point.hit.normal) >= SAME_NORMAL,
-                glossy: !point.shading.lambert && point.shading.f0 != Vec3::ZERO,
+                glossy: !point.shading.lambert
+                    && (point.shading.f0 != Vec3::ZERO || point.shading.layers.is_some()),
             })
             .collect()
     }

@@ -1,16 +1,20 @@
 //! Albedos of the metallic-roughness BRDF, from tables.
 //!
-//! The specular part's directional albedo is linear in f0: E = f0 A(μ, α) + B(μ, α) (the split sum of Karis
+//! The specular part's directional albedo is linear in f0 and f90: E = f0 A(μ, α) + f90 B(μ, α) (the split sum of Karis
 //! 2013), with A and B the means of (1 − F_c) G2/G1 and F_c G2/G1 over visible normals, F_c = (1 − wo·h)⁵. The
 //! diffuse part as glTF prints it has D = c_diff (1 − f0) K(μ) with K(μ) = (1/π) ∫ (1 − (1 − wo·h)⁵) cosθ dω,
 //! independent of α. The tables are integrated once per process, on first use, by a fixed quadrature.
 //!
+//! Anisotropic lobes are taken as the geometric mean of those that are as wide everywhere as along and as across the tangent, whatever
+//! the azimuth; what the diffuse part may have is what the brighter of the two leaves.
+//!
 //! Errors (tested against quadrature of the BRDF): directional albedos within 3e-3, hemispherical ones within
 //! 1e-2.
 
+use super::layers::Over;
 use super::microfacet::{masking, sample_visible_normal};
 use super::mixture;
-use crate::shading::{MIN_ALPHA, ShadingPoint};
+use crate::shading::{Gloss, MIN_ALPHA, ShadingPoint};
 use glam::Vec3;
 use std::f32::consts::TAU;
 use std::sync::LazyLock;
@@ -150,23 +154,41 @@ fn diffuse_factor(cos: f32) -> f32 {
 }
 
 /// Directional albedo E of the specular part alone, seen at cosine `cos` with the normal; RGB in 0..=1.
-pub fn specular(f0: Vec3, alpha: f32, cos: f32) -> Vec3 {
-    specular_albedo(f0, specular_factors(alpha, cos))
+pub fn specular(point: &ShadingPoint, cos: f32) -> Vec3 {
+    let [along, across] = specular_each(point, cos);
+    match point.gloss {
+        Gloss::GgxAnisotropic { .. } => (along * across).map(f32::sqrt),
+        _ => along,
+    }
 }
 
-fn specular_albedo(f0: Vec3, [a, b]: [f32; 2]) -> Vec3 {
-    (f0 * a + b).clamp(Vec3::ZERO, Vec3::ONE)
+/// E of lobes as wide as this one along and across the tangent.
+fn specular_each(point: &ShadingPoint, cos: f32) -> [Vec3; 2] {
+    let of = |alpha| specular_albedo(point.f0, point.f90, specular_factors(alpha, cos));
+    match point.gloss {
+        Gloss::GgxAnisotropic { alpha, .. } => alpha.map(of),
+        _ => [of(point.alpha); 2],
+    }
+}
+
+fn specular_albedo(f0: Vec3, f90: f32, [a, b]: [f32; 2]) -> Vec3 {
+    (f0 * a + f90 * b).clamp(Vec3::ZERO, Vec3::ONE)
 }
 
 /// Directional albedo D of the diffuse part as glTF prints it.
 fn diffuse_printed(point: &ShadingPoint, cos: f32) -> Vec3 {
-    point.diffuse * (Vec3::ONE - point.f0) * diffuse_factor(cos)
+    let k = diffuse_factor(cos);
+    match point.veil {
+        Some([v0, v90]) => point.diffuse * ((1.0 - v90) + (v90 - v0) * k),
+        None if point.f90 == 1.0 => point.diffuse * (Vec3::ONE - point.f0) * k,
+        None => point.diffuse * ((1.0 - point.f90) + (Vec3::splat(point.f90) - point.f0) * k),
+    }
 }
 
 /// Largest directional albedo of the diffuse part that conserves energy: min(D, 1 − E).
 pub(super) fn diffuse_limit(point: &ShadingPoint, cos: f32) -> Vec3 {
-    let specular = specular(point.f0, point.alpha, cos);
-    limit(diffuse_printed(point, cos), specular)
+    let [along, across] = specular_each(point, cos);
+    limit(diffuse_printed(point, cos), along.max(across))
 }
 
 fn limit(printed: Vec3, specular: Vec3) -> Vec3 {
@@ -176,8 +198,8 @@ fn limit(printed: Vec3, specular: Vec3) -> Vec3 {
 
 /// The factor s(μ) of the module [`super`], per channel in 0..=1.
 pub(super) fn diffuse_scale(point: &ShadingPoint, cos: f32) -> Vec3 {
-    let specular = specular(point.f0, point.alpha, cos);
-    scale(diffuse_printed(point, cos), specular)
+    let [along, across] = specular_each(point, cos);
+    scale(diffuse_printed(point, cos), along.max(across))
 }
 
 fn scale(printed: Vec3, specular: Vec3) -> Vec3 {
@@ -188,7 +210,7 @@ fn scale(printed: Vec3, specular: Vec3) -> Vec3 {
 /// Nodes within which [`DiffuseScale::unscaled_from`] is found: five halvings.
 const NODES_APART: usize = 3;
 
-/// s(μ) of one point at many angles.
+/// s(μ) of one point of [`is_plain`] GGX at many angles.
 pub(super) struct DiffuseScale {
     f0: Vec3,
     /// D over K.
@@ -209,7 +231,7 @@ impl DiffuseScale {
     pub fn unscaled_from(&self) -> f32 {
         let is_one = |node: usize| {
             let printed = self.printed * TABLES.diffuse[node];
-            let specular = specular_albedo(self.f0, self.rows.at_node(node));
+            let specular = specular_albedo(self.f0, 1.0, self.rows.at_node(node));
             limit(printed, specular) == printed
         };
         let (mut low, mut high) = (0, COSINES - 1);
@@ -232,7 +254,7 @@ impl DiffuseScale {
         let (at, f) = place(cosine_place(cos), COSINES);
         let factors = self.rows.at((at, f));
         let diffuse = TABLES.diffuse[at] * (1.0 - f) + TABLES.diffuse[at + 1] * f;
-        scale(self.printed * diffuse, specular_albedo(self.f0, factors))
+        scale(self.printed * diffuse, specular_albedo(self.f0, 1.0, factors))
     }
 }
 
@@ -260,7 +282,7 @@ static AVERAGE: LazyLock<[AverageNode; AVERAGE_NODES]> = LazyLock::new(|| {
 /// Share of the light that a point reflects in all, averaged over cosine-weighted directions of arrival: RGB in
 /// 0..=1. The albedo for bounces, so that metals and glossy surfaces send light, too.
 ///
-/// Exact for Lambert; Phong and Ward within 5e-3; otherwise within 1e-2 of the BRDF's own integral. The double integral of the diffuse part
+/// Exact for Lambert; Phong and Ward within 5e-3; anisotropic GGX within 2e-2; otherwise within 1e-2 of the BRDF's own integral. The double integral of the diffuse part
 /// is taken as a product of single ones, since K hardly depends on the angle.
 pub fn hemispherical_albedo(point: &ShadingPoint) -> Vec3 {
     if point.lambert {
@@ -269,11 +291,14 @@ pub fn hemispherical_albedo(point: &ShadingPoint) -> Vec3 {
     if let Some(lobe) = mixture::Lobe::of(point) {
         return lobe.hemispherical_albedo(point);
     }
+    if !is_plain(point) {
+        return extended(point);
+    }
     let (mut reflected, mut printed, mut scaled) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
     let rows = specular_rows(point.alpha);
     let all_printed = point.diffuse * (Vec3::ONE - point.f0);
     for node in &*AVERAGE {
-        let specular = specular_albedo(point.f0, rows.at(node.column));
+        let specular = specular_albedo(point.f0, 1.0, rows.at(node.column));
         let own = all_printed * node.diffuse;
         reflected += specular * node.weight;
         printed += own * node.weight;
@@ -281,4 +306,43 @@ pub fn hemispherical_albedo(point: &ShadingPoint) -> Vec3 {
     }
     let diffuse = scaled * scaled / printed.max(Vec3::splat(f32::MIN_POSITIVE));
     (reflected + diffuse).clamp(Vec3::ZERO, Vec3::ONE)
+}
+
+/// Whether a point is GGX of the core specification alone: what runs fastest.
+pub(super) fn is_plain(point: &ShadingPoint) -> bool {
+    point.gloss == Gloss::Ggx && point.f90 == 1.0 && point.veil.is_none() && point.layers.is_none()
+}
+
+/// [`hemispherical_albedo`] of GGX with any extension.
+fn extended(point: &ShadingPoint) -> Vec3 {
+    let (mut printed, mut scaled) = (Vec3::ZERO, Vec3::ZERO);
+    let nodes = || {
+        (0..AVERAGE_NODES)
+            .map(|k| ((k as f32 + 0.5) / AVERAGE_NODES as f32).powi(2))
+            .zip(&*AVERAGE)
+    };
+    for (cos, node) in nodes() {
+        printed += diffuse_printed(point, cos) * node.weight;
+        scaled += diffuse_limit(point, cos) * node.weight;
+    }
+    let kept = scaled / printed.max(Vec3::splat(f32::MIN_POSITIVE));
+    let mut total = Vec3::ZERO;
+    for (cos, node) in nodes() {
+        let base = (specular(point, cos) + diffuse_limit(point, cos) * kept).min(Vec3::ONE);
+        let seen = match &point.layers {
+            Some(layers) => {
+                let over = Over::at(layers, cos, cos);
+                base * over.base + over.coat * white(layers.coat_alpha, cos) + over.sheen * over.sheen_albedo
+            }
+            None => base,
+        };
+        total += seen * node.weight;
+    }
+    total.clamp(Vec3::ZERO, Vec3::ONE)
+}
+
+/// Directional albedo of GGX that mirrors all light.
+pub(super) fn white(alpha: f32, cos: f32) -> f32 {
+    let [a, b] = specular_factors(alpha, cos);
+    (a + b).clamp(0.0, 1.0)
 }

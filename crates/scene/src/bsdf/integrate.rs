@@ -3,11 +3,11 @@
 mod lanes;
 
 use super::albedo::{self, DiffuseScale};
-use super::eval::eval;
+use super::eval::{eval, eval_diffuse};
 use super::microfacet::{
     Half, MIN_COSINE, cosine_above, fresnel, ggx_distribution, smith_root, visibility_by_roots,
 };
-use crate::shading::{Gloss, ShadingPoint};
+use crate::shading::ShadingPoint;
 use glam::Vec3;
 use lanes::{LANES, Lanes};
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -26,25 +26,29 @@ pub struct Incident<'a> {
 /// Radiance towards `wo`: the sum of BRDF × cosine × weight × flux. The same as the sum over [`eval`] but for
 /// rounding.
 pub fn integrate(point: &ShadingPoint, wo: Vec3, light: &Incident) -> Vec3 {
-    let ggx = !point.lambert && matches!(point.gloss, Gloss::Ggx);
     if point.lambert {
         return irradiance(point, light) * point.diffuse * FRAC_1_PI;
     }
+    let plain = albedo::is_plain(point);
     match Ggx::new(point, wo) {
-        Some(ggx_at) if ggx => ggx_at.integrate(light),
-        None if ggx => Vec3::ZERO,
-        _ => one_by_one(point, wo, light),
+        Some(ggx) if plain => ggx.integrate(light),
+        None if plain => Vec3::ZERO,
+        _ => one_by_one(point, wo, light, eval),
     }
 }
 
-/// [`integrate`] of the diffuse part alone.
+/// [`integrate`] of the diffuse part alone, with sheen.
 pub fn integrate_diffuse(point: &ShadingPoint, wo: Vec3, light: &Incident) -> Vec3 {
-    if point.diffuse == Vec3::ZERO || cosine_above(point, wo).is_none() {
+    let matt = point.diffuse == Vec3::ZERO && point.layers.is_none();
+    if matt || cosine_above(point, wo).is_none() {
         return Vec3::ZERO;
     }
+    if point.lambert || !point.gloss.is_ggx() {
+        return irradiance(point, light) * point.diffuse * FRAC_1_PI;
+    }
     match Ggx::new(point, wo) {
-        Some(ggx) if !point.lambert && matches!(point.gloss, Gloss::Ggx) => ggx.integrate_diffuse(light),
-        _ => irradiance(point, light) * point.diffuse * FRAC_1_PI,
+        Some(ggx) if albedo::is_plain(point) => ggx.integrate_diffuse(light),
+        _ => one_by_one(point, wo, light, eval_diffuse),
     }
 }
 
@@ -90,7 +94,12 @@ fn accumulate<const N: usize>(
     sums.map(|sum| Vec3::from(sum.map(Lanes::sum)))
 }
 
-fn one_by_one(point: &ShadingPoint, wo: Vec3, light: &Incident) -> Vec3 {
+fn one_by_one(
+    point: &ShadingPoint,
+    wo: Vec3,
+    light: &Incident,
+    eval: impl Fn(&ShadingPoint, Vec3, Vec3) -> Vec3,
+) -> Vec3 {
     let mut sum = Vec3::ZERO;
     for (i, &weight) in light.weight.iter().enumerate() {
         let wi = Vec3::from(light.direction.map(|column| column[i]));
@@ -107,18 +116,18 @@ fn one_by_one(point: &ShadingPoint, wo: Vec3, light: &Incident) -> Vec3 {
 pub struct Viewed<'a> {
     point: &'a ShadingPoint,
     wo: Vec3,
-    /// Of the metallic-roughness BRDF.
+    /// Of the metallic-roughness BRDF without extensions.
     ggx: Option<Ggx<'a>>,
 }
 
 impl<'a> Viewed<'a> {
     /// Seen from `wo`, a unit vector away from the surface.
     pub fn new(point: &'a ShadingPoint, wo: Vec3) -> Viewed<'a> {
-        let plain = point.lambert || !matches!(point.gloss, Gloss::Ggx);
+        let plain = !point.lambert && albedo::is_plain(point);
         Viewed {
             point,
             wo,
-            ggx: if plain { None } else { Ggx::new(point, wo) },
+            ggx: if plain { Ggx::new(point, wo) } else { None },
         }
     }
 
@@ -132,7 +141,7 @@ impl<'a> Viewed<'a> {
     }
 }
 
-/// What of the metallic-roughness BRDF does not depend on where light comes from.
+/// What of the metallic-roughness BRDF without extensions does not depend on where light comes from.
 struct Ggx<'a> {
     point: &'a ShadingPoint,
     wo: Vec3,
@@ -170,7 +179,7 @@ impl<'a> Ggx<'a> {
             return Vec3::ZERO;
         };
         let half = Half::new(point.shading_normal, self.wo, wi);
-        let fresnel = fresnel(point.f0, half.cos_oh);
+        let fresnel = fresnel(point, half.cos_oh);
         let root_i = smith_root(cos_i, point.alpha);
         let visibility = visibility_by_roots((self.cos_o, self.root_o), (cos_i, root_i));
         let mut f = fresnel * (ggx_distribution(half.sin2_h, point.alpha) * visibility);
@@ -336,7 +345,7 @@ mod tests {
                     "{case}: {found} {truth}"
                 );
             }
-            let truth = one_by_one(&point, wo, &light);
+            let truth = one_by_one(&point, wo, &light, eval);
             let found = integrate(&point, wo, &light);
             // f32 sums of 200 terms; the narrowest lobe magnifies the rounding of the half vector by 1/α².
             let bound = 1e-4 * truth.max_element().max(0.1);
@@ -350,7 +359,7 @@ mod tests {
                 diffuse: Vec3::ZERO,
                 ..rough
             };
-            let left = one_by_one(&rough, wo, &light) - one_by_one(&black, wo, &light);
+            let left = one_by_one(&rough, wo, &light, eval) - one_by_one(&black, wo, &light, eval);
             let matt = integrate_diffuse(&rough, wo, &light);
             assert!((matt - left).abs().max_element() < bound, "{case}: {matt} {left}");
         }

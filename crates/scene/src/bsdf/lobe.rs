@@ -1,6 +1,7 @@
 //! Where a point's specular light comes from: the lobe's mean direction and width, for integrators that sample
 //! light in clusters.
 
+use super::layers::leading;
 use super::microfacet::{cosine_above, masking, sample_visible_normal};
 use super::phong;
 use crate::shading::{Gloss, MIN_ALPHA, ShadingPoint};
@@ -21,7 +22,11 @@ pub struct Lobe {
 /// The same point with a lobe whose half vectors spread by at least `slope` (the α of GGX and Ward): light that is known
 /// at separate directions only would fall beside narrower ones.
 pub fn at_least_as_wide(point: &ShadingPoint, slope: f32) -> ShadingPoint {
-    with_slopes(point, |alpha| alpha.max(slope))
+    let mut wide = with_slopes(point, |alpha| alpha.max(slope));
+    if let Some(layers) = &mut wide.layers {
+        layers.coat_alpha = layers.coat_alpha.max(slope);
+    }
+    wide
 }
 
 /// The same point, standing for places whose unit shading normals have a mean of this length: what the normals spread
@@ -38,6 +43,10 @@ pub fn spread_by_normals(point: &ShadingPoint, length: f32) -> ShadingPoint {
 fn with_slopes(point: &ShadingPoint, change: impl Fn(f32) -> f32) -> ShadingPoint {
     let gloss = match point.gloss {
         Gloss::Ggx => Gloss::Ggx,
+        Gloss::GgxAnisotropic { alpha, tangent } => Gloss::GgxAnisotropic {
+            alpha: alpha.map(&change),
+            tangent,
+        },
         Gloss::Ward { alpha, tangent } => Gloss::Ward {
             alpha: alpha.map(&change),
             tangent,
@@ -54,9 +63,10 @@ fn with_slopes(point: &ShadingPoint, change: impl Fn(f32) -> f32) -> ShadingPoin
     }
 }
 
-/// The specular lobe seen from `wo` (unit, away from the surface); `None` where there is none: matt surfaces,
+/// The specular lobe seen from `wo` (unit, away from the surface), of clearcoat and what lies under it the brighter one; `None` where there is none: matt surfaces,
 /// and views from below a horizon.
 pub fn lobe(point: &ShadingPoint, wo: Vec3) -> Option<Lobe> {
+    let point = &leading(point);
     let normal = point.shading_normal;
     let cos = cosine_above(point, wo)?;
     if point.lambert || point.f0 == Vec3::ZERO {
@@ -65,6 +75,9 @@ pub fn lobe(point: &ShadingPoint, wo: Vec3) -> Option<Lobe> {
     let mirror = phong::mirrored(normal, wo);
     let rough = match point.gloss {
         Gloss::Ggx => return ggx(point.alpha, cos.min(1.0), normal, mirror),
+        Gloss::GgxAnisotropic { alpha, .. } => {
+            return ggx(alpha[0].max(alpha[1]), cos.min(1.0), normal, mirror);
+        }
         Gloss::Ward { alpha, .. } => alpha[0].max(alpha[1]),
         Gloss::Phong { exponent } => (2.0 * exponent + 1.0).recip().sqrt(),
     };
@@ -78,10 +91,12 @@ pub fn lobe(point: &ShadingPoint, wo: Vec3) -> Option<Lobe> {
     })
 }
 
-/// [`Lobe::width`] of a specular lobe seen from above.
+/// [`Lobe::width`] of the specular lobe of [`lobe`] seen from above.
 pub fn width_facing(point: &ShadingPoint) -> f32 {
+    let point = &leading(point);
     let width = match point.gloss {
         Gloss::Ggx => nominal_width(point.alpha),
+        Gloss::GgxAnisotropic { alpha, .. } => nominal_width(alpha[0].max(alpha[1])),
         // Gaussian slopes: 90 % within tan θ = √(ln 10) α = 1.52 α of the rougher direction.
         Gloss::Ward { alpha, .. } => 2.0 * (1.52 * alpha[0].max(alpha[1])).atan(),
         // cosⁿ⁺¹ = 0.08: 92 %, since the direction of the lobe is a little off the middle.

@@ -37,9 +37,17 @@ pub(super) fn cosines(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> Option<(f32, 
     cosine_above(point, wo).zip(cosine_above(point, wi))
 }
 
-/// Schlick's term F.
-pub(super) fn fresnel(f0: Vec3, cos_oh: f32) -> Vec3 {
-    f0 + (Vec3::ONE - f0) * (1.0 - cos_oh).max(0.0).powi(5)
+/// Schlick's term F of the specular part.
+pub(super) fn fresnel(point: &ShadingPoint, cos_oh: f32) -> Vec3 {
+    point.f0 + (Vec3::splat(point.f90) - point.f0) * (1.0 - cos_oh).max(0.0).powi(5)
+}
+
+/// What of the light the specular part takes from the diffuse one, where its own term is `fresnel`.
+pub(super) fn veil(point: &ShadingPoint, fresnel: Vec3, cos_oh: f32) -> Vec3 {
+    match point.veil {
+        Some([v0, v90]) => Vec3::splat(v0 + (v90 - v0) * (1.0 - cos_oh).max(0.0).powi(5)),
+        None => fresnel,
+    }
 }
 
 /// D in 1/sr, from the squared sine of the half vector's angle with the normal.
@@ -75,12 +83,22 @@ pub(super) fn masking(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
 /// A normal of the microsurface as seen from `wo`, local space (z = shading normal), by Dupuy and Benyoub,
 /// "Sampling Visible GGX Normals with Spherical Caps" (2023).
 pub(super) fn sample_visible_normal(wo: Vec3, alpha: f32, u: [f32; 2]) -> Vec3 {
+    sample_visible_normal_of(wo, [alpha; 2], u)
+}
+
+/// The same of a microsurface that is anisotropic along x and y.
+pub(super) fn sample_visible_normal_of(wo: Vec3, alpha: [f32; 2], u: [f32; 2]) -> Vec3 {
     // To the configuration where the microsurface is a hemisphere.
-    let stretched = Vec3::new(wo.x * alpha, wo.y * alpha, wo.z).normalize();
+    let stretched = Vec3::new(wo.x * alpha[0], wo.y * alpha[1], wo.z).normalize();
     // Directions that the hemisphere reflects into form a spherical cap: sample it evenly.
     let z = (1.0 - u[0]) * (1.0 + stretched.z) - stretched.z;
     let radius = (1.0 - z * z).max(0.0).sqrt();
     let (sin, cos) = (TAU * u[1]).sin_cos();
     let half = Vec3::new(radius * cos, radius * sin, z) + stretched;
-    Vec3::new(half.x * alpha, half.y * alpha, half.z.max(f32::MIN_POSITIVE)).normalize()
+    Vec3::new(
+        half.x * alpha[0],
+        half.y * alpha[1],
+        half.z.max(f32::MIN_POSITIVE),
+    )
+    .normalize()
 }

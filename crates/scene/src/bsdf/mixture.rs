@@ -18,7 +18,7 @@ impl Lobe {
     pub(super) fn of(point: &ShadingPoint) -> Option<Lobe> {
         match point.gloss {
             _ if point.lambert => None,
-            Gloss::Ggx => None,
+            Gloss::Ggx | Gloss::GgxAnisotropic { .. } => None,
             Gloss::Phong { exponent } => Some(Lobe::Phong { exponent }),
             Gloss::Ward { alpha, tangent } => Some(Lobe::Ward {
                 alpha,

@@ -20,12 +20,15 @@ fn point(diffuse: f32, specular: f32, gloss: Gloss) -> ShadingPoint {
         base_color: Vec3::splat(diffuse),
         diffuse: Vec3::splat(diffuse),
         f0: Vec3::splat(specular),
+        f90: 1.0,
+        veil: None,
         alpha: match gloss {
             Gloss::Ward { alpha, .. } => alpha[0],
             _ => 1.0,
         },
         gloss,
         lambert: false,
+        layers: None,
         emission: Vec3::ZERO,
         material: 0,
     }
@@ -108,7 +111,7 @@ fn lobe_density(gloss: Gloss, wo: DVec3, wi: DVec3) -> f64 {
             let e = (-tan2 * ((phi.cos() / u).powi(2) + (phi.sin() / v).powi(2))).exp();
             e / (PI64 * u * v * h.z.powi(3)) / (4.0 * h.dot(local(gloss, wo)))
         }
-        Gloss::Ggx => unreachable!(),
+        Gloss::Ggx | Gloss::GgxAnisotropic { .. } => unreachable!(),
     }
 }
 
@@ -131,7 +134,7 @@ fn lobe_direction(gloss: Gloss, wo: DVec3, a: f64, b: f64) -> DVec3 {
             let h = (t * x + DVec3::Z.cross(t) * y + DVec3::Z).normalize();
             2.0 * wo.dot(h) * h - wo
         }
-        Gloss::Ggx => unreachable!(),
+        Gloss::Ggx | Gloss::GgxAnisotropic { .. } => unreachable!(),
     }
 }
 
@@ -226,7 +229,7 @@ fn the_specular_factor_is_what_is_reflected_at_normal_incidence() {
         let narrow = match gloss {
             Gloss::Phong { .. } => true,
             Gloss::Ward { alpha, .. } => alpha[0].max(alpha[1]) < 0.01,
-            Gloss::Ggx => false,
+            Gloss::Ggx | Gloss::GgxAnisotropic { .. } => false,
         };
         if narrow {
             let albedo = directional_albedo(&point(0.0, 0.7, gloss), Vec3::Z, 1 << 14);

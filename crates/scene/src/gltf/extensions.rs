@@ -13,8 +13,14 @@ const SUPPORTED: &[&str] = &[
     "KHR_animation_pointer",
     "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_iridescence",
     "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_materials_variants",
@@ -27,14 +33,8 @@ const SUPPORTED: &[&str] = &[
 
 /// Extensions that only refine shading or describe the file: the scene is right without them, if plainer.
 const HARMLESS: &[&str] = &[
-    "KHR_materials_anisotropy",
-    "KHR_materials_clearcoat",
     "KHR_materials_diffuse_transmission",
     "KHR_materials_dispersion",
-    "KHR_materials_ior",
-    "KHR_materials_iridescence",
-    "KHR_materials_sheen",
-    "KHR_materials_specular",
     "KHR_materials_volume",
     "KHR_xmp",
     "KHR_xmp_json_ld",
@@ -59,6 +59,11 @@ pub(super) fn check(root: &At, notes: &mut Notes) -> Vec<UnsupportedExtension> {
     used.dedup();
     let mut unsupported = Vec::new();
     for name in used {
+        if name == "KHR_materials_iridescence" {
+            notes.say(format!(
+                "{name}: films have the mean of their colours over all angles"
+            ));
+        }
         if SUPPORTED.contains(&name) {
             continue;
         }

@@ -12,15 +12,14 @@ use super::json::{At, Faults};
 use super::layout::{Layout, MAX_BYTES};
 use super::list::List;
 use super::notes::Notes;
+use super::refined;
+use super::texture_use::parse_use;
 use super::uri;
 use crate::json::quantity::MAX_FACTOR;
-use crate::material::{AlphaMode, Material, Texture, TextureUse, Wrap};
-use glam::{Affine2, Vec2, Vec3, Vec4};
+use crate::material::{AlphaMode, Material, Texture, Wrap};
+use glam::{Vec3, Vec4};
 use std::collections::BTreeMap;
 use std::path::Path;
-
-/// Sets of texture coordinates that are imported. Files with more than two are rare.
-pub(super) const MAX_UV_SETS: u64 = 8;
 
 /// Where an image's bytes are.
 pub(super) enum ImageSource {
@@ -155,33 +154,6 @@ fn parse_texture(
     Some(TextureSource { image, wrap, nearest })
 }
 
-pub(super) fn parse_use(at: &At, key: &str, textures: usize) -> Option<TextureUse> {
-    let info = at.object(key)?;
-    let texture = info.required_index("index", textures, "textures")?;
-    let mut uv_set = info.uint("texCoord").unwrap_or(0);
-    let mut texture_from_mesh = Affine2::IDENTITY;
-    if let Some(transform) = info.extension("KHR_texture_transform") {
-        uv_set = transform.uint("texCoord").unwrap_or(uv_set);
-        let offset = transform.floats("offset").map_or(Vec2::ZERO, Vec2::from);
-        let scale = transform.floats("scale").map_or(Vec2::ONE, Vec2::from);
-        // Counter-clockwise as one sees the image, whose v axis points down: the negative angle in (u, v).
-        let rotation = -transform.float("rotation").unwrap_or(0.0);
-        texture_from_mesh = Affine2::from_scale_angle_translation(scale, rotation, offset);
-    }
-    if uv_set >= MAX_UV_SETS {
-        info.fault_at(
-            "texCoord",
-            format!("is {uv_set}; at most {MAX_UV_SETS} sets of coordinates are imported"),
-        );
-        return None;
-    }
-    Some(TextureUse {
-        texture: texture as u32,
-        uv_set: uv_set as u32,
-        texture_from_mesh,
-    })
-}
-
 fn parse_material(at: &At, textures: usize, notes: &mut Notes) -> Material {
     let default = Material::default();
     let mut clamp = |value: f32, high: f32, what: &str| {
@@ -263,6 +235,9 @@ fn parse_material(at: &At, textures: usize, notes: &mut Notes) -> Material {
         material.alpha_mode = AlphaMode::Pane { transmission };
         material.base_color *= absorbed(at).extend(1.0);
     }
+    if !material.unlit {
+        material.extensions = refined::parse(at, textures, material.alpha_mode, notes);
+    }
     material
 }
 
@@ -298,12 +273,7 @@ pub(super) fn load_textures(
     let unused = Faults::default();
     for (i, material) in materials.iter_mut().enumerate() {
         let faults = if used[i] { faults } else { &unused };
-        for slot in [
-            &mut material.base_color_texture,
-            &mut material.metallic_roughness_texture,
-            &mut material.normal_texture,
-            &mut material.emission_texture,
-        ] {
+        for slot in material.source_textures_mut() {
             let Some(texture_use) = slot else { continue };
             let Some(&key) = source.textures.get(texture_use.texture as usize, faults) else {
                 *slot = None;

@@ -51,7 +51,9 @@ mod middle;
 mod nodes;
 mod notes;
 mod primitives;
+mod refined;
 mod specgloss;
+mod texture_use;
 mod tracks;
 mod units;
 mod uri;
@@ -286,18 +288,7 @@ fn check_version(root: &At) {
 fn add_missing_uvs(geometry: &mut geometry::Geometry, materials: &[Material], notes: &mut Notes) {
     for mesh in &mut geometry.meshes {
         let material = &materials[mesh.material as usize];
-        let uses = [
-            material.base_color_texture,
-            material.metallic_roughness_texture,
-            material.normal_texture,
-            material.emission_texture,
-        ];
-        let needed = uses
-            .iter()
-            .flatten()
-            .map(|u| u.uv_set as usize + 1)
-            .max()
-            .unwrap_or(0);
+        let needed = material.uv_sets() as usize;
         if needed > mesh.uvs.len() {
             notes.count(
                 "textured meshes without the texture coordinates they need, which are taken as 0",

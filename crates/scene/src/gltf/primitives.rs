@@ -6,8 +6,8 @@ use super::draco;
 use super::json::At;
 use super::layout::{Accessor, Layout};
 use super::list::List;
-use super::materials::MAX_UV_SETS;
 use super::notes::Notes;
+use super::texture_use::MAX_UV_SETS;
 use super::variants::Variants;
 
 /// Elements of an accessor that no bytes stand behind (zeros, some of them replaced): such attributes are

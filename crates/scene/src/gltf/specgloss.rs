@@ -9,8 +9,9 @@
 use super::accessors::Data;
 use super::json::{At, Faults};
 use super::list::List;
-use super::materials::{Materials, TextureSource, load_image, parse_use, wraps};
+use super::materials::{Materials, TextureSource, load_image, wraps};
 use super::notes::Notes;
+use super::texture_use::parse_use;
 use crate::image::{Image8, Limits, decode_ldr, encode_png};
 use crate::material::{Material, Texture, TextureUse};
 use glam::{DVec3, DVec4, Vec4};

@@ -1,7 +1,7 @@
 //! Thin panes (KHR_materials_transmission): rays go straight on through them.
 //!
 //! Source: the extension's reading of thin walls. Of the light that the surface does not mirror (Schlick's Fresnel term of a
-//! dielectric) `transmission` passes, times the base colour; what is left reflects as ever. Each surface counts once, so a sheet modelled
+//! dielectric, by KHR_materials_ior and the factors of KHR_materials_specular) `transmission` passes, times the base colour; what is left reflects as ever. Each surface counts once, so a sheet modelled
 //! as a box mirrors twice.
 //!
 //! Whether a ray that looks for a surface stops at a pane is decided by a hash, as alpha is: it passes with probability T, the largest
@@ -13,6 +13,7 @@
 //! Deviation: light is neither refracted nor blurred by roughness on its way through.
 
 use super::corner::Corner;
+use super::extended::dielectric;
 use super::scene::TracedScene;
 use crate::material::{AlphaMode, Material};
 use crate::rays::{Hit, Ray};
@@ -29,6 +30,8 @@ pub(super) struct Pane {
     /// What passes of the light that is not mirrored, linear RGB in 0..=1.
     passing: Vec3,
     transmission: f32,
+    /// Schlick's term at normal incidence and at grazing angles.
+    fresnel: [f32; 2],
 }
 
 impl Pane {
@@ -50,12 +53,13 @@ impl Pane {
 
     /// The same of reflectance at normal incidence.
     pub fn mirrored(&self, f0: Vec3) -> Vec3 {
-        (f0 / (1.0 - self.most() * (1.0 - DIELECTRIC_F0))).min(Vec3::ONE)
+        (f0 / (1.0 - self.most() * (1.0 - self.fresnel[0])).max(f32::MIN_POSITIVE)).min(Vec3::ONE)
     }
 
     /// Which share of the light of a ray passes, RGB; `cos` is that between ray and normal.
     fn share(&self, cos: f32) -> Vec3 {
-        let fresnel = DIELECTRIC_F0 + (1.0 - DIELECTRIC_F0) * (1.0 - cos.clamp(0.0, 1.0)).powi(5);
+        let [f0, f90] = self.fresnel;
+        let fresnel = f0 + (f90 - f0) * (1.0 - cos.clamp(0.0, 1.0)).powi(5);
         self.passing * (1.0 - fresnel)
     }
 
@@ -90,9 +94,15 @@ impl TracedScene {
         let metallic = (material.metallic * texture.z).clamp(0.0, 1.0);
         // NaN becomes 0.
         let base = base.max(Vec3::ZERO).min(Vec3::ONE);
+        // The brightest channel decides for all, as it does for what is diffuse.
+        let fresnel = match &material.extensions {
+            Some(e) => dielectric(e.ior, e.specular_color, e.specular),
+            None => (Vec3::splat(DIELECTRIC_F0), 1.0),
+        };
         Some(Pane {
             passing: base * (transmission * (1.0 - metallic)),
             transmission,
+            fresnel: [fresnel.0.max_element(), fresnel.1],
         })
     }
 

@@ -177,7 +177,7 @@ fn check_textures(at: usize, material: &Material, scene: &Scene) -> Result<(), T
 }
 
 /// Textures that evaluating a material looks up.
-fn used_textures(material: &Material, shading: Shading) -> impl Iterator<Item = u32> {
+fn used_textures(material: &Material, shading: Shading) -> impl Iterator<Item = u32> + '_ {
     let always = [material.base_color_texture, material.emission_texture];
     let full = [
         material.metallic_roughness_texture,
@@ -185,7 +185,12 @@ fn used_textures(material: &Material, shading: Shading) -> impl Iterator<Item = 
         material.specular_texture,
         material.bump.map(|bump| bump.texture),
     ];
-    let full = full.into_iter().filter(move |_| shading == Shading::Full);
+    let further =
+        (material.extensions.iter()).flat_map(|extensions| extensions.textures().map(|usage| *usage));
+    let full = full
+        .into_iter()
+        .chain(further)
+        .filter(move |_| shading == Shading::Full);
     always
         .into_iter()
         .chain(full)

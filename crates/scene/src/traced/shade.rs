@@ -7,7 +7,7 @@
 use super::corner::Corner;
 use super::scene::{Shading, TracedScene};
 use crate::bsdf::{MAX_EXPONENT, exponent_of_alpha};
-use crate::material::{Bump, Material, Model};
+use crate::material::{Bump, Material, Model, TextureUse};
 use crate::shading::{DIELECTRIC_F0, Gloss, MIN_ALPHA, ShadingPoint, bend_towards};
 use crate::surface::SurfaceHit;
 use crate::texture::ColorSpace;
@@ -42,7 +42,8 @@ impl TracedScene {
         if self.shading() == Shading::Lambert {
             return point;
         }
-        if let Some(normal) = self.mapped_normal(hit, &corner) {
+        let (map, scale) = (&material.normal_texture, material.normal_scale);
+        if let Some(normal) = self.mapped_normal(map, scale, hit, &corner) {
             point.shading_normal = bend_towards(normal, hit.geometric_normal);
         }
         if let Some(bump) = &material.bump
@@ -54,6 +55,8 @@ impl TracedScene {
         if let (Some(pane), Model::MetallicRoughness) = (&pane, material.model) {
             point.diffuse = pane.diffuse(point.diffuse);
             point.f0 = pane.mirrored(point.f0);
+            point.f90 = pane.mirrored(Vec3::splat(point.f90)).x;
+            point.layers = None;
         }
         point
     }
@@ -79,6 +82,9 @@ impl TracedScene {
                 point.f0 = Vec3::splat(DIELECTRIC_F0 * (1.0 - metallic)) + point.base_color * metallic;
                 point.alpha = alpha(material.roughness);
                 point.lambert = false;
+                if let Some(extensions) = &material.extensions {
+                    self.extend(material, extensions, metallic, hit, corner, point);
+                }
             }
             Model::Phong { specular, exponent } => {
                 self.balance(material, specular, corner, point);
@@ -138,7 +144,12 @@ impl TracedScene {
 
     /// Tangent along rising u and bitangent for anisotropic lobes, on the ray's side: of the mesh, else of the
     /// coordinates that the material looks its textures up with, else any.
-    fn tangents(&self, hit: &SurfaceHit, corner: &Corner<'_>, material: &Material) -> (Vec3, Vec3) {
+    pub(super) fn tangents(
+        &self,
+        hit: &SurfaceHit,
+        corner: &Corner<'_>,
+        material: &Material,
+    ) -> (Vec3, Vec3) {
         let any = || hit.normal.any_orthonormal_pair();
         if let Some((tangent, handedness)) = self.authored_tangent(hit.primitive, corner) {
             let side = if hit.front { 1.0 } else { -1.0 };
@@ -175,11 +186,16 @@ impl TracedScene {
         leaned.try_normalize().map(|leaned| leaned.as_vec3() * side)
     }
 
-    /// Normal of the normal map, on the ray's side; `None` without a map or where there are no usable
+    /// Normal of a normal map, on the ray's side; `None` without a map or where there are no usable
     /// coordinates.
-    fn mapped_normal(&self, hit: &SurfaceHit, corner: &Corner<'_>) -> Option<Vec3> {
-        let material = self.material(hit.primitive);
-        let usage = material.normal_texture.as_ref()?;
+    pub(super) fn mapped_normal(
+        &self,
+        map: &Option<TextureUse>,
+        scale: f32,
+        hit: &SurfaceHit,
+        corner: &Corner<'_>,
+    ) -> Option<Vec3> {
+        let usage = map.as_ref()?;
         // Everything as seen from the front; the back has the front's normal reversed.
         let side = if hit.front { 1.0 } else { -1.0 };
         let normal = hit.normal * side;
@@ -195,10 +211,10 @@ impl TracedScene {
                 derived_tangents(&self.triangle_positions(hit.primitive), uvs, normal)?
             }
         };
-        let value = self.texture_value(&material.normal_texture, corner, ColorSpace::Linear);
+        let value = self.texture_value(map, corner, ColorSpace::Linear);
         let mut local = value.truncate() * 2.0 - 1.0;
-        local.x *= material.normal_scale;
-        local.y *= material.normal_scale;
+        local.x *= scale;
+        local.y *= scale;
         let mapped = tangent * local.x + bitangent * local.y + normal * local.z;
         mapped.try_normalize().map(|mapped| mapped * side)
     }
@@ -256,7 +272,7 @@ fn surface_gradient(vertices: &[Vec3; 3], uvs: [Vec2; 3], slope: Vec2) -> Option
 }
 
 /// Clamps to 0..=1; NaN becomes 0.
-fn unit_interval(value: f32) -> f32 {
+pub(super) fn unit_interval(value: f32) -> f32 {
     if value.is_nan() {
         0.0
     } else {
