@@ -10,6 +10,7 @@ use relight_scene::material_edits::parse_material_edits;
 use relight_scene::photometry::Photometry;
 use relight_scene::scene::Scene;
 use relight_scene::sequence::{Sequence, parse_sequence, sequence_to_json, stage_from_json};
+use relight_scene::weather::Weather;
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -32,6 +33,7 @@ pub fn all() -> Vec<(&'static str, Target)> {
         ("texture", texture),
         ("sequence", sequence),
         ("ies", ies),
+        ("weather", weather),
         ("material_edits", material_edits),
     ]
 }
@@ -49,6 +51,26 @@ pub fn ies(data: &[u8]) {
         "{}",
         lamp.lumens()
     );
+}
+
+/// Any bytes as a weather file: finite light of at least 0 and a unit vector to the sun at any hour, or an error; an excerpt reads as the
+/// whole does.
+pub fn weather(data: &[u8]) {
+    let text: String = data.iter().map(|&byte| char::from(byte)).collect();
+    let Ok(weather) = Weather::parse(&text) else {
+        return;
+    };
+    for hours in [0.0, 12.25, 4140.5, 8759.9] {
+        let (daylight, sun) = weather.at(hours);
+        assert!(daylight.direct_normal >= 0.0 && daylight.diffuse_horizontal >= 0.0);
+        assert!((sun.length() - 1.0).abs() < 1e-9);
+        if weather.check(hours, hours + 1.0).is_ok() {
+            let excerpt = weather.excerpt(&text, hours, hours + 1.0);
+            let again = Weather::parse(&excerpt).expect("an excerpt reads");
+            let (of_excerpt, _) = again.at(hours);
+            assert!((of_excerpt.direct_normal - daylight.direct_normal).abs() < 1e-6);
+        }
+    }
 }
 
 /// Any bytes as a `.glb` or `.gltf`: a scene whose indices are in range, or an error; and no caught panic either.

@@ -3,10 +3,11 @@
 use crate::animated::Animated;
 use crate::json::keyed::Keyed;
 use crate::json::quantity::{
-    Angle, Color, Components, Direction, Edge, Factor, HalfAngle, Length, Position, Quantity, Turbidity,
-    given,
+    Angle, Color, Components, Direction, Edge, Factor, HalfAngle, Hours, Length, Position, Quantity,
+    Turbidity, given,
 };
 use crate::photometry::Photometry;
+use crate::weather::{Weather, hours_before};
 use glam::Vec3;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::ser::Error as _;
@@ -29,7 +30,7 @@ impl LightTrack {
     pub fn is_distant(&self) -> bool {
         matches!(
             self.kind,
-            LightKind::Environment { .. } | LightKind::SunSky { .. }
+            LightKind::Environment { .. } | LightKind::SunSky { .. } | LightKind::Weather { .. }
         )
     }
 }
@@ -152,6 +153,27 @@ pub enum LightKind {
         #[serde(with = "Keyed::<Factor>", default = "constant::<Factor, 1>")]
         scale: Animated<Vec3>,
     },
+    /// Sun and sky as the weather was: a weather file (`.epw` or `.wea`) and Perez's sky. East is +X, north −Z.
+    Weather {
+        /// What the file says; not in the JSON.
+        #[serde(skip)]
+        weather: Arc<Weather>,
+        /// An `.epw` or `.wea` file, relative to the sequence's folder, or its whole text.
+        file: String,
+        /// The day from whose midnight `hours` count, as `MM-DD`; the first of January where it is left out.
+        #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+        #[schemars(with = "Day")]
+        day: Option<Day>,
+        /// The time, in hours, on the file's clock (without summer time).
+        #[serde(with = "Keyed::<Hours>")]
+        hours: Animated<f32>,
+        /// Multiplies sun and sky.
+        #[serde(with = "Keyed::<Factor>", default = "constant::<Factor, 1>")]
+        scale: Animated<Vec3>,
+        /// Turns sun and sky counter-clockwise about +Y seen from above, degrees.
+        #[serde(with = "Keyed::<Angle>", default = "constant::<Angle, 0>")]
+        rotation_deg: Animated<f32>,
+    },
     /// Lets emissive materials of the scene shine.
     Emissive {
         /// Materials of this name; all emissive ones where it is left out.
@@ -162,6 +184,45 @@ pub enum LightKind {
         #[serde(with = "Keyed::<Factor>", default = "constant::<Factor, 1>")]
         scale: Animated<Vec3>,
     },
+}
+
+/// A day of the year, as `MM-DD`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "String", into = "String")]
+#[schemars(with = "String")]
+pub struct Day {
+    #[schemars(skip)]
+    month: u32,
+    #[schemars(skip)]
+    day: u32,
+}
+
+impl Day {
+    /// Hours of the year before its midnight.
+    pub fn hours(self) -> f64 {
+        hours_before(self.month, self.day).unwrap_or(0.0)
+    }
+}
+
+impl TryFrom<String> for Day {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Day, String> {
+        let parts = text
+            .split_once('-')
+            .filter(|(month, day)| month.len() <= 2 && day.len() <= 2);
+        let numbers = parts.and_then(|(month, day)| Some((month.parse().ok()?, day.parse().ok()?)));
+        let (month, day) = numbers
+            .filter(|&(month, day)| hours_before(month, day).is_some())
+            .ok_or_else(|| format!("expected a day of the year as \"MM-DD\", found {text:?}"))?;
+        Ok(Day { month, day })
+    }
+}
+
+impl From<Day> for String {
+    fn from(Day { month, day }: Day) -> String {
+        format!("{month:02}-{day:02}")
+    }
 }
 
 /// The value of a field that is left out: the same number for all components, at every frame.

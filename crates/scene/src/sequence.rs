@@ -11,8 +11,9 @@ use crate::json::decode::{Document, Object, read_text};
 use crate::json::error::JsonError;
 use crate::json::path::JsonPath;
 use crate::json::quantity::{Above0, Number, Range, Version1, given, positive};
-use crate::light::{EnvironmentMap, LightKind, LightTrack};
+use crate::light::{Day, EnvironmentMap, LightKind, LightTrack};
 use crate::photometry::Photometry;
+use crate::weather::Weather;
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::de::{Error as _, IgnoredAny};
@@ -411,6 +412,20 @@ impl<'a> Reader<'a> {
             LightKind::Rect { edge_u, edge_v, .. } => self.check_edges(edge_u, edge_v, path)?,
             LightKind::Environment { map, file, .. } => *map = self.map(file, &path.key("file"))?,
             LightKind::Ies { profile, file, .. } => *profile = self.profile(file, &path.key("file"))?,
+            LightKind::Weather {
+                weather,
+                file,
+                day,
+                hours,
+                ..
+            } => {
+                let start = day.map_or(0.0, Day::hours);
+                let times = values(hours).map(|hours| start + f64::from(hours));
+                let range = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), time| {
+                    (low.min(time), high.max(time))
+                });
+                *weather = self.weather(file, range, &path.key("file"))?;
+            }
             _ => {}
         }
         Ok(light)
@@ -449,6 +464,37 @@ impl<'a> Reader<'a> {
             .map_err(|error| self.document.error(path, format!("{name}{error}")))
     }
 
+    /// Reads a weather file, of which the lines for a range of times take the place of the name.
+    fn weather(
+        &self,
+        file: &mut String,
+        (from, to): (f64, f64),
+        path: &JsonPath,
+    ) -> Result<Arc<Weather>, JsonError> {
+        let mut name = String::new();
+        if !file.contains('\n') {
+            let Some(base) = self.base_dir else {
+                let message = "no weather file can be read here: give its whole text instead of its name";
+                return Err(self.document.error(path, message));
+            };
+            name = format!("{file}: ");
+            let text = Weather::text_of(&base.join(&*file));
+            *file = text.map_err(|error| self.document.error(path, error.to_string()))?;
+        }
+        let read = || {
+            let whole = Weather::parse(file)?;
+            whole.check(from, to)?;
+            let excerpt = whole.excerpt(file, from, to);
+            Weather::parse(&excerpt).map(|weather| (weather, excerpt))
+        };
+        let (weather, excerpt) = read().map_err(|error| {
+            let message = format!("{name}{error}");
+            self.document.error(path, message)
+        })?;
+        *file = excerpt;
+        Ok(Arc::new(weather))
+    }
+
     fn check_angles(
         &self,
         inner: &Animated<f32>,
@@ -483,6 +529,15 @@ impl<'a> Reader<'a> {
         }
         Ok(())
     }
+}
+
+/// The values of all keys, or the only one.
+fn values(animated: &Animated<f32>) -> impl Iterator<Item = f32> {
+    let (constant, keys) = match animated {
+        Animated::Constant(value) => (Some(*value), &[][..]),
+        Animated::Keys { keys, .. } => (None, keys.as_slice()),
+    };
+    constant.into_iter().chain(keys.iter().map(|key| key.1))
 }
 
 /// The frames at which either value has a key; frame 0 where both are constant.

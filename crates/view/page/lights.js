@@ -25,6 +25,13 @@ export const KINDS = {
     label: "Sun and sky", strength: "scale", unit: "×", aim: "sun_direction", towards: true,
     fields: [{ name: "turbidity", label: "Turbidity (haze)", unit: "", low: 2, high: 10, step: 0.1, default: 3 }],
   },
+  weather: {
+    label: "Weather", strength: "scale", unit: "×",
+    fields: [
+      { name: "hours", label: "Time", unit: "h", low: 0, high: 24, step: 0.25, default: 12 },
+      { name: "rotation_deg", label: "Turn", unit: "°", low: -180, high: 180, step: 1, default: 0 },
+    ],
+  },
   emissive: { label: "Glowing surfaces", strength: "scale", unit: "×", fields: [] },
 };
 

@@ -23,6 +23,7 @@ from ._sequence import (
     Sphere,
     Spot,
     SunSky,
+    Weather,
 )
 
 __all__ = [
@@ -44,6 +45,7 @@ __all__ = [
     "Sphere",
     "Spot",
     "SunSky",
+    "Weather",
     "__version__",
     "bake",
     "open",

@@ -142,6 +142,19 @@ class SunSky(Light):
 
 
 @dataclass(frozen=True)
+class Weather(Light):
+    """Sun and sky as the weather was: a weather file (``.epw`` or ``.wea``), and hours since the midnight before ``day`` ("MM-DD")."""
+
+    file: Union[str, "os.PathLike[str]"]
+    hours: Number
+    day: Optional[str] = None
+    scale: Union[Number, Vector] = 1.0
+    rotation_deg: Number = 0.0
+    name: Optional[str] = None
+    _type = "weather"
+
+
+@dataclass(frozen=True)
 class Emissive(Light):
     """Lets emissive materials of the scene shine: those of a name, or all."""
 

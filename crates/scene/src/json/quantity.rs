@@ -190,6 +190,8 @@ quantities! {
     Aspect: f32, Number, Range::Positive;
     #[doc = "Haze of the sky, from 2 (very clear) to 10 (hazy)."]
     Turbidity: f32, Number, Range::Within(2.0, 10.0);
+    #[doc = "Hours since a day began, from 0 to 8784."]
+    Hours: f32, Number, Range::Within(0.0, 8784.0);
     #[doc = "An exponent of Phong's model, from 0 to 1000000."]
     Exponent: f32, Number, Range::Within(0.0, crate::bsdf::MAX_EXPONENT as f64);
     #[doc = "A point: x, y and z in metres."]

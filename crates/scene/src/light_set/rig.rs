@@ -14,8 +14,11 @@ use super::shape::{Dark, Shape, positive, unit};
 use super::sphere::{Sphere, SphereLight};
 use super::sun_sky::SunSkyLight;
 use crate::environment::EnvironmentSampler;
-use crate::light::{EnvironmentMap, LightKind, LightTrack};
+use crate::light::{Day, EnvironmentMap, LightKind, LightTrack};
+use crate::perez::weather_sky;
 use crate::photometry::LampAxes;
+use crate::sky::sun_sky;
+use glam::DQuat;
 use std::collections::HashMap;
 use std::sync::Arc;
 use thiserror::Error;
@@ -225,10 +228,23 @@ impl<'a> LightRig<'a> {
                 sun_direction,
                 scale,
             } => Box::new(SunSkyLight::new(
-                turbidity.at(frame),
-                sun_direction.at(frame),
+                sun_sky(turbidity.at(frame), sun_direction.at(frame)),
                 positive(scale.at(frame)),
             )?),
+            LightKind::Weather {
+                weather,
+                day,
+                hours,
+                scale,
+                rotation_deg,
+                ..
+            } => {
+                let time = day.map_or(0.0, Day::hours) + f64::from(hours.at(frame));
+                let (daylight, sun) = weather.at(time);
+                let turn = DQuat::from_rotation_y(f64::from(rotation_deg.at(frame)).to_radians());
+                let sky = weather_sky(&daylight, turn * sun);
+                Box::new(SunSkyLight::new(sky, positive(scale.at(frame)))?)
+            }
             LightKind::Emissive { scale, .. } => Box::new(EmissiveLight {
                 table: self.prepared.tables[i].clone()?,
                 scale: positive(scale.at(frame)),

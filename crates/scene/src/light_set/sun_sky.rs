@@ -1,4 +1,4 @@
-//! Sun and clear sky.
+//! Sun and sky, clear or of any weather.
 
 use super::distant::Split;
 use super::emitters::Emitters;
@@ -7,7 +7,7 @@ use super::map::TurnedMap;
 use super::shape::{Extent, LightSample, LongRay, ReferencePoint, Seen, Shape, extended, luminance64, times};
 use super::sphere::sample_cone;
 use crate::environment::{EnvironmentSampler, luminance};
-use crate::sky::{SUN_HALF_ANGLE, SunSky, sun_sky};
+use crate::sky::{SUN_HALF_ANGLE, SunSky};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -42,12 +42,12 @@ impl SunDisc {
 
 impl SunSkyLight {
     /// `None` where the sky is black.
-    pub(super) fn new(turbidity: f32, sun_direction: Vec3, scale: Vec3) -> Option<SunSkyLight> {
+    pub(super) fn new(sun_sky: SunSky, scale: Vec3) -> Option<SunSkyLight> {
         let SunSky {
             sky,
             sun_direction,
             sun_radiance,
-        } = sun_sky(turbidity, sun_direction);
+        } = sun_sky;
         let sampler = EnvironmentSampler::new(&sky)?;
         let one_minus_cos = 2.0 * (SUN_HALF_ANGLE / 2.0).sin().powi(2);
         let sun = f64::from(luminance(sun_radiance)) * 2.0 * PI * one_minus_cos;

@@ -85,7 +85,7 @@ fn messages_name_the_path_and_what_was_found() {
         (light(&format!(r#"{point}, "intensity": [1e300,1,1]"#)), "lights[0].intensity[0]: expected a number from 0 to 1e30, found 1e300"),
         (light(&format!(r#"{point}, "intensity": [1,1,1], "color": 3"#)), "lights[0].color: unknown field `color`, expected one of `center`, `position`, `intensity`"),
         (light(point), "lights[0]: missing field `intensity` (line 1, column 36)"),
-        (light(r#""type": "laser""#), "lights[0].type: unknown variant `laser`, expected one of `point`, `spot`, `ies`, `directional`, `rect`, `rectangle`, `sphere`, `environment`, `sun_sky`, `emissive`"),
+        (light(r#""type": "laser""#), "lights[0].type: unknown variant `laser`, expected one of `point`, `spot`, `ies`, `directional`, `rect`, `rectangle`, `sphere`, `environment`, `sun_sky`, `weather`, `emissive`"),
         (light(r#""type": "spot", "position": [0,0,0], "direction": [0,0,0], "outer_angle_deg": 10, "intensity": [1,1,1]"#), "lights[0].direction: expected a direction"),
         (light(r#""type": "spot", "position": [0,0,0], "direction": [0,1,0], "outer_angle_deg": 120, "intensity": [1,1,1]"#), "lights[0].outer_angle_deg: expected a number from 0 to 90, found 120"),
         (light(r#""type": "spot", "position": [0,0,0], "direction": [0,1,0], "inner_angle_deg": 30, "outer_angle_deg": 20, "intensity": [1,1,1]"#), "lights[0].inner_angle_deg: must not exceed"),
@@ -213,6 +213,62 @@ fn hostile_json_is_refused_with_a_place() {
         );
         assert!(message.contains("line 1, column "), "{message}");
     }
+}
+
+/// A weather file becomes the lines that the sequence asks for, and its messages name it.
+#[test]
+fn weather_is_read_for_the_hours_of_the_sequence() {
+    let folder = tempfile::tempdir().unwrap();
+    let tape = "place a\nlatitude 47\nlongitude -8\ntime_zone -15\nweather_data_file_units 1\n3 21 8.5 100 50\n6 21 11.5 500 100\n6 21 12.5 600 100\n";
+    std::fs::write(folder.path().join("city.wea"), tape).unwrap();
+    let light = |fields: &str| {
+        format!(
+            r#"{{"relight_sequence": 1, "lights": [{{"name": "a", "type": "weather", "file": "city.wea", {fields}}}]}}"#
+        )
+    };
+    let read =
+        |fields: &str| parse_sequence(&light(fields), folder.path(), "seq.json").map_err(|e| e.to_string());
+    let sequence = read(r#""day": "06-21", "hours": {"keys": [[0, 11.5], [9, 12.5]]}"#).unwrap();
+    let LightKind::Weather {
+        file,
+        weather,
+        hours,
+        day,
+        ..
+    } = &sequence.lights[0].kind
+    else {
+        panic!()
+    };
+    assert!(file.contains("6 21 11.5") && !file.contains("3 21"), "{file}");
+    let (daylight, sun) = weather.at(day.unwrap().hours() + f64::from(hours.at(4.5)));
+    assert!((daylight.direct_normal - 550.0).abs() < 1e-9 && sun.y > 0.9);
+    // It needs no file any more.
+    assert_eq!(parse(&sequence_to_json(&sequence)).unwrap(), sequence);
+    for (fields, expected) in [
+        (
+            r#""hours": 12"#,
+            "lights[0].file: city.wea: has nothing between 06-21 12:30 and 03-21 08:30",
+        ),
+        (
+            r#""day": "21.6.", "hours": 12"#,
+            "lights[0].day: expected a day of the year as \"MM-DD\", found \"21.6.\"",
+        ),
+        (r#""day": "02-29", "hours": 12"#, "lights[0].day: expected a day"),
+        (
+            r#""day": "06-21", "hours": -1"#,
+            "lights[0].hours: expected a number from 0 to 8784",
+        ),
+        (r#""day": "06-21""#, "missing field `hours`"),
+    ] {
+        let message = read(fields).unwrap_err();
+        assert!(message.contains(expected), "{message}\nlacks\n{expected}");
+    }
+    std::fs::write(folder.path().join("city.wea"), tape.replace("500", "-500")).unwrap();
+    let message = read(r#""hours": 12"#).unwrap_err();
+    assert!(
+        message.contains("lights[0].file: city.wea: line 7: direct normal irradiance is -500"),
+        "{message}"
+    );
 }
 
 #[test]
