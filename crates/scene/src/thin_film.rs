@@ -108,7 +108,7 @@ mod tests {
             (1.8, 1.5, 260.0),
             (1.4, 2.5, 400.0),
         ] {
-            let f0 = ((base - 1.0) / (base + 1.0) as f64).powi(2) as f32;
+            let f0 = ((base - 1.0) / (base + 1.0_f64)).powi(2) as f32;
             let found = reflectance(Vec3::splat(f0), ior as f32, thickness as f32, 1.0);
             let found = f64::from(found.dot(Vec3::new(0.2126, 0.7152, 0.0722)));
             let truth = luminance(ior, base, thickness);
