@@ -11,24 +11,12 @@
 use crate::environment::{direction_from_uv, luminance};
 use crate::light::EnvironmentMap;
 use crate::sky::{LUMENS_PER_WATT, SKY_SIZE, SUN_HALF_ANGLE, SunSky};
+use crate::weather::Daylight;
 use glam::{DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 
 /// Irradiance above the atmosphere, W/m², as in the papers.
 const SOLAR_CONSTANT: f64 = 1367.0;
-
-/// What a weather station says of an hour.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Daylight {
-    /// Irradiance by the sun of a surface that faces it, W/m².
-    pub direct_normal: f64,
-    /// Irradiance by the sky of the ground, W/m².
-    pub diffuse_horizontal: f64,
-    /// Dew point, °C.
-    pub dew_point: f64,
-    /// Irradiance above the atmosphere over its mean over the year.
-    pub eccentricity: f64,
-}
 
 /// Lower ends of the classes of clearness ε, but the first, which is 1.
 const CLEARNESS: [f64; 7] = [1.065, 1.23, 1.5, 1.95, 2.8, 4.5, 6.2];

@@ -10,7 +10,6 @@
 //! declination and half a minute. No refraction.
 
 use crate::lfs::{LFS_ADVICE, is_lfs_pointer};
-use crate::perez::Daylight;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -79,6 +78,19 @@ struct Record {
     diffuse: f64,
     dew_point: f64,
     line: usize,
+}
+
+/// What a weather station says of an hour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Daylight {
+    /// Irradiance by the sun of a surface that faces it, W/m².
+    pub direct_normal: f64,
+    /// Irradiance by the sky of the ground, W/m².
+    pub diffuse_horizontal: f64,
+    /// Dew point, °C.
+    pub dew_point: f64,
+    /// Irradiance above the atmosphere over its mean over the year.
+    pub eccentricity: f64,
 }
 
 /// The weather of a year at a place.
