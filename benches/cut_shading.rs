@@ -113,7 +113,7 @@ fn shot(player: &Player) -> RelitShot {
 fn illumination(player: &Player, rig: &LightRig) -> Illumination {
     let cuts = player.prepared.cuts.as_ref();
     let leaves = cuts.map_or(0, |cuts| cuts.lights.leaves());
-    let distant = (rig.at(0.0)).take_distant(|light| rig.split(light, leaves as u32).map(Arc::new));
+    let distant = (rig.at(0.0)).take_distant(|light| rig.split(light, 0.0, leaves as u32).map(Arc::new));
     let radiance = |direction: Vec3| {
         distant
             .iter()

@@ -4,6 +4,7 @@ use crate::kinds::Kind;
 use crate::text;
 use anyhow::{Result, bail};
 use relight_scene::json::token::string_length;
+use relight_scene::numbered;
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
@@ -91,7 +92,14 @@ fn files_named_in(file: &Path) -> Vec<PathBuf> {
     let json = chunk_of_glb(&bytes).unwrap_or(&bytes);
     let folder = file.parent().unwrap_or(Path::new(""));
     let names = named(&text::of(json));
-    names.iter().map(|name| folder.join(name)).collect()
+    let files = names.iter().map(|name| folder.join(name));
+    // A pattern of environment maps is all of its files.
+    files
+        .flat_map(|file| match numbered::is_pattern(&file) {
+            true => numbered::files(&file).unwrap_or_default(),
+            false => vec![file],
+        })
+        .collect()
 }
 
 /// The JSON of a binary glTF: the first chunk, after a header of 12 bytes and its own length and type.
@@ -150,6 +158,11 @@ mod tests {
         let text = r#"{"relight_sequence": 1, "lights": [{"type": "environment", "file": "sky.hdr"}]}"#;
         std::fs::write(&lights, text).unwrap();
         assert!(files_named_in(&lights).contains(&folder.path().join("sky.hdr")));
+        let pattern = r#"{"relight_sequence": 1, "lights": [{"type": "environment", "file": "sky_##.hdr"}]}"#;
+        std::fs::write(&lights, pattern).unwrap();
+        let second = folder.path().join("sky_02.hdr");
+        std::fs::write(&second, "").unwrap();
+        assert!(files_named_in(&lights).contains(&second));
     }
 
     #[test]

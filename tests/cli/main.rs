@@ -34,6 +34,7 @@ mod report;
 mod report_page;
 mod shell;
 mod signals;
+mod skies;
 mod slurm;
 mod stage;
 mod units;

@@ -341,8 +341,8 @@ fn mirrored_sky(stage: &Stage) -> Measured {
         pixels: stripes.into_iter().map(Vec3::splat).collect(),
     };
     let mut track = sky(1.0);
-    if let LightKind::Environment { map: own, .. } = &mut track.kind {
-        *own = Arc::new(map.clone());
+    if let LightKind::Environment { maps: own, .. } = &mut track.kind {
+        *own = Arc::new(map.clone()).into();
     }
     let lit = stage.lit_with(&player, &shot, &[track], &many_samples())?;
     let mirrored = |direction: Vec3| map.at(uv_from_direction(direction * Vec3::new(1.0, -1.0, 1.0)));

@@ -275,7 +275,7 @@ pub fn sky(radiance: f32) -> LightTrack {
         pixels: vec![Vec3::ONE; 32],
     };
     let kind = LightKind::Environment {
-        map: std::sync::Arc::new(map),
+        maps: std::sync::Arc::new(map).into(),
         file: String::new(),
         scale: Animated::Constant(Vec3::splat(radiance)),
         rotation_deg: Animated::Constant(0.0),

@@ -16,8 +16,9 @@ use std::path::{Path, PathBuf};
 pub fn scene_key(asset: &Asset, sequence: &Sequence, lights: &Path) -> Result<u64, Failure> {
     let mut bytes = std::fs::read(lights).with_context(|| lights.display().to_string())?;
     for light in &sequence.lights {
-        if let LightKind::Environment { map, .. } = &light.kind {
-            for value in map.pixels.iter().flat_map(|p| p.to_array()) {
+        if let LightKind::Environment { maps, .. } = &light.kind {
+            let pixels = maps.all().iter().flat_map(|map| &map.pixels);
+            for value in pixels.flat_map(|p| p.to_array()) {
                 bytes.extend(value.to_le_bytes());
             }
         }

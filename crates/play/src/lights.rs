@@ -13,8 +13,10 @@ pub struct Lights {
     tracks: Vec<LightTrack>,
     emitters: SceneEmitters,
     prepared: PreparedLights,
-    /// Per light the parts of its environment.
+    /// Per light the parts of its environment, if that is the same at all times.
     splits: Vec<Option<Arc<Split>>>,
+    /// How many even directions visibility cuts know of; 0 without.
+    directions: u32,
 }
 
 /// The lights of a frame as visibility cuts take them.
@@ -39,11 +41,15 @@ impl Lights {
             emitters,
             prepared,
             splits: vec![None; tracks.len()],
+            directions,
         };
         if directions > 0 {
             let rig = lights.rig();
             lights.splits = (0..tracks.len())
-                .map(|light| rig.split(light, directions).map(Arc::new))
+                .map(|light| {
+                    let changes = rig.map_changes(light);
+                    (!changes).then(|| rig.split(light, 0.0, directions).map(Arc::new))?
+                })
                 .collect();
         }
         Ok(lights)
@@ -70,8 +76,14 @@ impl Lights {
 
     /// The same with what comes from even directions apart.
     pub(crate) fn distant_at(&self, time: f64) -> Distant<'_> {
-        let mut near = self.at(time);
-        let lights = near.take_distant(|light| self.splits[light].clone());
+        let rig = self.rig();
+        let mut near = rig.at(time);
+        let lights = near.take_distant(|light| match &self.splits[light] {
+            None if self.directions > 0 && rig.map_changes(light) => {
+                rig.split(light, time, self.directions).map(Arc::new)
+            }
+            kept => kept.clone(),
+        });
         Distant { near, lights }
     }
 }

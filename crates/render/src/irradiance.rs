@@ -206,9 +206,10 @@ mod tests {
             let (out, _) = irradiance_at(&scene, &lights, 0, &hits, 0.0, samples, 1);
             out.iter().map(|e| f64::from(e.x)).collect()
         };
-        let LightKind::Environment { map, .. } = &tracks[0].kind else {
+        let LightKind::Environment { maps, .. } = &tracks[0].kind else {
             unreachable!("a sky is an environment")
         };
+        let map = maps.at(0.0);
         // Far finer than the map's pixels.
         let (columns, rows) = (512, 256);
         let mut truth = 0.0;

@@ -199,11 +199,12 @@ pub fn globe() -> LightTrack {
 
 pub fn even_sky(radiance: f32) -> LightTrack {
     let kind = LightKind::Environment {
-        map: Arc::new(EnvironmentMap {
+        maps: Arc::new(EnvironmentMap {
             width: 8,
             height: 4,
             pixels: vec![Vec3::splat(radiance); 32],
-        }),
+        })
+        .into(),
         file: String::new(),
         scale: constant(Vec3::ONE),
         rotation_deg: constant(0.0),
@@ -215,11 +216,12 @@ pub fn sky() -> LightTrack {
     let pixels =
         (0..32 * 16).map(|i| Vec3::new(0.2, 0.3, 0.5) * if i == 133 { 500.0 } else { 1.0 + (i % 7) as f32 });
     let kind = LightKind::Environment {
-        map: Arc::new(EnvironmentMap {
+        maps: Arc::new(EnvironmentMap {
             width: 32,
             height: 16,
             pixels: pixels.collect(),
-        }),
+        })
+        .into(),
         file: String::new(),
         scale: constant(Vec3::new(1.0, 0.5, 2.0)),
         rotation_deg: constant(70.0),

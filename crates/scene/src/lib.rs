@@ -63,6 +63,7 @@ pub mod light;
 pub mod light_set;
 pub mod material;
 pub mod material_edits;
+pub mod numbered;
 mod perez;
 pub mod photometry;
 pub mod rays;

@@ -11,7 +11,8 @@ use crate::json::decode::{Document, Object, read_text};
 use crate::json::error::JsonError;
 use crate::json::path::JsonPath;
 use crate::json::quantity::{Above0, Number, Range, Version1, given, positive};
-use crate::light::{Day, EnvironmentMap, LightKind, LightTrack};
+use crate::light::{Day, EnvironmentMaps, LightKind, LightTrack};
+use crate::numbered;
 use crate::photometry::Photometry;
 use crate::weather::Weather;
 use glam::DVec3;
@@ -211,6 +212,7 @@ pub fn parse_sequence(text: &str, base_dir: &Path, name: &str) -> Result<Sequenc
         document: Document { name, text },
         base_dir: Some(base_dir),
         maps: HashMap::new(),
+        frames: 1,
     }
     .sequence(text, &JsonPath::default())
 }
@@ -240,13 +242,14 @@ pub fn parse_sequence_at(
 /// See [`JsonError`].
 pub fn parse_sequence_with(
     text: &str,
-    maps: &HashMap<PathBuf, Arc<EnvironmentMap>>,
+    maps: &HashMap<PathBuf, EnvironmentMaps>,
     name: &str,
 ) -> Result<Sequence, JsonError> {
     Reader {
         document: Document { name, text },
         base_dir: None,
         maps: maps.clone(),
+        frames: 1,
     }
     .sequence(text, &JsonPath::default())
 }
@@ -265,6 +268,7 @@ pub fn stage_from_json(text: &str) -> Result<(Vec<CameraTrack>, Sequence), JsonE
         document,
         base_dir: None,
         maps: HashMap::new(),
+        frames: 1,
     };
     let root = JsonPath::default();
     let file: StageFile<&RawValue, &RawValue> = document.decode(text, &root)?;
@@ -326,8 +330,10 @@ struct Reader<'a> {
     document: Document<'a>,
     /// What files are relative to; `None`: no files here.
     base_dir: Option<&'a Path>,
-    /// Environment maps by file: one that several lights name is read once.
-    maps: HashMap<PathBuf, Arc<EnvironmentMap>>,
+    /// Environment maps by file or pattern: one that several lights name is read once.
+    maps: HashMap<PathBuf, EnvironmentMaps>,
+    /// Frames of the sequence.
+    frames: u32,
 }
 
 /// What says which fields a light has. Other fields are ignored.
@@ -355,6 +361,7 @@ impl<'a> Reader<'a> {
         let camera = file
             .camera
             .map(|camera| self.camera(camera.get(), &path.key("camera")));
+        self.frames = file.frames.get();
         let mut names = HashSet::new();
         let mut lights = Vec::with_capacity(file.lights.len());
         for (i, light) in file.lights.iter().enumerate() {
@@ -410,7 +417,7 @@ impl<'a> Reader<'a> {
                 ..
             } => self.check_angles(inner_angle_deg, outer_angle_deg, path)?,
             LightKind::Rect { edge_u, edge_v, .. } => self.check_edges(edge_u, edge_v, path)?,
-            LightKind::Environment { map, file, .. } => *map = self.map(file, &path.key("file"))?,
+            LightKind::Environment { maps, file, .. } => *maps = self.maps_of(file, &path.key("file"))?,
             LightKind::Ies { profile, file, .. } => *profile = self.profile(file, &path.key("file"))?,
             LightKind::Weather {
                 weather,
@@ -431,20 +438,29 @@ impl<'a> Reader<'a> {
         Ok(light)
     }
 
-    fn map(&mut self, file: &str, path: &JsonPath) -> Result<Arc<EnvironmentMap>, JsonError> {
-        if let (None, Some(map)) = (self.base_dir, self.maps.get(Path::new(file))) {
-            return Ok(map.clone());
+    /// The map of a name, or the maps of a pattern, one for each frame.
+    fn maps_of(&mut self, file: &str, path: &JsonPath) -> Result<EnvironmentMaps, JsonError> {
+        if let (None, Some(maps)) = (self.base_dir, self.maps.get(Path::new(file))) {
+            return Ok(maps.clone());
         }
         let Some(base) = self.base_dir else {
             let message = "no map of this name is here: assets hold none, use a sequence file";
             return Err(self.document.error(path, message));
         };
-        let file = base.join(file);
-        if let Some(map) = self.maps.get(&file) {
-            return Ok(map.clone());
+        let name = base.join(file);
+        if let Some(maps) = self.maps.get(&name) {
+            return Ok(maps.clone());
         }
-        let map = read_environment(&file).map_err(|error| self.document.error(path, error.to_string()))?;
-        Ok(self.maps.entry(file).or_insert(Arc::new(map)).clone())
+        // A file that is called so is meant itself.
+        let maps = if numbered::is_pattern(&name) && !name.exists() {
+            read_maps(&name, self.frames).map_err(|error| format!("{file}: {error}"))
+        } else {
+            read_environment(&name)
+                .map(|map| Arc::new(map).into())
+                .map_err(|error| error.to_string())
+        };
+        let maps = maps.map_err(|error| self.document.error(path, error))?;
+        Ok(self.maps.entry(name).or_insert(maps).clone())
     }
 
     /// Reads a photometric file, whose text takes the place of its name: so a sequence that is written again, or kept in an asset, has it.
@@ -529,6 +545,26 @@ impl<'a> Reader<'a> {
         }
         Ok(())
     }
+}
+
+/// Most bytes that the maps of a pattern take in memory.
+const MAX_MAP_BYTES: usize = 4 << 30;
+
+/// The maps of a pattern, as many as there are frames.
+fn read_maps(pattern: &Path, frames: u32) -> Result<EnvironmentMaps, String> {
+    let (mut maps, mut bytes) = (Vec::new(), 0);
+    for file in numbered::files(pattern)?.iter().take(frames as usize) {
+        let map = read_environment(file).map_err(|error| error.to_string())?;
+        bytes += map.pixels.len() * size_of::<glam::Vec3>();
+        if bytes > MAX_MAP_BYTES {
+            let name = file.display();
+            return Err(format!(
+                "with {name} the maps take more than {MAX_MAP_BYTES} bytes of memory; make them smaller, or the sequence shorter"
+            ));
+        }
+        maps.push(Arc::new(map));
+    }
+    EnvironmentMaps::of_frames(maps).ok_or_else(|| "there is no map".into())
 }
 
 /// The values of all keys, or the only one.

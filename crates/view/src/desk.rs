@@ -260,7 +260,7 @@ impl Desk {
                 "{MOST_MAPS} maps were dropped already: start relight view anew"
             ));
         }
-        state.maps.insert(name, map);
+        state.maps.insert(name, map.into());
         Ok(())
     }
 

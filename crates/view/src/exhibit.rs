@@ -1,16 +1,15 @@
 //! What is shown, and what tabs are told of it.
 
 use relight_play::Player;
-use relight_play::scene::light::{EnvironmentMap, LightKind};
+use relight_play::scene::light::{EnvironmentMaps, LightKind};
 use relight_play::scene::sequence::{Sequence, stage_to_json};
 use relight_play::scene::surface::Surfaces;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// Environment maps by the names that lights give them.
-pub type Maps = HashMap<PathBuf, Arc<EnvironmentMap>>;
+pub type Maps = HashMap<PathBuf, EnvironmentMaps>;
 
 /// An asset and the lights it is shown under at first.
 pub struct Exhibit {
@@ -30,7 +29,7 @@ impl Exhibit {
     /// The environment maps of the first lights.
     pub fn maps(&self) -> Maps {
         let maps = self.sequence.lights.iter().filter_map(|light| match &light.kind {
-            LightKind::Environment { map, file, .. } => Some((PathBuf::from(file), map.clone())),
+            LightKind::Environment { maps, file, .. } => Some((PathBuf::from(file), maps.clone())),
             _ => None,
         });
         maps.collect()

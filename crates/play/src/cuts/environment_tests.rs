@@ -50,7 +50,7 @@ fn environment(map: &EnvironmentMap, scale: Animated<Vec3>, rotation_deg: Animat
     LightTrack {
         name: String::new(),
         kind: LightKind::Environment {
-            map: Arc::new(map.clone()),
+            maps: Arc::new(map.clone()).into(),
             file: String::new(),
             scale,
             rotation_deg,
@@ -64,7 +64,7 @@ fn error(lights: &[LightTrack], frame: f64, radiance: impl Fn(Vec3) -> Vec3 + Sy
     let world = world();
     let cells = Cells::new(&world.lights);
     let rig = LightRig::new(&NoEmitters, lights).unwrap();
-    let distant = (rig.at(frame)).take_distant(|light| rig.split(light, LIGHTS).map(Arc::new));
+    let distant = (rig.at(frame)).take_distant(|light| rig.split(light, frame, LIGHTS).map(Arc::new));
     let played = cells.flux(&cells.parts(|d| distant.iter().flatten().map(|light| light.radiance(d)).sum()));
     let (sites, points, views) = fragments();
     let cuts = cuts(&world, 0.0);

@@ -14,7 +14,7 @@ use super::shape::{Dark, Shape, positive, unit};
 use super::sphere::{Sphere, SphereLight};
 use super::sun_sky::SunSkyLight;
 use crate::environment::EnvironmentSampler;
-use crate::light::{Day, EnvironmentMap, LightKind, LightTrack};
+use crate::light::{Day, EnvironmentMap, EnvironmentMaps, LightKind, LightTrack};
 use crate::perez::weather_sky;
 use crate::photometry::LampAxes;
 use crate::sky::sun_sky;
@@ -44,7 +44,7 @@ pub enum LightSetError {
 /// What lights over time need that does not change from frame to frame. Clones share it.
 #[derive(Clone)]
 pub struct PreparedLights {
-    /// Per light its environment sampler, if it is an environment that is not black.
+    /// Per light its environment sampler, if it is an environment of one map that is not black.
     samplers: Vec<Option<Arc<EnvironmentSampler>>>,
     /// Per light its emissive triangles, if it is of that kind.
     tables: Vec<Option<Arc<EmissiveTable>>>,
@@ -63,10 +63,10 @@ impl PreparedLights {
         let (mut samplers, mut tables) = (Vec::new(), Vec::new());
         for track in tracks {
             samplers.push(match &track.kind {
-                LightKind::Environment { map, .. } => prepared
-                    .entry(Arc::as_ptr(map))
-                    .or_insert_with(|| EnvironmentSampler::new(map).map(Arc::new))
-                    .clone(),
+                LightKind::Environment { maps, .. } => maps.only().and_then(|map| {
+                    let sampler = || EnvironmentSampler::new(map).map(Arc::new);
+                    prepared.entry(Arc::as_ptr(map)).or_insert_with(sampler).clone()
+                }),
                 _ => None,
             });
             tables.push(match &track.kind {
@@ -126,12 +126,28 @@ impl<'a> LightRig<'a> {
         }
     }
 
-    /// The two parts of an environment's map for `directions` even directions (see [`Split`]); `None` for other lights
-    /// and black maps. Costs a pass over the map: keep it.
-    pub fn split(&self, light: usize, directions: u32) -> Option<Split> {
-        match (&self.tracks[light].kind, &self.prepared.samplers[light]) {
-            (LightKind::Environment { map, .. }, Some(sampler)) => Some(Split::new(map, sampler, directions)),
+    /// The two parts of an environment's map at `frame` for `directions` even directions (see [`Split`]); `None` for other lights
+    /// and black maps. Costs a pass over the map: keep it where [`LightRig::map_changes`] says no.
+    pub fn split(&self, light: usize, frame: f64, directions: u32) -> Option<Split> {
+        match &self.tracks[light].kind {
+            LightKind::Environment { maps, .. } => {
+                let sampler = self.sampler(light, maps, frame)?;
+                Some(Split::new(maps.at(frame), &sampler, directions))
+            }
             _ => None,
+        }
+    }
+
+    /// Whether a light is an environment with a map for each frame.
+    pub fn map_changes(&self, light: usize) -> bool {
+        matches!(&self.tracks[light].kind, LightKind::Environment { maps, .. } if maps.only().is_none())
+    }
+
+    /// What draws directions of an environment at `frame`; `None` where it is black.
+    fn sampler(&self, light: usize, maps: &EnvironmentMaps, frame: f64) -> Option<Arc<EnvironmentSampler>> {
+        match maps.only() {
+            Some(_) => self.prepared.samplers[light].clone(),
+            None => EnvironmentSampler::new(maps.at(frame)).map(Arc::new),
         }
     }
 
@@ -213,13 +229,13 @@ impl<'a> LightRig<'a> {
                 radiance: positive(radiance.at(frame)),
             }),
             LightKind::Environment {
-                map,
+                maps,
                 scale,
                 rotation_deg,
                 ..
             } => Box::new(EnvironmentLight(TurnedMap {
-                map: map.clone(),
-                sampler: self.prepared.samplers[i].clone()?,
+                map: maps.at(frame).clone(),
+                sampler: self.sampler(i, maps, frame)?,
                 scale: positive(scale.at(frame)),
                 turn: (f64::from(rotation_deg.at(frame)) / 360.0).rem_euclid(1.0) as f32,
             })),

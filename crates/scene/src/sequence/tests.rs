@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::animated::{Animated, Interpolation};
+use crate::image::{BEAUTY, ExrHeader, FloatImage, Layers, write_exr};
 use crate::light::{EnvironmentMap, LightKind};
 use glam::Vec3;
 use proptest::prelude::*;
@@ -215,6 +216,61 @@ fn hostile_json_is_refused_with_a_place() {
     }
 }
 
+/// A pattern names a map for each frame; what is wrong with any of them is told.
+#[test]
+fn a_pattern_is_a_map_for_each_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |number: u32, radiance: f32| {
+        let image = FloatImage {
+            width: 2,
+            height: 1,
+            pixels: vec![[radiance; 3]; 2],
+        };
+        let file = folder.path().join(format!("sky_{number:04}.exr"));
+        let layers = Layers::from_image(BEAUTY, &image);
+        write_exr(&file, &layers, &ExrHeader::default(), true).unwrap();
+    };
+    for (number, radiance) in [(7, 1.0), (8, 2.0), (9, 4.0)] {
+        write(number, radiance);
+    }
+    let read = |frames: u32| {
+        let light = r#"{"name": "a", "type": "environment", "file": "sky_####.exr"}"#;
+        let text = format!(r#"{{"relight_sequence": 1, "frames": {frames}, "lights": [{light}]}}"#);
+        parse_sequence(&text, folder.path(), "seq.json").map_err(|e| e.to_string())
+    };
+    let sequence = read(5).unwrap();
+    let LightKind::Environment { maps, file, .. } = &sequence.lights[0].kind else {
+        panic!()
+    };
+    assert_eq!(file, "sky_####.exr");
+    let at = |frame: f64| maps.at(frame).pixels[0].x;
+    // Fractions belong to the frame that has begun, the last map stays.
+    assert_eq!(
+        [-1.0, 0.0, 0.9, 1.0, 2.0, 4.0, f64::NAN].map(at),
+        [1.0, 1.0, 1.0, 2.0, 4.0, 4.0, 1.0]
+    );
+    let LightKind::Environment { maps, .. } = &read(2).unwrap().lights[0].kind else {
+        panic!()
+    };
+    assert_eq!(
+        maps.all().len(),
+        2,
+        "maps of frames that there aren't are not read"
+    );
+    std::fs::remove_file(folder.path().join("sky_0008.exr")).unwrap();
+    let said = read(3).unwrap_err();
+    assert!(
+        said.contains("lights[0].file: sky_####.exr: sky_0008.exr is missing, but sky_0009.exr is there"),
+        "{said}"
+    );
+    std::fs::write(folder.path().join("sky_0008.exr"), "no picture").unwrap();
+    let said = read(3).unwrap_err();
+    assert!(
+        said.contains("lights[0].file: ") && said.contains("sky_0008.exr"),
+        "{said}"
+    );
+}
+
 /// A weather file becomes the lines that the sequence asks for, and its messages name it.
 #[test]
 fn weather_is_read_for_the_hours_of_the_sequence() {
@@ -277,11 +333,12 @@ fn an_asset_refuses_environment_maps_by_name() {
     sequence.lights.push(LightTrack {
         name: "sky".into(),
         kind: LightKind::Environment {
-            map: Arc::new(EnvironmentMap {
+            maps: Arc::new(EnvironmentMap {
                 width: 1,
                 height: 1,
                 pixels: vec![Vec3::ONE],
-            }),
+            })
+            .into(),
             file: "meadow.hdr".into(),
             scale: Animated::Constant(Vec3::ONE),
             rotation_deg: Animated::Constant(0.0),
