@@ -7,6 +7,7 @@ mod fineness;
 mod fresh;
 mod furnaces;
 mod geometry;
+mod glass;
 mod lights;
 mod materials;
 mod random;
@@ -147,6 +148,7 @@ fn suite() -> Vec<Case> {
         scales::cases(),
         lights::cases(),
         geometry::cases(),
+        glass::cases(),
         materials::cases(),
         steady::cases(),
         sums::cases(),

@@ -204,7 +204,9 @@ pub fn sample(point: &ShadingPoint, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample>
         let wi = layered_direction(point, layers, wo, u)?;
         return weighed(point, wo, wi);
     }
-    if point.diffuse == Vec3::ZERO && point.f0 == Vec3::ZERO {
+    // Metallic-roughness reflects at grazing angles even where f0 is zero.
+    let grazing = !point.lambert && point.gloss.is_ggx() && point.f90 > 0.0;
+    if point.diffuse == Vec3::ZERO && point.f0 == Vec3::ZERO && !grazing {
         return None;
     }
     if let Some(lobe) = mixture::Lobe::of(point) {
@@ -293,7 +295,7 @@ fn chances(point: &ShadingPoint, layers: &Layers, wo: Vec3) -> [f32; 3] {
         [
             least(coat, over.coat > 0.0),
             least(sheen, over.sheen != Vec3::ZERO),
-            least(base, point.diffuse != Vec3::ZERO || point.f0 != Vec3::ZERO),
+            least(base, point.diffuse != Vec3::ZERO || point.f90 > 0.0),
         ]
     } else {
         [0.0, 0.0, 1.0]

@@ -96,6 +96,13 @@ fn extended() -> Vec<(&'static str, ShadingPoint)> {
         ("brushed plastic", brushed(white(0.01), 0.4)),
         ("grooves", brushed(white(0.04), 1.0)),
         (
+            "index of air over nothing",
+            ShadingPoint {
+                f0: Vec3::ZERO,
+                ..material(Vec3::ZERO, 0.0, 0.2)
+            },
+        ),
+        (
             "all at once",
             over(
                 brushed(mirrors(Vec3::new(0.1, 0.08, 0.05), 0.9, 0.1), 0.4),
@@ -409,7 +416,7 @@ proptest! {
         z in prop::sample::select(vec![-1.0f32, 0.0, 1e-45, 1e-8, 2e-7, 1e-4, 0.3, 1.0]),
         w in prop::sample::select(vec![-1e-3f32, 0.0, 1e-20, 2e-7, 1e-6, 1e-3, 0.7, 1.0]),
         phi in prop::sample::select(vec![0f32, 1e-7, 1.0, 3.1]),
-        which in 0usize..15,
+        which in 0usize..16,
         u in prop::array::uniform3(prop::sample::select(vec![0f32, 1e-8, 0.3, 0.5, 0.99999994])),
     ) {
         let points = extended();

@@ -53,7 +53,13 @@ impl Pane {
 
     /// The same of reflectance at normal incidence.
     pub fn mirrored(&self, f0: Vec3) -> Vec3 {
-        (f0 / (1.0 - self.most() * (1.0 - self.fresnel[0])).max(f32::MIN_POSITIVE)).min(Vec3::ONE)
+        let stopped = 1.0 - self.most() * (1.0 - self.fresnel[0]);
+        if stopped > 0.0 {
+            (f0 / stopped).min(Vec3::ONE)
+        } else {
+            // Only what is mirrored, at whatever angle, is stopped.
+            Vec3::ONE
+        }
     }
 
     /// Which share of the light of a ray passes, RGB; `cos` is that between ray and normal.
