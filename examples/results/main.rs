@@ -3,12 +3,14 @@
 //! `cargo run --release --example results -- [--fast] [--only NAME]`
 //!
 //! Plays scenes of `data/` against our own path tracer, and, where `../shared` has them, scenes of others (`scenes`, `reference`)
-//! against images of another renderer, and files with the faults that people's files have (`field`); then random scenes. `--fast`
-//! takes a few of each; `--only` those whose name holds NAME: lights of the tables, `field/SCENE`, or `random`. One thing at a
-//! time; bakes by the program, for the memory of each. The page is written after every row, so that a stop loses nothing.
+//! against images of another renderer, and files with the faults that people's files have (`field`); then random scenes, and what
+//! flickers. `--fast` takes a few of each; `--only` those whose name holds NAME: lights of the tables, `field/SCENE`, `random`, or
+//! `flicker/SCENE`; tables without any of them stay as the page has them. One thing at a time; bakes by the program, for the memory of
+//! each. The page is written after every row, so that a stop loses nothing.
 
 mod cases;
 mod field;
+mod flicker;
 mod light;
 mod numbers;
 mod page;
@@ -17,6 +19,7 @@ mod random;
 
 use cases::{Cases, OTHERS, OWN};
 use field::FIELD;
+use flicker::SCENES;
 use page::{Page, Table};
 use program::{FOLDER, Result, build};
 
@@ -37,13 +40,13 @@ fn main() -> Result<()> {
         }
     }
     let wanted = |name: &str| only.is_none_or(|only| name.contains(only));
-    let (own, other, fields) = match fast {
-        true => (FAST.0, 0, FAST.1),
-        false => (OWN.len(), OTHERS.len(), FIELD.len()),
+    let (own, other, fields, shown) = match fast {
+        true => (FAST.0, 0, FAST.1, 1),
+        false => (OWN.len(), OTHERS.len(), FIELD.len(), SCENES.len()),
     };
     build()?;
     std::fs::create_dir_all(FOLDER).map_err(|error| format!("{FOLDER}: cannot make the folder: {error}"))?;
-    let mut page = Page::new(&arguments.join(" "))?;
+    let mut page = Page::new(&arguments.join(" "), only.is_some())?;
     let mut cases = Cases::default();
     let both = [Table::Errors, Table::Estimates];
     for case in OWN[..own].iter().filter(|case| wanted(case.0)) {
@@ -64,6 +67,13 @@ fn main() -> Result<()> {
     if wanted("random") {
         let result = random::random(&mut page, SEEDS[usize::from(fast)]);
         page.told(&[Table::Random], "random", result)?;
+    }
+    for scene in SCENES[SCENES.len() - shown..]
+        .iter()
+        .filter(|scene| wanted(&scene.case()))
+    {
+        let result = flicker::flicker(&mut page, scene);
+        page.told(&[Table::Flicker], scene.name, result)?;
     }
     page.end()
 }

@@ -1,5 +1,7 @@
 //! Numbers as the tables print them: what is not known is a dash.
 
+use relight_scene::image::flicker::Flicker;
+
 const UNKNOWN: &str = "–";
 
 /// So many digits after the point.
@@ -38,6 +40,18 @@ pub fn signed(x: f64, noise: impl Into<Option<f64>>) -> String {
     match x.is_finite() {
         true => unit(format!("{:+.1}", 100.0 * x), noise.into()),
         false => UNKNOWN.into(),
+    }
+}
+
+/// `0.04, 1.5, 5.7`, in per cent; two digits of each.
+pub fn percentiles(flicker: Option<Flicker>) -> String {
+    let digits = |x: f64| match 100.0 * x {
+        0.0 => "0".into(),
+        x => fixed(x, (1.0 - x.abs().log10().floor()).clamp(0.0, 6.0) as usize),
+    };
+    match flicker {
+        Some(found) => [found.median, found.p99, found.p999].map(digits).join(", "),
+        None => "no light".into(),
     }
 }
 
