@@ -258,7 +258,8 @@ fn many_samples() -> FrameSettings {
     }
 }
 
-fn cut_params() -> CutParams {
+/// Visibility cuts of environments, coarse.
+pub fn cut_params() -> CutParams {
     CutParams {
         mode: CutMode::Environment,
         lights: 4096,
