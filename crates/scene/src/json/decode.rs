@@ -1,7 +1,7 @@
 //! Reading a JSON text into types, with exact paths in messages.
 
-use super::error::JsonError;
-use super::path::JsonPath;
+use super::error::{JsonError, LineColumn};
+use super::path::{JsonPath, place_of_key};
 use crate::lfs::{LFS_ADVICE, is_lfs_pointer};
 use serde::de::value::{StrDeserializer, StringDeserializer};
 use serde::de::{
@@ -87,12 +87,16 @@ impl<'a> Document<'a> {
             if object.text.len() == self.text.len() && !error.is_data() {
                 return JsonError::Syntax {
                     name: self.name.into(),
-                    place: super::error::LineColumn {
+                    place: LineColumn {
                         line: error.line(),
                         column: error.column(),
                     },
                     message: message.into(),
                 };
+            }
+            if message.starts_with("duplicate field") {
+                let place = place_of_key(self.text, object.text, error.line(), error.column());
+                return self.error_at(&path, message, place);
             }
             self.error(&path, message)
         })
@@ -100,11 +104,15 @@ impl<'a> Document<'a> {
 
     /// A complaint about the value at `path`.
     pub(crate) fn error(&self, path: &JsonPath, message: impl Into<String>) -> JsonError {
+        self.error_at(path, message, path.place(self.text))
+    }
+
+    fn error_at(&self, path: &JsonPath, message: impl Into<String>, place: LineColumn) -> JsonError {
         JsonError::Field {
             name: self.name.into(),
             path: path.to_string(),
             message: message.into(),
-            place: path.place(self.text),
+            place,
         }
     }
 }

@@ -35,7 +35,7 @@ pub enum JsonError {
         path: String,
         /// What was expected and what was found.
         message: String,
-        /// Where the field's value begins, or what should hold the field.
+        /// Where the field's value begins, or what should hold the field; of one given twice, where the second begins.
         place: LineColumn,
     },
 }

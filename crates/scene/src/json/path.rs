@@ -64,17 +64,32 @@ impl JsonPath {
         }
         // `value` is a part of `text`.
         let start = (value.as_ptr() as usize).saturating_sub(text.as_ptr() as usize);
-        let start = start + (value.len() - value.trim_start().len());
-        let before = &text.as_bytes()[..start.min(text.len())];
-        let line_start = before
-            .iter()
-            .rposition(|&byte| byte == b'\n')
-            .map_or(0, |end| end + 1);
-        LineColumn {
-            line: 1 + before.iter().filter(|&&byte| byte == b'\n').count(),
-            column: 1 + before.len() - line_start,
-        }
+        place_of(text, start + (value.len() - value.trim_start().len()))
     }
+}
+
+/// Line and column of a byte of a text.
+pub(crate) fn place_of(text: &str, byte: usize) -> LineColumn {
+    let before = &text.as_bytes()[..byte.min(text.len())];
+    let line_start = before
+        .iter()
+        .rposition(|&byte| byte == b'\n')
+        .map_or(0, |end| end + 1);
+    LineColumn {
+        line: 1 + before.iter().filter(|&&byte| byte == b'\n').count(),
+        column: 1 + before.len() - line_start,
+    }
+}
+
+/// Where in `text` the key begins that a parser of `part` of it read last before it stopped in this line, after so many bytes of it.
+pub(crate) fn place_of_key(text: &str, part: &str, line: usize, column: usize) -> LineColumn {
+    let lines = part.split_inclusive('\n').take(line.saturating_sub(1));
+    let end = lines.map(str::len).sum::<usize>() + column;
+    // Names of fields hold no quotes: the last one ends the key, the one before begins it.
+    let quote_before = |end: usize| part.get(..end).and_then(|before| before.rfind('"'));
+    let key = quote_before(end.min(part.len())).and_then(quote_before);
+    let start = (part.as_ptr() as usize).saturating_sub(text.as_ptr() as usize);
+    place_of(text, start + key.unwrap_or(0))
 }
 
 impl fmt::Display for JsonPath {

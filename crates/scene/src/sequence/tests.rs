@@ -73,6 +73,69 @@ fn writing_and_reading_back_changes_nothing() {
     assert_eq!(stage_from_json(&text).unwrap(), (vec![camera], sequence));
 }
 
+/// Truth: the same light under its documented names.
+#[test]
+fn rectangle_and_center_and_position_mean_the_same_for_all_lights() {
+    let others = EXAMPLE
+        .replace("\"rect\"", "\"rectangle\"")
+        .replace("\"center\"", "\"CENTER\"")
+        .replace("\"position\"", "\"center\"")
+        .replace("\"CENTER\"", "\"position\"");
+    // Torch, bulb, panel and globe, and the panel's type.
+    assert_eq!(others.matches("\"center\"").count(), 2);
+    assert_eq!(others.matches("\"position\"").count(), 2);
+    assert_eq!(parse(&others).unwrap(), parse(EXAMPLE).unwrap());
+    // Without its file no IES lamp is made: what is missed tells that its place was read.
+    for place in ["position", "center"] {
+        let lamp = r#"{"relight_sequence": 1, "lights": [{"name": "a", "type": "ies", "PLACE": [0,0,0], "file": "no.ies"}]}"#;
+        let message = parse(&lamp.replace("PLACE", place)).unwrap_err();
+        assert!(message.contains("lights[0].file: "), "{message}");
+    }
+}
+
+/// Truth: counted by eye. Whatever is given twice, by its own or by its other name, is refused where the second begins.
+#[test]
+fn fields_given_twice_are_refused_with_the_place_of_the_second() {
+    let text = |fields: &str| format!("{{\"relight_sequence\": 1,\n \"lights\": [{{\n  {fields}}}]}}");
+    let point = "\"name\": \"a\", \"type\": \"point\", \"intensity\": [1,1,1],\n \"position\": [0,0,0],\n\t";
+    for (text, wanted) in [
+        (
+            text(&format!("{point}\"position\": [1,1,1]")),
+            "lights[0]: duplicate field `position` (line 5, column 2)",
+        ),
+        (
+            text(&format!("{point}\"center\": [1,1,1]")),
+            "lights[0]: duplicate field `position` (line 5, column 2)",
+        ),
+        (
+            text(&format!("{point} \"type\" : \"point\"")),
+            "lights[0]: duplicate field `type` (line 5, column 3)",
+        ),
+        (
+            text(&format!("{point}\"name\": \"ä\"")),
+            "lights[0]: duplicate field `name` (line 5, column 2)",
+        ),
+        (
+            text(
+                "\"name\": \"ä\", \"type\": \"emissive\", \"scale\": {\"keys\": [[0, 1]],\n\n  \"keys\": [[0, 1]]}",
+            ),
+            "lights[0].scale: duplicate field `keys` (line 5, column 3)",
+        ),
+        (
+            "{\"relight_sequence\": 1, \"lights\": [],\n\"lights\": []}".into(),
+            "the whole text: duplicate field `lights` (line 2, column 1)",
+        ),
+        (
+            "{\"relight_sequence\": 1, \"camera\": {\"node\": \"a\",\n \"node\": \"b\"}, \"lights\": []}"
+                .into(),
+            "camera: duplicate field `node` (line 2, column 2)",
+        ),
+    ] {
+        let message = parse(&text).unwrap_err();
+        assert_eq!(message, format!("seq.json: {wanted}"), "{text}");
+    }
+}
+
 /// One wrong light, or one wrong top-level field, at a time, and what the message must say.
 #[test]
 fn messages_name_the_path_and_what_was_found() {
