@@ -33,7 +33,7 @@ pub enum Animated<T> {
 }
 
 /// What [`Animated`] needs of a value: a weighted sum of two values, and differences through it.
-pub trait Blend: Copy {
+pub trait Blend: Copy + PartialEq {
     /// `self * a + other * b`.
     fn blend(self, a: f32, other: Self, b: f32) -> Self;
 }
@@ -72,8 +72,10 @@ impl<T: Blend> Animated<T> {
         let ((f0, v0), (f1, v1)) = (keys[next - 1], keys[next]);
         let span = f1 - f0;
         let t = ((frame - f0) / span) as f32;
+        // What stands still does so to the bit, or a lamp's noise would change with its last digit.
+        let between = |a: f32, b: f32| if v0 == v1 { v0 } else { v0.blend(a, v1, b) };
         if interpolation == Interpolation::Linear {
-            return v0.blend(1.0 - t, v1, t);
+            return between(1.0 - t, t);
         }
         // Cubic Hermite form with Catmull-Rom tangents for unevenly spaced keys; at an end the tangent is
         // the chord.
@@ -94,7 +96,7 @@ impl<T: Blend> Animated<T> {
             },
         );
         let (t2, t3) = (t * t, t * t * t);
-        let points = v0.blend(2.0 * t3 - 3.0 * t2 + 1.0, v1, 3.0 * t2 - 2.0 * t3);
+        let points = between(2.0 * t3 - 3.0 * t2 + 1.0, 3.0 * t2 - 2.0 * t3);
         let tangents = m0.blend(t3 - 2.0 * t2 + t, m1, t3 - t2);
         points.blend(1.0, tangents, 1.0)
     }
@@ -103,7 +105,32 @@ impl<T: Blend> Animated<T> {
     pub fn is_constant(&self) -> bool {
         match self {
             Animated::Constant(_) => true,
-            Animated::Keys { keys, .. } => keys.len() == 1,
+            Animated::Keys { keys, .. } => keys.iter().all(|key| key.1 == keys[0].1),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: the value that all keys have, to the bit.
+    #[test]
+    fn equal_keys_stand_still() {
+        let value = Vec3::new(0.3, 0.4, 0.1);
+        for interpolation in [Interpolation::Step, Interpolation::Linear, Interpolation::Cubic] {
+            let still = Animated::Keys {
+                keys: vec![(0.0, value), (7.0, value), (999.0, value)],
+                interpolation,
+            };
+            assert!(still.is_constant());
+            assert!((0..1100).all(|frame| still.at(f64::from(frame) / 1.1) == value));
+        }
+        let moving = Animated::Keys {
+            keys: vec![(0.0, value), (1.0, Vec3::ZERO), (2.0, value)],
+            interpolation: Interpolation::Linear,
+        };
+        assert!(!moving.is_constant());
+        assert_eq!(moving.at(1.0), Vec3::ZERO);
     }
 }

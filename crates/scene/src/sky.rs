@@ -12,7 +12,8 @@
 //! a measured spectrum, and water vapour and mixed gases are left out (they absorb beyond 690 nm, where the eye
 //! sees next to nothing). Colour matching functions are the analytic fits of Wyman, Sloan and Shirley 2013. Below the
 //! horizon there is nothing: the ground belongs to the scene. With the sun below the horizon, where the model is
-//! undefined, the sky of the setting sun fades linearly to black at −6° (the end of civil twilight).
+//! undefined, the sky of the setting sun fades linearly to black at −6° (the end of civil twilight); the disc shines by the share of
+//! it that has not set, so that no frame of an evening jumps.
 
 use crate::light::EnvironmentMap;
 use glam::{DMat3, DVec3, Vec3};
@@ -35,7 +36,7 @@ pub struct SunSky {
     pub sky: EnvironmentMap,
     /// Unit vector towards the middle of the sun.
     pub sun_direction: Vec3,
-    /// Radiance of the sun's disc, W/(m² sr), RGB; zero when it is below the horizon.
+    /// Radiance of the sun's disc, W/(m² sr), RGB, evenly less where a part of it is below the horizon; zero when all of it is.
     pub sun_radiance: Vec3,
 }
 
@@ -113,10 +114,10 @@ pub fn sun_sky(turbidity: f32, sun_direction: Vec3) -> SunSky {
             *pixel = radiance.max(DVec3::ZERO).as_vec3();
         }
     }
-    let sun_radiance = if height > 0.0 {
-        sun_disc(turbidity, theta_sun)
-    } else {
-        Vec3::ZERO
+    let risen = risen(height);
+    let sun_radiance = match risen > 0.0 {
+        true => sun_disc(turbidity, theta_sun) * risen as f32,
+        false => Vec3::ZERO,
     };
     SunSky {
         sky: EnvironmentMap {
@@ -158,6 +159,12 @@ fn rgb_from_xyz(xyz: DVec3) -> DVec3 {
 
 /// Ozone absorption (1/cm) at 450..=700 nm in steps of 50 nm, Preetham's table 2 thinned: the Chappuis band.
 const OZONE: [f64; 6] = [0.003, 0.03, 0.085, 0.12, 0.067, 0.023];
+
+/// Share of the sun's disc above the horizon when its middle is at `height`, radians: the area of a circle above a chord.
+fn risen(height: f64) -> f64 {
+    let x = (height / SUN_HALF_ANGLE).clamp(-1.0, 1.0);
+    0.5 + (x * (1.0 - x * x).sqrt() + x.asin()) / PI
+}
 
 /// Radiance of the sun's disc through the atmosphere (A.1).
 fn sun_disc(turbidity: f64, theta: f64) -> Vec3 {
@@ -238,6 +245,32 @@ mod tests {
         assert!(sun_illuminance(&evening) < 0.6 * lux);
         let redness = |s: &SunSky| s.sun_radiance.x / s.sun_radiance.z;
         assert!(redness(&evening) > 2.0 * redness(&noon));
+    }
+
+    /// Truth: a circle halved by its diameter; and no step of a sun that sets takes more than steps of that length must.
+    #[test]
+    fn the_sun_sets_without_a_jump() {
+        assert_eq!(
+            [-1.0, 0.0, 1.0].map(|x| risen(x * SUN_HALF_ANGLE)),
+            [0.0, 0.5, 1.0]
+        );
+        let radiance = |height: f64| {
+            let sun = Vec3::new(height.cos() as f32, height.sin() as f32, 0.0);
+            f64::from(luminance(sun_sky(2.0, sun).sun_radiance))
+        };
+        let full = radiance(SUN_HALF_ANGLE);
+        let steps = 40;
+        let by_step: Vec<f64> = (0..=steps)
+            .map(|k| radiance(SUN_HALF_ANGLE * (1.0 - 2.1 * f64::from(k) / f64::from(steps))))
+            .collect();
+        for pair in by_step.windows(2) {
+            // The widest part of the disc is 4/π of the mean, and lower suns are fainter.
+            assert!(
+                pair[0] >= pair[1] && pair[0] - pair[1] < 2.0 * full / f64::from(steps),
+                "{by_step:?}"
+            );
+        }
+        assert_eq!(by_step.last(), Some(&0.0));
     }
 
     #[test]
