@@ -1,6 +1,7 @@
 //! `relight play`: asset and lights in, frames out.
 
 mod args;
+mod relevance;
 mod report;
 
 use args::{Exposure, LayerName};
@@ -103,7 +104,7 @@ pub fn play_watched(
     let lights = player.lights(&sequence.lights)?;
     let settings = args.frame_settings(seed);
     let choice = player.choose(&wanted, &lights, range.first.into(), &settings)?;
-    args.check(&choice.integrator)?;
+    let notes = relevance::check(args, &choice, player.prepared.transfer.is_some())?;
     if let Some(file) = args.output_of(range.first) {
         output::prepare_output(&file)?;
     }
@@ -113,6 +114,7 @@ pub fn play_watched(
     let movie = Mutex::new(movie);
     let load = milliseconds(start);
 
+    notes.into_iter().for_each(|note| console.note(note));
     console.note(choice.to_string());
     if let Some(line) = estimates::line(player.estimates.as_ref()) {
         console.note(format!("Error: {line}."));
@@ -336,8 +338,8 @@ pub enum Pace {
 /// Stops for the previews of this frame and all later ones; `None` while there is no light to choose by.
 fn exposure(args: &PlayArgs, layers: &Layers, console: &Console) -> Option<f32> {
     match args.exposure {
-        Exposure::Stops(stops) => Some(stops),
-        Exposure::Auto => {
+        Some(Exposure::Stops(stops)) => Some(stops),
+        Some(Exposure::Auto) | None => {
             let stops = auto_exposure(&layers.rgb(BEAUTY)?)?;
             // No finer than an eye tells, and as the option takes it.
             let stops = ((10.0 * stops).round() / 10.0).clamp(-100.0, 100.0);

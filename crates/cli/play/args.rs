@@ -5,7 +5,6 @@ use crate::frames::{self, FrameRange, Pattern};
 use crate::movie;
 use crate::options::{ReplaceArgs, above_0, parsed, real, whole};
 use clap::{Args, ValueEnum};
-use relight_play::frame::settings::ILLUMINATION_CUT;
 use relight_play::{FrameSettings, Integrator, Tracer};
 use relight_render::lightcuts::LightcutSettings;
 use relight_render::many_lights::PointSettings;
@@ -74,20 +73,20 @@ pub struct PlayArgs {
     #[arg(long, requires = "output")]
     pub png: bool,
     /// Exposure of previews and movie, -100 to 100: 2^EV times the image. auto: the EV that makes the middle of the first frame with
-    /// light a middle grey, the same for all frames; it is printed.
-    #[arg(long, value_name = "EV", default_value = "auto", value_parser = exposure)]
-    pub exposure: Exposure,
+    /// light a middle grey, the same for all frames; it is printed [default: auto].
+    #[arg(long, value_name = "EV", value_parser = exposure)]
+    pub exposure: Option<Exposure>,
     /// Write all frames as one moving picture, as previews show them, at the sequence's frame rate: .webp (lossless), .gif (256 colours a
     /// frame) or .mp4 (by the program ffmpeg).
     #[arg(long, value_name = "FILE", value_parser = movie::parse)]
     pub movie: Option<PathBuf>,
     /// Write 32-bit floats instead of half precision.
-    #[arg(long)]
+    #[arg(long, requires = "output")]
     pub float: bool,
     /// Most nodes of the illumination cut, by which an environment, or what surfaces reflect, is taken with visibility
-    /// cuts.
-    #[arg(long, value_name = "N", default_value_t = ILLUMINATION_CUT as u32, value_parser = whole::<u32>(1, 1_048_576))]
-    pub illumination_cut: u32,
+    /// cuts [default: 128].
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 1_048_576))]
+    pub illumination_cut: Option<u32>,
     /// Samples per pixel; of transfer and cuts four times as many where a pixel sees several things, and half as many of each
     /// light with extent, more where pixels side by side disagree [default: transfer 16, with a moving camera 1; brute 16; lightcuts 4, with reconstruction 5 to 50; pixelcuts 1; path 64].
     #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 1_048_576))]
@@ -187,28 +186,29 @@ pub struct PointArgs {
     /// points so many where particles land; 0: none [default: 0].
     #[arg(long, value_name = "N", value_parser = whole::<u32>(0, 16_777_216))]
     pub vpls: Option<u32>,
-    /// Largest share of the light at a pixel that a single virtual light of particles may have; inf for no limit. Those at points have none.
-    #[arg(long, value_name = "SHARE", default_value_t = PointSettings::default().clamp, value_parser = above_0(f32::INFINITY, "; inf for no limit"))]
-    pub clamp: f32,
+    /// Largest share of the light at a pixel that a single virtual light of particles may have; inf for no limit. Those at points have none
+    /// [default: 0.01].
+    #[arg(long, value_name = "SHARE", value_parser = above_0(f32::INFINITY, "; inf for no limit"))]
+    pub clamp: Option<f32>,
 }
 
 /// How to choose lightcuts.
 #[derive(Args, Clone, Debug)]
 pub struct LightcutArgs {
-    /// Most error of a cluster of lights, as a share of a pixel's light (lightcuts only); 0 evaluates every light.
-    #[arg(long, value_name = "SHARE", default_value_t = LightcutSettings::default().error_ratio, value_parser = real(0.0, 1.0))]
-    pub error_ratio: f32,
-    /// Most nodes of a lightcut (lightcuts only); 0 for no limit.
-    #[arg(long, value_name = "N", default_value_t = LightcutSettings::default().max_nodes, value_parser = whole::<usize>(0, usize::MAX))]
-    pub max_nodes: usize,
+    /// Most error of a cluster of lights, as a share of a pixel's light (lightcuts only); 0 evaluates every light [default: 0.02].
+    #[arg(long, value_name = "SHARE", value_parser = real(0.0, 1.0))]
+    pub error_ratio: Option<f32>,
+    /// Most nodes of a lightcut (lightcuts only); 0 for no limit [default: 1000].
+    #[arg(long, value_name = "N", value_parser = whole::<usize>(0, usize::MAX))]
+    pub max_nodes: Option<usize>,
     /// How visible a cluster of lights is (lightcuts only): as its parts are, or as its representative light is, as in the paper:
-    /// three times as fast, but for shadows' edges, where pixels err by several percent.
-    #[arg(long, value_enum, default_value_t = ClusterVisibility::Parts)]
-    pub cluster_visibility: ClusterVisibility,
+    /// three times as fast, but for shadows' edges, where pixels err by several percent [default: parts].
+    #[arg(long, value_enum)]
+    pub cluster_visibility: Option<ClusterVisibility>,
     /// Lightcuts at some places only, and reconstruction cuts between them (lightcuts only): several times as fast, and
-    /// adaptively antialiased, but without the bounded error.
-    #[arg(long, value_enum, default_value_t = Switch::Off)]
-    pub reconstruction: Switch,
+    /// adaptively antialiased, but without the bounded error [default: off].
+    #[arg(long, value_enum)]
+    pub reconstruction: Option<Switch>,
 }
 
 /// What says how much of a cluster is seen.
@@ -274,7 +274,7 @@ impl PlayArgs {
             IntegratorName::Lightcuts => Tracer::Lightcuts {
                 points: self.points.settings(),
                 cuts: self.lightcuts.settings(),
-                reconstruction: self.lightcuts.reconstruction == Switch::On,
+                reconstruction: self.lightcuts.reconstruction == Some(Switch::On),
             }
             .into(),
             IntegratorName::Pixelcuts => Tracer::Pixelcuts {
@@ -299,36 +299,10 @@ impl PlayArgs {
             seed,
             light_layers: self.layers.contains(&LayerName::Lights),
             surface_layers: self.layers.iter().any(|layer| surface.contains(layer)),
-            illumination_cut: self.illumination_cut as usize,
+            illumination_cut: (self.illumination_cut)
+                .map_or(defaults.illumination_cut, |nodes| nodes as usize),
             ..defaults
         }
-    }
-
-    /// Refuses options that the integrator, as decided, has no use for.
-    ///
-    /// # Errors
-    /// [`Failure::Usage`].
-    pub fn check(&self, integrator: &Integrator) -> Result<(), Failure> {
-        let usage = |text: &str| Err(Failure::Usage(text.into()));
-        let tracer = match integrator {
-            Integrator::Traced(tracer) => Some(tracer),
-            _ => None,
-        };
-        if self.max_bounces.is_some() && !matches!(tracer, Some(Tracer::Path { .. })) {
-            return usage(
-                "--max-bounces belongs to --integrator path; what an asset holds is chosen by bake --bounces",
-            );
-        }
-        if self.points.given() && !tracer.is_some_and(|tracer| !matches!(tracer, Tracer::Path { .. })) {
-            return usage(
-                "--area-samples, --environment-samples, --sun-samples, --sky-samples and --vpls belong to --integrator brute, \
-                 lightcuts and pixelcuts",
-            );
-        }
-        if self.pixelcuts.given() && !matches!(tracer, Some(Tracer::Pixelcuts { .. })) {
-            return usage("--clusters, --trees and --sh-degree belong to --integrator pixelcuts");
-        }
-        Ok(())
     }
 }
 
@@ -353,7 +327,7 @@ impl PointArgs {
             sun: self.sun_samples.unwrap_or(defaults.sun),
             sky: self.sky_samples.unwrap_or(defaults.sky),
             vpls: self.vpls.unwrap_or(0),
-            clamp: self.clamp,
+            clamp: self.clamp.unwrap_or(defaults.clamp),
             ..defaults
         }
     }
@@ -361,16 +335,16 @@ impl PointArgs {
 
 impl LightcutArgs {
     fn settings(&self) -> LightcutSettings {
+        let defaults = LightcutSettings::default();
         LightcutSettings {
-            error_ratio: self.error_ratio,
-            max_nodes: if self.max_nodes == 0 {
-                usize::MAX
-            } else {
-                self.max_nodes
+            error_ratio: self.error_ratio.unwrap_or(defaults.error_ratio),
+            max_nodes: match self.max_nodes {
+                Some(0) => usize::MAX,
+                nodes => nodes.unwrap_or(defaults.max_nodes),
             },
             uncertainty: match self.cluster_visibility {
-                ClusterVisibility::Parts => LightcutSettings::default().uncertainty,
-                ClusterVisibility::Representative => f32::INFINITY,
+                Some(ClusterVisibility::Representative) => f32::INFINITY,
+                _ => defaults.uncertainty,
             },
         }
     }
@@ -385,10 +359,6 @@ impl PixelcutsArgs {
             degree: self.sh_degree.map_or(defaults.degree, |degree| degree as usize),
             ..defaults
         }
-    }
-
-    fn given(&self) -> bool {
-        self.clusters.is_some() || self.trees.is_some() || self.sh_degree.is_some()
     }
 }
 
