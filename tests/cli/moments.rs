@@ -1,12 +1,12 @@
 //! A signal at any moment of any command that writes: what is on the disk then is the old file or the new one, whole.
 #![cfg(unix)]
 
-use crate::stage::{TINY, cornell, data, folder, names, send};
+use crate::stage::{STOPS_WITHIN, Stopping, TINY, cornell, data, folder, names, send};
 use relight_scene::image::{Limits, decode_exr};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Moments at which each command is stopped, over the time that it takes.
 const MOMENTS: u32 = 5;
@@ -82,9 +82,11 @@ fn stopped_at_any_moment(words: &str, is_kept: fn(&Path, &[u8]) -> bool) {
         let mut child = run(&words_of(2), here.path());
         std::thread::sleep(takes.mul_f64((f64::from(moment) + 0.5) / f64::from(MOMENTS)));
         let (signal, code) = [("-INT", 130), ("-TERM", 143)][moment as usize % 2];
-        let start = Instant::now();
+        let mut seconds = 0.0;
         if child.try_wait().unwrap().is_none() {
+            let stopping = Stopping::now(&child);
             send(signal, &child);
+            seconds = stopping.seconds(&child);
         }
         let ended = child.wait().unwrap().code();
         // None: so early that nobody listened yet.
@@ -92,11 +94,7 @@ fn stopped_at_any_moment(words: &str, is_kept: fn(&Path, &[u8]) -> bool) {
             [Some(code), Some(0), Some(3), None].contains(&ended),
             "{words}: {ended:?}"
         );
-        assert!(
-            start.elapsed() < Duration::from_secs(4),
-            "{words}: {:?}",
-            start.elapsed()
-        );
+        assert!(seconds < STOPS_WITHIN, "{words}: stopped after {seconds:.2} s");
         for (path, bytes) in files(here.path()) {
             let is = |whole: &BTreeMap<PathBuf, Vec<u8>>| whole.get(&path) == Some(&bytes);
             assert!(

@@ -4,7 +4,9 @@ use assert_cmd::Command;
 use relight_scene::image::{FloatImage, Layers};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
+use std::process::Child;
 use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// The program, quiet where nobody listens.
@@ -13,9 +15,71 @@ pub fn relight() -> Command {
 }
 
 /// Sends a signal, such as `-TERM`, to a child.
-pub fn send(signal: &str, child: &std::process::Child) {
+pub fn send(signal: &str, child: &Child) {
     let mut kill = Command::new("kill");
     kill.args([signal, &child.id().to_string()]).assert().success();
+}
+
+/// Longest that a program may take to stop, seconds.
+pub const STOPS_WITHIN: f64 = 2.0;
+
+/// A child that was told to stop, from when that was.
+pub struct Stopping {
+    start: Instant,
+    /// Processor time of all that runs, and of the child.
+    busy: f64,
+    own: f64,
+}
+
+impl Stopping {
+    /// From now on.
+    pub fn now(child: &Child) -> Stopping {
+        Stopping {
+            start: Instant::now(),
+            busy: processors().unwrap_or_default(),
+            own: process(child).map(|(_, own)| own).unwrap_or_default(),
+        }
+    }
+
+    /// Seconds until the child has ended, which nobody has waited for: those on the clock, less what others had of the machine
+    /// meanwhile, in seconds of all its cores (where the system tells that). So a machine that does nothing else is judged by the
+    /// clock, and one that runs other tests by what was left for the child.
+    pub fn seconds(&self, child: &Child) -> f64 {
+        let own = loop {
+            match process(child) {
+                Some(('Z', own)) => break Some(own),
+                Some(_) => std::thread::sleep(Duration::from_millis(5)),
+                None => break None,
+            }
+        };
+        let clock = self.start.elapsed().as_secs_f64();
+        let cores = std::thread::available_parallelism().map_or(1.0, |n| n.get() as f64);
+        let others = (own.zip(processors())).map_or(0.0, |(own, busy)| (busy - self.busy) - (own - self.own));
+        clock - others.max(0.0) / cores
+    }
+}
+
+/// Ticks of the processor times that Linux tells.
+const TICKS: f64 = 100.0;
+
+/// State and processor time of a child that nobody has waited for, seconds; `None` where `/proc` doesn't tell.
+fn process(child: &Child) -> Option<(char, f64)> {
+    let text = std::fs::read_to_string(format!("/proc/{}/stat", child.id())).ok()?;
+    // The name, in parentheses, may hold anything.
+    let fields: Vec<&str> = text[text.rfind(')')? + 1..].split_whitespace().collect();
+    let time = |at: usize| fields.get(at)?.parse::<f64>().ok();
+    Some((fields.first()?.chars().next()?, (time(11)? + time(12)?) / TICKS))
+}
+
+/// Seconds that all cores together were not idle; `None` where `/proc` doesn't tell.
+fn processors() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/stat").ok()?;
+    let times: Vec<f64> = (text.lines().next()?.split_whitespace().skip(1))
+        .filter_map(|time| time.parse().ok())
+        .collect();
+    // User, nice, system, idle, waiting for disks, interrupts of two kinds, stolen.
+    let idle = times.get(3)? + times.get(4)?;
+    Some((times.iter().take(8).sum::<f64>() - idle) / TICKS)
 }
 
 /// A file of `data/`.
