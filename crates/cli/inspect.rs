@@ -172,6 +172,14 @@ pub fn describe(asset: &Inspection) -> String {
             count(cuts.lights),
             cuts.rms_error.unwrap_or(0.0),
         ));
+        if let (Some(rms), Some(light)) = (cuts.predicted_rms_error, cuts.predicted_light_error) {
+            line(format!(
+                "           at most {rms:.3} by what each node may err by (σ = {}); light of an environment by at most {:.2} % (equations \
+                 8 and 9 of the cuts paper)",
+                cuts.sigma,
+                100.0 * light
+            ));
+        }
     }
     if let Some(expected) = &asset.expected_error {
         line(format!("error      {expected}"));

@@ -5,6 +5,7 @@ use crate::failure::Failure;
 use crate::output::{SCHEMA, log_path};
 use relight_format::layout::Kind;
 use relight_format::{self as format, Asset, Content, CutContent, Estimates, Summary};
+use relight_play::frame::settings::ILLUMINATION_ERROR;
 use relight_scene::sequence::stage_from_json;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -149,6 +150,12 @@ pub struct Cuts {
     pub sigma: f32,
     /// Estimate of their error.
     pub rms_error: Option<f64>,
+    /// The most that it may be by what each node may err by, of environments: where everything is seen and no cut has the most nodes.
+    #[serde(default)]
+    pub predicted_rms_error: Option<f64>,
+    /// The most that a product of an environment's light and visibility may err by, as a share of that light.
+    #[serde(default)]
+    pub predicted_light_error: Option<f64>,
 }
 
 /// Bytes of a file.
@@ -350,7 +357,14 @@ impl Inspection {
 }
 
 impl Cuts {
+    /// Predicted (Cheslack-Postava et al. 2008): a node of a visibility cut errs by √(|C|·var V) ≤ σ (equation 5), so that a site's
+    /// K nodes over the half of the lights that is above its horizon err by σ √(2K / lights) on average. Its product with a node of an
+    /// illumination cut, which errs by a share e of the light, errs by at most σe (equation 8); what a surface reflects of all nodes by no
+    /// more, since its BRDF times the cosine, even over a node, sums to at most 1 (equation 9).
     fn new(cuts: &CutContent, rms_error: Option<f64>) -> Cuts {
+        let environment = !cuts.of_surfaces && cuts.lights > 0;
+        let sigma = f64::from(cuts.sigma);
+        let mean_length = cuts.elements as f64 / cuts.sites.max(1) as f64;
         Cuts {
             mode: if cuts.of_surfaces {
                 "indirect"
@@ -361,9 +375,11 @@ impl Cuts {
             lights: cuts.lights,
             sites: cuts.sites,
             elements: cuts.elements,
-            mean_length: cuts.elements as f64 / cuts.sites.max(1) as f64,
+            mean_length,
             sigma: cuts.sigma,
             rms_error,
+            predicted_rms_error: environment.then(|| sigma * (2.0 * mean_length / cuts.lights as f64).sqrt()),
+            predicted_light_error: environment.then_some(sigma * ILLUMINATION_ERROR),
         }
     }
 }

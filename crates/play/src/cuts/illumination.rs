@@ -11,16 +11,13 @@
 use super::lights::{CutLights, Directions};
 use super::node_view::NodeView;
 use super::uneven::UnevenCells;
+use crate::frame::settings::ILLUMINATION_ERROR;
 use glam::{Vec3, Vec4};
 use relight_scene::environment::luminance;
 use relight_transport::cuts::Cut;
 use relight_transport::light_tree::{Node, sums};
 use relight_transport::ranked::Ranked;
 use std::collections::BinaryHeap;
-
-/// Error of one node, as a share of the frame's light, that refinement by error goes on for: √(|C|·var L). Together with
-/// visibility cuts of σ = 2 a node's product is then off by at most a thousandth of all light (equation 8).
-const ERROR: f64 = 5e-4;
 
 /// How far below the root the coarsest nodes of an illumination cut lie: at 1/32 of the sphere, a cone of 20° around
 /// their middle.
@@ -86,7 +83,7 @@ impl Illumination {
         let bright: Vec<f64> = leaves.iter().map(|&f| f64::from(luminance(f))).collect();
         let squares = sums(&bright.iter().map(|b| b * b).collect::<Vec<f64>>());
         let bright = sums(&bright);
-        let limit = (ERROR * bright[1]).powi(2);
+        let limit = (ILLUMINATION_ERROR * bright[1]).powi(2);
         let error = |node: Node| {
             let slot = node.slot(height);
             (squares[slot] - bright[slot] * bright[slot] / f64::from(node.len())).max(0.0)
