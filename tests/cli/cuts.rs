@@ -24,14 +24,14 @@ fn table() -> (&'static Path, &'static Value) {
     (asset, said)
 }
 
-/// Truth: what was measured lies below what equation 5 allows, and that is by hand σ √(2K / lights); σ = 6 and nodes of light that err
-/// by 5e-4 of it make 0.3 % (equation 8).
+/// Truth: what was measured lies below what equation 5 allows, and that is by hand σ √(2K / lights) of the file's σ; with nodes of light
+/// that err by 5e-4 of it that makes 0.05 % (equation 8).
 #[test]
 fn inspect_says_what_the_paper_predicts_beside_what_was_measured() {
     let (asset, _) = table();
     let cuts = &inspect_json(asset)["cuts"];
     let number = |key: &str| cuts[key].as_f64().unwrap();
-    let by_hand = 6.0 * (2.0 * number("mean_length") / 1024.0).sqrt();
+    let by_hand = number("sigma") * (2.0 * number("mean_length") / 1024.0).sqrt();
     assert!(
         (number("predicted_rms_error") / by_hand - 1.0).abs() < 1e-6,
         "{cuts}"
@@ -40,7 +40,10 @@ fn inspect_says_what_the_paper_predicts_beside_what_was_measured() {
         number("rms_error") > 0.0 && number("rms_error") <= number("predicted_rms_error"),
         "{cuts}"
     );
-    assert!((number("predicted_light_error") - 0.003).abs() < 1e-6, "{cuts}");
+    assert!(
+        (number("predicted_light_error") / number("sigma") - 5e-4).abs() < 1e-9,
+        "{cuts}"
+    );
     let output = relight()
         .arg("inspect")
         .arg(asset)
@@ -50,7 +53,7 @@ fn inspect_says_what_the_paper_predicts_beside_what_was_measured() {
         .clone();
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(
-        text.contains("light of an environment by at most 0.30 %"),
+        text.contains("light of an environment by at most 0.05 %"),
         "{text}"
     );
 }

@@ -286,7 +286,9 @@ fn lights_that_are_0_or_next_to_nothing_add_nothing() {
                 [&alone, &crowd].map(|lights| frames(cornell(), lights, integrator, "0-0").remove(0));
             let about = format!("{name}, {integrator:?}");
             assert_sane(&crowd, &about);
-            assert_close(&crowd, &alone, 0.02, &about);
+            // Paths choose among all lights by chance: other noise, of 64 samples.
+            let bound = if integrator == ["path"] { 0.15 } else { 0.02 };
+            assert_close(&crowd, &alone, bound, &about);
         }
     }
 }
