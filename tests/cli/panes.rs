@@ -112,6 +112,20 @@ fn mean_of(layers: &Layers, layer: &str) -> f64 {
     mean(&layers.rgb(layer).unwrap())
 }
 
+/// Truth: of walls the room is closed, and the lamp is outside.
+#[test]
+fn with_lambert_a_pane_is_a_wall_as_any_other() {
+    let folder = folder();
+    let asset = folder.path().join("room.relight");
+    let scene = room(folder.path(), glass([1.0; 3], 1.0), false);
+    bake_json(&scene, &asset, &["--preset", "draft", "--lambert"]);
+    for integrator in ["path", "transfer"] {
+        let closed = play(folder.path(), &asset, integrator, "4", &[]);
+        assert_eq!(mean_of(&closed, "direct"), 0.0, "{integrator}");
+        assert_eq!(mean_of(&closed, "indirect"), 0.0, "{integrator}");
+    }
+}
+
 /// Truth: the path tracer, which meets the pane as the specification has it; and that of a pane F of the light is mirrored, little
 /// more than 4 % where it comes straight. Tolerance: what the issue of rooms behind windows allows, 3 %.
 #[test]

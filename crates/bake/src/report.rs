@@ -117,14 +117,13 @@ impl Made<'_> {
 
     fn remarks(&self) -> Vec<String> {
         let mut notes = Vec::new();
-        if self.placed.automatic {
-            let places = self.placed.relevance.viewpoints.iter();
-            let places: Vec<String> = places
+        if !self.placed.found.is_empty() {
+            let places: Vec<String> = (self.placed.found.iter())
                 .map(|v| v.as_dvec3() + self.pruned.scene.offset)
                 .map(|v| format!("({:.3}, {:.3}, {:.3})", v.x, v.y, v.z))
                 .collect();
             notes.push(format!(
-                "The scene has no camera: points were spread from {}; --viewpoint sets other places.",
+                "The scene has no camera: points were spread from the open space around {}; --viewpoint sets other places.",
                 places.join(", ")
             ));
         }

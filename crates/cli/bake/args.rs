@@ -103,7 +103,7 @@ pub struct BakeArgs {
     #[arg(long)]
     pub strict: bool,
     /// Treat every material as Lambert with its base colour, for comparison with other renderers: metallic,
-    /// roughness and normal maps are ignored, emission and alpha are kept.
+    /// roughness, transmission and normal maps are ignored, emission and alpha are kept.
     #[arg(long)]
     pub lambert: bool,
     /// How the exporter wrote light intensities: spec (candela and lux, as KHR_lights_punctual has them),

@@ -99,7 +99,7 @@ impl Viewpoints {
             && places.is_empty()
             && let Some(bounds) = traced.bounds()
         {
-            places = in_open_space(&traced, focus(scene, bounds), seed).0;
+            places = in_open_space(&traced, focus(scene, bounds), seed).places;
         }
         if track.is_none() && places.is_empty() {
             return Ok(None);

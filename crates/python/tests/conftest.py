@@ -3,6 +3,7 @@
 import os
 import pathlib
 import shutil
+import signal
 import subprocess
 
 import pytest
@@ -12,6 +13,9 @@ import relight
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 DATA = ROOT / "data"
 SMALL = {"preset": "draft", "levels": 3, "sender_levels": 2, "coarse_radius": 0.2, "epsilon": 0.08}
+
+# Jobs in a shell's background ignore Ctrl-C, and Python then leaves it so: tests of it need what a terminal has.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

@@ -132,8 +132,9 @@ fn select_in_family(
     let difference = |room: &SelectScratch, j: usize| gathered.sum[j] - room.predicted[j];
     room.kept.clear();
     room.kept.resize(children.len(), false);
-    // What is left for the children that aren't kept, per share.
-    let mut left = room.stored[parent];
+    // What the children that aren't kept lack, per share: of their own. What else their parent's link carries, of senders that were dropped,
+    // goes to all children by their shares; a few of little weight would answer with all of it.
+    let mut left: Vec3A = (children.iter()).map(|&c| difference(room, sender(c))).sum();
     let mut share_left = 1.0f32;
     let remainder = |left: Vec3A, share: f32| if share > 1e-6 { left / share } else { Vec3A::ZERO };
     for _ in 1..children.len() {
@@ -302,6 +303,42 @@ mod tests {
             let stored: Vec3A = sum_of(&predicted, &links)[coarse].iter().sum();
             assert!((stored - wanted).length() < 1e-6, "{stored} {wanted}");
             assert!(links.windows(2).all(|w| w[0].0 < w[1].0), "ascending senders");
+        }
+    }
+
+    /// Truth: what each cluster was gathered as, but for its share of the sender that was dropped and given to their parent: one of little
+    /// weight has little of it.
+    #[test]
+    fn what_is_dropped_elsewhere_is_not_answered_by_a_child_of_little_weight() {
+        let parents = vec![vec![0, 0, 0, 1]];
+        let tree = SenderTree::new(&[2, 4], vec![0, 1, 2, 3], parents, vec![255, 255, 7, 255]);
+        let strengths = [0.3, 0.1, 0.08, 0.029];
+        let mut row = RowScratch::new(6);
+        for (leaf, parent) in [(0usize, 0), (1, 0), (2, 0), (3, 1)] {
+            let vector = Vec3A::Y * strengths[leaf];
+            row.add(2 + leaf as u32, vector);
+            row.add(parent, vector);
+        }
+        let before = Row {
+            tree: &tree,
+            trials: &lit(&tree, &[0.0; 4]),
+            answers: &Answers::default(),
+            coarse_positions: &[Vec3::ZERO, Vec3::X],
+            gathered: &row,
+            predicted: &RowScratch::new(6),
+            normal: Vec3A::Y,
+            threshold: 0.03,
+        };
+        let links = select(&before, |v| v, &mut SelectScratch::new(&tree));
+        assert!(links.iter().all(|link| link.0 != 1), "{links:?}");
+        let stored = sum_of(&RowScratch::new(6), &links);
+        let weights = [65536.0f32, 65536.0, 64.0];
+        let all: f32 = weights.iter().sum();
+        for leaf in 0..3 {
+            let share = weights[leaf] / all;
+            let wanted = strengths[leaf] + strengths[3] * share;
+            let found = answer(&tree, &stored, leaf).y;
+            assert!((found - wanted).abs() < 1e-5, "{leaf}: {found} {wanted}");
         }
     }
 

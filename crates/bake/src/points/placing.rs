@@ -9,7 +9,7 @@ use crate::points::openness::Openness;
 use crate::points::poisson::{self, PointLevels};
 use crate::points::relevance::Relevance;
 use crate::points::seen;
-use crate::points::viewpoints;
+use crate::points::viewpoints::{self, OpenSpace};
 use crate::progress::{Progress, Watch};
 use crate::request::Request;
 use crate::settings;
@@ -49,8 +49,8 @@ const RADIUS_LEVELS: usize = 6;
 pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<(TracedScene, f32), BakeError> {
     let traced = load(request, progress)?;
     check_memory(&traced, request)?;
-    let (viewpoints, _, _) = chosen_viewpoints(&traced, request)?;
-    let relevance = Relevance::of(&traced, &viewpoints, known_cameras(request), request.params.seed);
+    let places = chosen_viewpoints(&traced, request)?.places;
+    let relevance = Relevance::of(&traced, &places, known_cameras(request), request.params.seed);
     let radius = radius(&traced, request, &relevance, Units::none())?.0;
     Ok((traced, radius))
 }
@@ -81,8 +81,8 @@ pub struct Placed<'a> {
     pub points: PointLevels,
     /// Where importance started and light is carried to, and how finely places are to be known.
     pub relevance: Relevance,
-    /// Whether the scene had none of its own.
-    pub automatic: bool,
+    /// A few of those places, of a scene that had no cameras of its own; none where it had.
+    pub found: Vec<Vec3>,
     /// The cameras that alone will look; none: anybody may look from anywhere.
     pub tracks: Vec<&'a CameraTrack>,
     /// Where they stand over all frames.
@@ -107,7 +107,7 @@ pub fn placed<'a>(
     let Spread {
         mut points,
         relevance,
-        automatic,
+        found,
         rays,
     } = spread(surfaces, request, units, progress)?;
     if params.keeps(Omittable::Points) {
@@ -119,7 +119,7 @@ pub fn placed<'a>(
         levels,
         points,
         relevance,
-        automatic,
+        found,
         tracks,
         cameras,
         rays,
@@ -141,8 +141,8 @@ fn check_memory(traced: &TracedScene, request: &Request) -> Result<f64, BakeErro
         return Ok(points);
     }
     // Not all of it may be reached.
-    let (viewpoints, _, _) = chosen_viewpoints(traced, request)?;
-    let relevance = Relevance::of(traced, &viewpoints, known_cameras(request), params.seed);
+    let places = chosen_viewpoints(traced, request)?.places;
+    let relevance = Relevance::of(traced, &places, known_cameras(request), params.seed);
     let (own, _) = poisson::coarse_radius_for(traced, &relevance, RADIUS_LEVELS, params.seed, Units::none())?;
     memory::check(automatic * (f64::from(own) / f64::from(radius)).powi(2), request)
 }
@@ -150,27 +150,31 @@ fn check_memory(traced: &TracedScene, request: &Request) -> Result<f64, BakeErro
 struct Spread {
     points: PointLevels,
     relevance: Relevance,
-    automatic: bool,
+    found: Vec<Vec3>,
     rays: u64,
 }
 
-/// Viewpoints, rays cast to find them, and whether the scene had none of its own.
-fn chosen_viewpoints(
-    surfaces: &dyn Surfaces,
-    request: &Request,
-) -> Result<(Vec<Vec3>, u64, bool), BakeError> {
-    let mut viewpoints = viewpoints::of_cameras(&request.scene, request.lights);
-    viewpoints.extend(&request.params.viewpoints);
-    let automatic = viewpoints.is_empty();
-    let mut rays = 0;
-    if let (true, Some(bounds)) = (automatic, surfaces.bounds()) {
-        let focus = viewpoints::focus(&request.scene, bounds);
-        (viewpoints, rays) = viewpoints::in_open_space(surfaces, focus, request.params.seed);
+/// Where it is looked from; of a scene without cameras of its own, `viewpoints` and `rays` tell how it was found.
+fn chosen_viewpoints(surfaces: &dyn Surfaces, request: &Request) -> Result<OpenSpace, BakeError> {
+    let mut places = viewpoints::of_cameras(&request.scene, request.lights);
+    places.extend(&request.params.viewpoints);
+    let known = OpenSpace {
+        places,
+        ..OpenSpace::default()
+    };
+    let chosen = match surfaces.bounds() {
+        Some(bounds) if known.places.is_empty() => {
+            let focus = viewpoints::focus(&request.scene, bounds);
+            viewpoints::in_open_space(surfaces, focus, request.params.seed)
+        }
+        _ => known,
+    };
+    if chosen.places.is_empty() {
+        return Err(BakeError::NothingReachable {
+            viewpoints: chosen.places,
+        });
     }
-    if viewpoints.is_empty() {
-        return Err(BakeError::NothingReachable { viewpoints });
-    }
-    Ok((viewpoints, rays, automatic))
+    Ok(chosen)
 }
 
 /// Cameras of the scene and of the sequence over all frames.
@@ -213,9 +217,13 @@ fn spread(
 ) -> Result<Spread, BakeError> {
     progress.stage("reach", None);
     let (params, watch) = (request.params, Watch(progress));
-    let (viewpoints, mut rays, automatic) = chosen_viewpoints(surfaces, request)?;
+    let OpenSpace {
+        viewpoints: found,
+        places,
+        mut rays,
+    } = chosen_viewpoints(surfaces, request)?;
     watch.go_on()?;
-    let relevance = Relevance::of(surfaces, &viewpoints, known_cameras(request), params.seed);
+    let relevance = Relevance::of(surfaces, &places, known_cameras(request), params.seed);
     let (radius, cast) = radius(surfaces, request, &relevance, units)?;
     rays += cast + relevance.rays;
     // Radii of our own make give about as many points as were wanted.
@@ -253,7 +261,7 @@ fn spread(
         points,
         relevance,
         rays,
-        automatic,
+        found,
     })
 }
 

@@ -13,7 +13,6 @@ use relight_scene::camera::Camera;
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
 use relight_transport::grid::{CellHasher, key_of};
-use relight_transport::kernel::width;
 use relight_transport::random::Stream;
 use relight_transport::sampling::uniform_hemisphere;
 use std::collections::HashMap;
@@ -40,6 +39,10 @@ const SAMPLED: usize = 16;
 /// How many times as far apart as usual particles may land before radii become wider: within a room they do, and whoever walks
 /// about in it comes near all of it.
 const SLACK: f32 = 8.0;
+
+/// Part of the particles that go on from where points are wide. Few points are to be found from there, so that all would find what is known
+/// many times over; but what only such places see (a dome's far side) is a large part of their light, and a quarter of the landings fills it.
+const GOES_ON_FROM_WIDE: f32 = 0.25;
 
 /// Widest: a million times the level's radii.
 const WIDEST: u8 = 20;
@@ -218,10 +221,9 @@ impl Relevance {
         self.ray(number, !self.is_even && number / 2 % 2 == 1, s)
     }
 
-    /// Whether a particle goes on from where it landed: where points are wide, there is little to be found.
+    /// Whether a particle goes on from where it landed: see [`GOES_ON_FROM_WIDE`].
     pub fn goes_on(&self, x: Vec3, s: &mut Stream) -> bool {
-        let widening = self.widening(x);
-        widening == 0 || s.uniform() * width(widening) < 1.0
+        self.widening(x) == 0 || s.uniform() < GOES_ON_FROM_WIDE
     }
 
     fn particle(&self, surfaces: &dyn Surfaces, number: u32, seed: u64) -> Vec<Landing> {
@@ -256,6 +258,7 @@ fn start(viewpoint: Vec3, s: &mut Stream) -> Ray {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::points::candidates::Candidate;
     use crate::points::openness::Openness;
     use crate::points::poisson::{coarse_radius_for, distribute};
     use crate::units::Units;
@@ -347,6 +350,32 @@ mod tests {
         for radius in radii {
             assert!(radius / alone < 2.0, "{radius} {alone}");
             assert!((radius / radii[0] - 1.0).abs() < 0.2, "{radii:?}");
+        }
+    }
+
+    /// Truth: the lower half of a box around a small ground lights its upper half, which is seen.
+    #[test]
+    fn what_only_wide_places_see_has_points_too() {
+        let wide = |v: Vec3| (v - Vec3::Y * 1.5) * 1e4;
+        let dome: Vec<[Vec3; 4]> = room().into_iter().map(|quad| quad.map(wide)).collect();
+        let scene = scene(&[room(), vec![ground(10.0)], dome].concat());
+        let relevance = Relevance::of(&scene, &[Vec3::new(0.0, 1.0, 8.0)], Vec::new(), 0);
+        let points = distribute(
+            &scene,
+            &relevance,
+            Openness::none(),
+            3,
+            1.0,
+            0,
+            Units::none(),
+            |_| Ok(()),
+        )
+        .unwrap();
+        for level in &points.levels {
+            let far = (level.points.iter()).filter(|p| p.position.length() > 1e3);
+            let (below, above): (Vec<&Candidate>, Vec<&Candidate>) = far.partition(|p| p.position.y < 0.0);
+            let ratio = below.len() as f32 / above.len() as f32;
+            assert!((0.33..3.0).contains(&ratio), "{} {}", below.len(), above.len());
         }
     }
 

@@ -149,10 +149,22 @@ fn most_of(lows: &[Vec3], highs: &[Vec3]) -> Option<(Vec3, Vec3)> {
     Some((within(lows, BEYOND), within(highs, 1.0 - BEYOND)))
 }
 
+/// Where somebody may look from, of whom nothing is known.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OpenSpace {
+    /// A few that see most of the scene.
+    pub viewpoints: Vec<Vec3>,
+    /// Those and all other places tried that one of them sees. A single viewpoint near a surface makes it matter more than all else; over
+    /// many such nearness cancels out.
+    pub places: Vec<Vec3>,
+    /// Rays cast to find them.
+    pub rays: u64,
+}
+
 /// Places in open space from which much of what lies in `focus` is seen: first the one with the largest mean distance to what it sees,
 /// sky counting as nothing and backs of surfaces little; then, while they add to it, those that see most of what those
-/// before don't see. None where no ray meets anything. Also returns the number of rays cast.
-pub fn in_open_space(surfaces: &dyn Surfaces, (min, max): (Vec3, Vec3), seed: u64) -> (Vec<Vec3>, u64) {
+/// before don't see. None where no ray meets anything.
+pub fn in_open_space(surfaces: &dyn Surfaces, (min, max): (Vec3, Vec3), seed: u64) -> OpenSpace {
     let margin = (max - min) * MARGIN;
     let (min, size) = (min - margin, (max - min) + margin * 2.0);
     let views: Vec<(Vec3, Vec<SurfaceHit>)> = (0..PLACES)
@@ -181,7 +193,10 @@ pub fn in_open_space(surfaces: &dyn Surfaces, (min, max): (Vec3, Vec3), seed: u6
         if score > best.0 { (score, Some(i)) } else { best }
     });
     let Some(first) = first.1 else {
-        return (Vec::new(), rays);
+        return OpenSpace {
+            rays,
+            ..OpenSpace::default()
+        };
     };
     let all: Vec<&SurfaceHit> = views
         .iter()
@@ -198,13 +213,31 @@ pub fn in_open_space(surfaces: &dyn Surfaces, (min, max): (Vec3, Vec3), seed: u6
         .map(|&eye| samples.iter().map(|sample| sees(surfaces, eye, sample)).collect())
         .collect();
     rays += (eyes.len() * samples.len()) as u64;
-    (
-        chosen(first, &seen, &samples)
-            .into_iter()
-            .map(|i| eyes[i])
-            .collect(),
-        rays,
-    )
+    let viewpoints: Vec<Vec3> = (chosen(first, &seen, &samples).into_iter())
+        .map(|i| eyes[i])
+        .collect();
+    let others = (eyes.par_iter()).filter(|eye| {
+        !viewpoints.contains(eye)
+            && viewpoints
+                .iter()
+                .any(|viewpoint| meet(surfaces, **eye, *viewpoint))
+    });
+    let others: Vec<Vec3> = others.copied().collect();
+    OpenSpace {
+        rays: rays + (eyes.len() * viewpoints.len()) as u64,
+        places: [&viewpoints[..], &others].concat(),
+        viewpoints,
+    }
+}
+
+/// Whether nothing lies between two places.
+fn meet(surfaces: &dyn Surfaces, a: Vec3, b: Vec3) -> bool {
+    !surfaces.occluded(&Ray {
+        origin: a,
+        direction: b - a,
+        t_min: 0.0,
+        t_max: 1.0,
+    })
 }
 
 /// `first` and, while one adds enough, the view that adds most to those before.
@@ -288,7 +321,11 @@ mod tests {
         let bounds = (Vec3::new(-1.0, -1.0, -0.5), Vec3::new(1.0, 1.0, 0.5));
         let plate = ImplicitSurface::new(sdf, bounds, Vec3::ONE);
         for seed in 0..4 {
-            let (places, rays) = in_open_space(&plate, bounds, seed);
+            let OpenSpace {
+                viewpoints: places,
+                rays,
+                ..
+            } = in_open_space(&plate, bounds, seed);
             assert!((2..=MOST).contains(&places.len()) && rays > 0, "{places:?}");
             assert!(places.iter().any(|p| p.z > 0.02) && places.iter().any(|p| p.z < -0.02));
         }
@@ -301,12 +338,14 @@ mod tests {
         let room = TracedScene::new(scene, Shading::Lambert).unwrap();
         let (low, high) = room.bounds().unwrap();
         for seed in 0..4 {
-            let (places, _) = in_open_space(&room, (low, high), seed);
-            assert_eq!(places.len(), 1, "{places:?}");
-            assert!(
-                places[0].cmpgt(low).all() && places[0].cmplt(high).all(),
-                "{places:?}"
-            );
+            let OpenSpace {
+                viewpoints, places, ..
+            } = in_open_space(&room, (low, high), seed);
+            assert_eq!(viewpoints.len(), 1, "{viewpoints:?}");
+            // A box is a third of its bounds with their margin.
+            assert!((100..=300).contains(&places.len()), "{}", places.len());
+            let is_inside = |p: &Vec3| p.cmpgt(low).all() && p.cmplt(high).all();
+            assert!(places.iter().all(is_inside), "{places:?}");
         }
     }
 
@@ -406,7 +445,7 @@ mod tests {
         let scene = TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap();
         let bounds = scene.bounds().unwrap();
         for seed in 0..4 {
-            let (places, _) = in_open_space(&scene, focus(scene.scene(), bounds), seed);
+            let places = in_open_space(&scene, focus(scene.scene(), bounds), seed).viewpoints;
             let inside = |p: &Vec3| p.abs().max_element() < 2.0;
             assert!(places.iter().any(inside), "{places:?}");
         }

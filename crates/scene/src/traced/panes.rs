@@ -10,6 +10,8 @@
 //! ([`Surfaces::tint`](crate::surface::Surfaces::tint)). Shadow rays pass all panes, and the light takes the product
 //! ([`Surfaces::passed`](crate::surface::Surfaces::passed)): no noise.
 //!
+//! With [`Shading::Lambert`](super::scene::Shading::Lambert) panes are walls of their base colour, as all materials.
+//!
 //! Deviation: light is neither refracted nor blurred by roughness on its way through.
 
 use super::corner::Corner;
@@ -90,6 +92,9 @@ pub(super) fn is_tinted(material: &Material, has_colors: bool) -> bool {
 impl TracedScene {
     /// The pane that the scene's material, whatever edits have made of it, is at a point; `None` of all others.
     pub(super) fn pane(&self, index: u32, corner: &Corner<'_>) -> Option<Pane> {
+        if !self.panes {
+            return None;
+        }
         let material = &self.scene().materials[index as usize];
         let AlphaMode::Pane { transmission } = material.alpha_mode else {
             return None;

@@ -40,15 +40,16 @@ fn prepare(scene: Arc<Scene>, shading: Shading) -> Result<TracedScene, TracedSce
         triangles,
         instances,
         instance_of_triangle,
-    } = expand(&scene, &textures)?;
+    } = expand(&scene, shading, &textures)?;
     let bvh = TriangleBvh::build(&positions, &triangles);
     let opaque = instances.iter().all(|instance| instance.opaque);
     let meshes = || {
         let meshes = scene.instances.iter().map(|i| &scene.meshes[i.mesh as usize]);
         meshes.map(|mesh| (mesh, &scene.materials[mesh.material as usize]))
     };
-    let panes = meshes().any(|(_, material)| matches!(material.alpha_mode, AlphaMode::Pane { .. }));
-    let tinted = meshes().any(|(mesh, material)| is_tinted(material, !mesh.colors.is_empty()));
+    let is_pane = |material: &Material| matches!(material.alpha_mode, AlphaMode::Pane { .. });
+    let panes = shading == Shading::Full && meshes().any(|(_, material)| is_pane(material));
+    let tinted = panes && meshes().any(|(mesh, material)| is_tinted(material, !mesh.colors.is_empty()));
     let mut traced = TracedScene {
         materials: scene.materials.clone(),
         scene,
@@ -229,7 +230,11 @@ struct Expanded {
     instance_of_triangle: Vec<u32>,
 }
 
-fn expand(scene: &Scene, textures: &[Option<Arc<DecodedTexture>>]) -> Result<Expanded, TracedSceneError> {
+fn expand(
+    scene: &Scene,
+    shading: Shading,
+    textures: &[Option<Arc<DecodedTexture>>],
+) -> Result<Expanded, TracedSceneError> {
     let count = |of: fn(&Mesh) -> usize| -> Result<usize, TracedSceneError> {
         let total: u64 = scene
             .instances
@@ -254,7 +259,7 @@ fn expand(scene: &Scene, textures: &[Option<Arc<DecodedTexture>>]) -> Result<Exp
             material: mesh.material,
             normal_from_mesh: normal_from_mesh(&instance.world_from_mesh),
             mirrored,
-            opaque: is_opaque(mesh, &scene.materials[mesh.material as usize], textures),
+            opaque: is_opaque(mesh, &scene.materials[mesh.material as usize], shading, textures),
         });
         positions.extend(
             mesh.positions
@@ -293,11 +298,16 @@ fn normal_from_mesh(world_from_mesh: &Affine3A) -> Mat3A {
     }
 }
 
-/// Whether alpha lets no ray through anywhere on the mesh, whatever the material calls itself.
-fn is_opaque(mesh: &Mesh, material: &Material, textures: &[Option<Arc<DecodedTexture>>]) -> bool {
+/// Whether no ray gets through anywhere on the mesh, whatever the material calls itself.
+fn is_opaque(
+    mesh: &Mesh,
+    material: &Material,
+    shading: Shading,
+    textures: &[Option<Arc<DecodedTexture>>],
+) -> bool {
     let needed = match material.alpha_mode {
         AlphaMode::Opaque => return true,
-        AlphaMode::Pane { .. } => return false,
+        AlphaMode::Pane { .. } => return shading == Shading::Lambert,
         AlphaMode::Mask { cutoff } => cutoff,
         AlphaMode::Blend => 1.0,
     };

@@ -17,7 +17,7 @@ use std::sync::{Arc, OnceLock};
 pub enum Shading {
     /// As glTF describes them.
     Full,
-    /// Every material is Lambert with its base colour: metallic, roughness and normal maps are ignored,
+    /// Every material is Lambert with its base colour: metallic, roughness, transmission and normal maps are ignored,
     /// emission and alpha are kept (`--lambert`).
     Lambert,
 }
