@@ -63,6 +63,48 @@ fn a_plus_two_b_is_the_sum_of_both_apart() {
     }
 }
 
+/// Truth: what a lamp that stands still sends is the same in every frame, however it was come by. A shot whose lamps moved, stood,
+/// blinked and changed places gives what one gives that knows nothing yet, to the bit; so with a layer for each lamp.
+#[test]
+fn frames_do_not_depend_on_those_before() {
+    let sphere = |x: f32| LightTrack {
+        name: "sphere".into(),
+        kind: LightKind::Sphere {
+            center: Animated::Constant(Vec3::new(x, 0.3, 0.2)),
+            radius: Animated::Constant(0.02),
+            radiance: Animated::Constant(Vec3::splat(100.0)),
+        },
+    };
+    let (left, right, dark) = (
+        point("a", LEFT, 1.0),
+        point("a", RIGHT, 1.0),
+        point("a", LEFT, 0.0),
+    );
+    let frames = [
+        vec![left.clone(), sphere(0.3)],
+        vec![right.clone(), sphere(0.3)],
+        vec![right, sphere(0.3)],
+        vec![dark, sphere(0.3)],
+        vec![sphere(0.3), left.clone()],
+        vec![left.clone(), sphere(0.25)],
+        vec![left, sphere(0.3)],
+    ];
+    let asset = bake_glb(&cornell(), &tiny(None, 0));
+    let player = &through_file(&asset);
+    let known = shot(player, 16);
+    for (i, tracks) in frames.iter().enumerate() {
+        for layers in [false, true] {
+            let again = light(player, &known, tracks, layers);
+            // A player of its own: points keep what they receive, too.
+            let alone = through_file(&asset);
+            let once = light(&alone, &shot(&alone, 16), tracks, layers);
+            assert_eq!(again.direct, once.direct, "frame {i}, layers {layers}");
+            assert_eq!(again.indirect, once.indirect, "frame {i}, layers {layers}");
+            assert_eq!(again.lights, once.lights, "frame {i}, layers {layers}");
+        }
+    }
+}
+
 fn adds_up(player: &Player) {
     let shot = shot(player, 32);
     let lit = |tracks: &[LightTrack]| light(player, &shot, tracks, false);

@@ -10,10 +10,10 @@
 
 mod direct;
 mod emission;
-mod environment;
+pub(crate) mod environment;
 mod indirect;
 pub mod light;
-mod received;
+pub(crate) mod received;
 pub mod resolve;
 pub mod settings;
 pub mod stats;

@@ -69,6 +69,7 @@ mod shadow_edges;
 pub mod shot;
 mod snap;
 mod spread;
+mod still;
 #[cfg(test)]
 #[allow(dead_code, reason = "shared with `relight_render`, whose tests use all of it")]
 #[path = "../../render/src/test_scenes.rs"]

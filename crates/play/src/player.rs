@@ -36,7 +36,7 @@ use std::time::Instant;
 /// An asset, ready to be lit.
 ///
 /// A player is shared by any number of [`Shot`]s (what a camera sees) and [`Lights`] (what is prepared of a sequence once), which
-/// are all that is kept from frame to frame. Only edits of materials change it.
+/// are all that is kept from frame to frame, with the light of lamps that stand still. Only edits of materials change it.
 pub struct Player {
     /// Surfaces and operators.
     pub prepared: PreparedScene,

@@ -1,9 +1,11 @@
 //! A scene with its transport, ready to be lit.
 
 use crate::cuts::VisibilityCuts;
+use crate::frame::received::Received;
 use crate::shadow_edges::ShadowEdges;
 use crate::snap::snapped;
 use crate::spread::PointPlaces;
+use crate::still::Still;
 use crate::transfer::Transfer;
 use crate::virtual_points::VirtualPoints;
 use relight_render::irradiance;
@@ -26,6 +28,8 @@ pub struct PreparedScene {
     pub virtual_points: VirtualPoints,
     /// Visibility cuts; `None` for an asset baked without.
     pub cuts: Option<VisibilityCuts>,
+    /// What lamps that stand still let arrive at points and surface samples.
+    pub(crate) received: Still<Received>,
 }
 
 impl PreparedScene {
@@ -56,6 +60,7 @@ impl PreparedScene {
             edges,
             virtual_points: VirtualPoints::default(),
             cuts,
+            received: Still::default(),
         }
     }
 

@@ -3,9 +3,11 @@
 use crate::choice::{Integrator, Tracer};
 use crate::cuts::own_sites;
 use crate::cuts::sites::FragmentSites;
+use crate::frame::environment::EvenLight;
 use crate::prepared::PreparedScene;
 use crate::reconstruct;
 use crate::reflections::{self, Reflections};
+use crate::still::Still;
 use crate::transfer::Transfer;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -101,6 +103,10 @@ pub struct RelitShot {
     pub times: ShotTimes,
     /// Of which state of the player's materials it is.
     pub(crate) edition: Edition,
+    /// What fragments reflect of lamps that stand still, by shadow rays.
+    pub(crate) reflected: Still<Vec<Vec3>>,
+    /// The same of even directions, by visibility cuts.
+    pub(crate) even: Still<Option<EvenLight>>,
 }
 
 /// Milliseconds that a shot took.
@@ -177,6 +183,8 @@ impl RelitShot {
             transfers: true,
             times: ShotTimes::default(),
             edition: Edition::default(),
+            reflected: Still::default(),
+            even: Still::default(),
         })
     }
 

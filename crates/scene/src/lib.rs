@@ -61,6 +61,7 @@ pub mod json;
 mod lfs;
 pub mod light;
 pub mod light_set;
+pub mod light_state;
 pub mod material;
 pub mod material_edits;
 pub mod numbered;

@@ -1,9 +1,9 @@
 //! Direct light at fragments, finest points and surface samples: light by light with shadow rays, or, of very many, by
 //! lightcuts.
 
-use super::received::{Receiving, Starts};
+use super::received::{Received, Receiving, Starts};
 use super::stats::{DirectLightcuts, FrameTimes, milliseconds};
-use super::task::{Received, Task};
+use super::task::Task;
 use glam::Vec3;
 use relight_render::lightcuts::{self, AT_PIXELS, AT_POINTS, ManyLights};
 use relight_render::lighting::{self, Receivers, own_run};

@@ -4,17 +4,25 @@ use super::stats::{CutStats, FrameTimes, milliseconds};
 use super::task::Task;
 use crate::cuts::illumination::Illumination;
 use crate::cuts::shade::{Fragments, Shaded, irradiance_at_sites, shade};
+use crate::still::Kept;
 use glam::Vec3;
 use relight_scene::light_set::DistantLight;
 use std::time::Instant;
 
 /// Light of even directions.
-pub(super) struct EvenLight {
+#[derive(Clone, Debug)]
+pub(crate) struct EvenLight {
     /// Reflected by each fragment.
     pub radiance: Vec<Vec3>,
     /// At each finest point, if transfer takes it on.
     pub irradiance: Option<Vec<Vec3>>,
     pub stats: CutStats,
+}
+
+impl Kept for EvenLight {
+    fn bytes(&self) -> usize {
+        self.radiance.bytes() + self.irradiance.bytes()
+    }
 }
 
 impl Task<'_> {

@@ -1,8 +1,9 @@
 //! Indirect light at the pixels: T and the bounces carry what the points receive to all others, and each fragment takes what
 //! its points' functions say, or what its lobe sees.
 
+use super::received::Received;
 use super::stats::{CutStats, FrameTimes, milliseconds};
-use super::task::{Received, Task, add};
+use super::task::{Task, add};
 use crate::cuts::illumination::Illumination;
 use crate::cuts::shade::shade;
 use crate::reconstruct;

@@ -2,14 +2,16 @@
 
 use super::direct::Sums;
 use super::emission::emission_at;
-use super::received::Starts;
+use super::environment::EvenLight;
+use super::received::{Received, Starts};
 use super::settings::FrameSettings;
 use super::stats::{FrameTimes, RelitStats, milliseconds};
-use super::task::{Received, Task, add};
+use super::task::{Task, add};
 use crate::choice::{CutKind, CutUse};
 use crate::lights::{Distant, Lights};
 use crate::prepared::PreparedScene;
 use crate::shot::RelitShot;
+use crate::still::Cause;
 use glam::Vec3;
 use relight_render::sum::Sum;
 use relight_render::watch::{Cancelled, Watch, go_on};
@@ -62,8 +64,18 @@ pub fn light(
         samples: (samples.filter(|_| by_cuts == CutUse::FirstBounce)).map(|samples| &samples.hits[..]),
     };
     let even = (by_cuts == CutUse::Environments).then(|| lights.distant_at(time));
+    let causes: Vec<Cause> = (lights.tracks().iter())
+        .map(|track| Cause {
+            light: track.state_at(time),
+            settings: *settings,
+            cuts: by_cuts,
+            transfers: starts.points.is_some(),
+            edition: shot.edition,
+        })
+        .collect();
     let lights = lights.at(time);
     let shining = Shining {
+        causes: &causes,
         lights: &lights,
         shadowed: even.as_ref().map_or(&lights, |even| &even.near),
         even: even.as_ref(),
@@ -81,6 +93,8 @@ pub fn light(
 
 /// The lights of a frame.
 struct Shining<'a> {
+    /// What each follows from.
+    causes: &'a [Cause],
     lights: &'a LightSet<'a>,
     /// The same, less what comes from even directions.
     shadowed: &'a LightSet<'a>,
@@ -92,17 +106,27 @@ impl Shining<'_> {
     /// What a light lets arrive where indirect light starts, by shadow rays.
     fn received_of(&self, light: usize, task: &Task, starts: Starts, times: &mut FrameTimes) -> Received {
         let start = Instant::now();
-        let received = task.receiving().of(starts, self.shadowed, light);
+        let make = || task.receiving().of(starts, self.shadowed, light);
+        let (received, _) = (task.prepared.received).light_of(light, &self.causes[light], make);
         times.direct_points += milliseconds(start);
         received
     }
 
     /// What fragments reflect of a light, by shadow rays.
-    fn reflected_of(&self, light: usize, task: &Task, times: &mut FrameTimes) -> Vec<Vec3> {
+    fn reflected_of(&self, light: usize, task: &Task, stats: &mut RelitStats) -> Vec<Vec3> {
         let start = Instant::now();
-        let reflected = task.reflected_of(self.shadowed, light, self.even.is_some());
-        times.direct_pixels += milliseconds(start);
+        let make = || task.reflected_of(self.shadowed, light, self.even.is_some());
+        let (reflected, kept) = (task.shot.reflected).light_of(light, &self.causes[light], make);
+        stats.still_lights += usize::from(kept);
+        stats.times.direct_pixels += milliseconds(start);
         reflected
+    }
+
+    /// Its light of even directions, where visibility cuts take it.
+    fn even_of(&self, light: usize, task: &Task, times: &mut FrameTimes) -> Option<EvenLight> {
+        let distant = self.even?.lights[light].as_ref()?;
+        let make = || task.even_light(distant, times);
+        (task.shot.even).light_of(light, &self.causes[light], make).0
     }
 }
 
@@ -114,11 +138,7 @@ fn all_together(
     stats: &mut RelitStats,
     watch: &dyn Watch,
 ) -> Result<Lit, Cancelled> {
-    let Shining {
-        lights,
-        shadowed,
-        even,
-    } = *shining;
+    let Shining { lights, shadowed, .. } = *shining;
     let mut sums = Sums::new(task.shot.seen.len(), starts);
     let at_once = task.add_by_lightcuts(starts, shadowed, &mut sums, &mut stats.times);
     stats.lightcuts = at_once.used;
@@ -128,15 +148,14 @@ fn all_together(
             sums.add_received(shining.received_of(light, task, starts, &mut stats.times));
         }
         if !at_once.pixels {
-            sums.direct
-                .add(shining.reflected_of(light, task, &mut stats.times));
+            sums.direct.add(shining.reflected_of(light, task, stats));
         }
         watch.advance_to(light + 1, lights.len() + 1);
     }
-    for distant in even.iter().flat_map(|even| &even.lights).flatten() {
+    for light in 0..lights.len() {
         go_on(watch)?;
-        let Some(even) = task.even_light(distant, &mut stats.times) else {
-            break;
+        let Some(even) = shining.even_of(light, task, &mut stats.times) else {
+            continue;
         };
         sums.direct.add(even.radiance);
         sums.add_received(Received {
@@ -197,11 +216,9 @@ fn direct_of(
     light: usize,
     stats: &mut RelitStats,
 ) -> (Vec<Vec3>, Received) {
-    let times = &mut stats.times;
-    let mut received = shining.received_of(light, task, starts, times);
-    let mut direct = shining.reflected_of(light, task, times);
-    let own = shining.even.and_then(|even| even.lights[light].as_ref());
-    if let Some(even) = own.and_then(|own| task.even_light(own, times)) {
+    let mut received = shining.received_of(light, task, starts, &mut stats.times);
+    let mut direct = shining.reflected_of(light, task, stats);
+    if let Some(even) = shining.even_of(light, task, &mut stats.times) {
         add(&mut direct, &even.radiance);
         if let (Some(points), Some(irradiance)) = (&mut received.points, &even.irradiance) {
             add(points, irradiance);

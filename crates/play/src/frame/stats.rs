@@ -45,6 +45,8 @@ pub struct RelitStats {
     pub cuts: Option<CutStats>,
     /// What direct light took where the lights were so many that lightcuts made it.
     pub lightcuts: Option<DirectLightcuts>,
+    /// Lights that were taken as they were in the frame before.
+    pub still_lights: usize,
     /// Pixels of the image.
     pub pixels: usize,
 }
@@ -192,6 +194,9 @@ impl RelitStats {
             ("reconstruct", Milliseconds(times.reconstruct)),
             ("resolve", Milliseconds(times.resolve)),
         ];
+        if self.still_lights > 0 {
+            all.push(("still_lights", Count(self.still_lights as u64)));
+        }
         if let Some(DirectLightcuts {
             lights,
             points,

@@ -31,14 +31,6 @@ impl<'a> Task<'a> {
     }
 }
 
-/// Direct irradiance from which indirect light starts.
-pub(super) struct Received {
-    /// At the finest points, for transfer; `None` where it makes no light.
-    pub points: Option<Vec<Vec3>>,
-    /// At surface samples, for visibility cuts; `None` where these make no first bounce.
-    pub samples: Option<Vec<Vec3>>,
-}
-
 /// Adds a part to a sum, place by place.
 pub(super) fn add(sum: &mut [Vec3], part: &[Vec3]) {
     (sum.par_iter_mut().zip(part).with_min_len(4096)).for_each(|(s, p)| *s += *p);

@@ -1,0 +1,177 @@
+//! Light of lamps that stand still: found once, and kept from frame to frame.
+//!
+//! Light adds up, so that a lamp that shines as it did in the last frame need not be computed again, whatever the others do. Its
+//! random numbers depend on its place in the sequence alone: what is kept is what would be found again, to the bit.
+
+use crate::choice::CutUse;
+use crate::frame::settings::FrameSettings;
+use crate::shot::Edition;
+use glam::Vec3;
+use relight_scene::light_state::LightState;
+use std::sync::{Mutex, PoisonError};
+
+/// Most memory that what is kept of one kind takes, bytes: direct light of some forty lamps at the fragments of 640 × 360 pixels. Further
+/// lamps are found anew in every frame.
+const MOST_BYTES: usize = 256 << 20;
+
+/// What light of a lamp follows from.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Cause {
+    pub light: LightState,
+    pub settings: FrameSettings,
+    pub cuts: CutUse,
+    /// Whether transfer makes indirect light.
+    pub transfers: bool,
+    /// Materials.
+    pub edition: Edition,
+}
+
+/// Light as it is kept.
+pub(crate) trait Kept: Clone {
+    /// Memory that it takes.
+    fn bytes(&self) -> usize;
+}
+
+impl Kept for Vec<Vec3> {
+    fn bytes(&self) -> usize {
+        size_of_val(self.as_slice())
+    }
+}
+
+impl<K: Kept> Kept for Option<K> {
+    fn bytes(&self) -> usize {
+        self.as_ref().map_or(0, K::bytes)
+    }
+}
+
+/// Light of lamps, of those that stand still.
+#[derive(Debug)]
+pub(crate) struct Still<K> {
+    /// Per light of the sequence.
+    lamps: Mutex<Vec<Lamp<K>>>,
+}
+
+#[derive(Debug)]
+struct Lamp<K> {
+    /// What it was the last time.
+    cause: Option<Cause>,
+    light: Option<K>,
+}
+
+impl<K> Default for Still<K> {
+    fn default() -> Still<K> {
+        Still {
+            lamps: Mutex::default(),
+        }
+    }
+}
+
+impl<K: Kept> Still<K> {
+    /// The light of a lamp: what is kept, if its cause is as it was, else what `make` makes, which is kept unless the lamp has just
+    /// moved. And whether it was kept.
+    pub fn light_of(&self, lamp: usize, cause: &Cause, make: impl FnOnce() -> K) -> (K, bool) {
+        let moved = {
+            let mut lamps = self.lamps.lock().unwrap_or_else(PoisonError::into_inner);
+            if lamps.len() <= lamp {
+                lamps.resize_with(lamp + 1, || Lamp {
+                    cause: None,
+                    light: None,
+                });
+            }
+            let known = &mut lamps[lamp];
+            let stands = known.cause.as_ref() == Some(cause);
+            match &known.light {
+                Some(light) if stands => return (light.clone(), true),
+                _ => {}
+            }
+            let before = known.cause.replace(cause.clone());
+            known.light = None;
+            !stands && before.is_some()
+        };
+        let light = make();
+        if !moved {
+            let mut lamps = self.lamps.lock().unwrap_or_else(PoisonError::into_inner);
+            let kept: usize = lamps.iter().map(|lamp| lamp.light.bytes()).sum();
+            // Another frame may have moved the lamp meanwhile.
+            if lamps[lamp].cause.as_ref() == Some(cause) && kept + light.bytes() <= MOST_BYTES {
+                lamps[lamp].light = Some(light.clone());
+            }
+        }
+        (light, false)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use relight_scene::animated::Animated;
+    use relight_scene::light::{LightKind, LightTrack};
+
+    fn cause(x: f32) -> Cause {
+        let lamp = LightTrack {
+            name: "lamp".into(),
+            kind: LightKind::Point {
+                position: Animated::Constant(Vec3::X * x),
+                intensity: Animated::Constant(Vec3::ONE),
+            },
+        };
+        Cause {
+            light: lamp.state_at(0.0),
+            settings: FrameSettings::default(),
+            cuts: CutUse::Nothing,
+            transfers: true,
+            edition: Edition::default(),
+        }
+    }
+
+    /// Whether light had to be made, place after place of a lamp.
+    fn made(still: &Still<Vec<Vec3>>, places: &[f32]) -> Vec<bool> {
+        let of = |&x| {
+            let (light, kept) = still.light_of(0, &cause(x), || vec![Vec3::splat(x)]);
+            assert_eq!(light, [Vec3::splat(x)]);
+            !kept
+        };
+        places.iter().map(of).collect()
+    }
+
+    #[test]
+    fn the_light_of_a_lamp_that_stands_still_is_made_once_and_kept_until_it_moves() {
+        let still = Still::default();
+        assert_eq!(
+            made(&still, &[1.0, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0]),
+            [true, false, false, true, true, true, false]
+        );
+    }
+
+    #[test]
+    fn other_settings_and_other_materials_are_other_light() {
+        let still = Still::default();
+        let make = |cause: &Cause| still.light_of(0, cause, || vec![Vec3::ONE]).1;
+        let first = cause(1.0);
+        assert_eq!([make(&first), make(&first)], [false, true]);
+        let seed = Cause {
+            settings: FrameSettings {
+                seed: 1,
+                ..FrameSettings::default()
+            },
+            ..first.clone()
+        };
+        assert!(
+            !make(&seed) && !make(&seed) && make(&seed),
+            "changed settings are like a move"
+        );
+        let edition = Edition { edits: 1, moves: 0 };
+        assert!(!make(&Cause { edition, ..seed }));
+    }
+
+    #[test]
+    fn what_is_kept_is_bounded() {
+        let still = Still::default();
+        let many = || vec![Vec3::ONE; MOST_BYTES / 12 / 2];
+        let kept = |lamp| {
+            still.light_of(lamp, &cause(1.0), many);
+            still.light_of(lamp, &cause(1.0), many).1
+        };
+        assert_eq!([kept(0), kept(1), kept(2)], [true, true, false]);
+    }
+}
