@@ -1,12 +1,17 @@
-//! Rays per second of the ray casting kernel, beside obvhs's own eight-wide traversal in the same run.
+//! Rays per second of the ray casting kernel, beside obvhs's own eight-wide traversal and, where its development files are installed
+//! (Debian's libembree-dev), Embree 3 in its fast and its robust mode, in the same run.
 //!
 //! `cargo bench -p relight-scene --bench rays`, with `RELIGHT_SCENES` naming a folder (or one file) of `.glb` scenes to measure
-//! besides the procedural one. Further arguments keep the measurements whose names contain one of them. Rounds of all contestants are interleaved, and medians of rounds reported, so that a noisy
-//! machine disturbs all alike.
+//! besides the procedural one. Further arguments keep the measurements whose names contain one of them; `--dump DIR` leaves the triangles
+//! and rays of each scene there, raw, little-endian, for any other ray caster (`embree.rs` has their shape). Rounds of all contestants
+//! are interleaved, and medians of rounds reported, so that a noisy machine disturbs all alike.
 
 // Reason: it measures.
 #![allow(clippy::disallowed_methods)]
 
+mod embree;
+
+use embree::Embree;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -30,12 +35,19 @@ fn main() {
     if !std::env::args().any(|argument| argument == "--bench") {
         return;
     }
+    let temporary = tempfile::tempdir().expect("a temporary folder");
+    let folder = dump_folder().unwrap_or_else(|| temporary.path().to_path_buf());
+    let program = embree::compiled(temporary.path());
+    let place = Place {
+        folder: &folder,
+        embree: program.as_deref(),
+    };
     println!(
         "{:<24}{:<22}{:>8}  M rays/s (median of {ROUNDS}), ratio to obvhs CwBvh",
         "scene", "rays", "threads"
     );
     let (positions, triangles) = procedural();
-    measure("procedural", &positions, &triangles);
+    measure("procedural", &positions, &triangles, place);
     for path in scene_files() {
         match read_glb(&path) {
             Some((positions, triangles)) => {
@@ -44,7 +56,7 @@ fn main() {
                     .unwrap_or_default()
                     .to_string_lossy()
                     .into_owned();
-                measure(&name, &positions, &triangles);
+                measure(&name, &positions, &triangles, place);
             }
             None => eprintln!(
                 "{}: not a self-contained glb of triangles, skipped",
@@ -52,6 +64,38 @@ fn main() {
             ),
         }
     }
+}
+
+/// Where files of rays go, and the program that times Embree on them.
+#[derive(Clone, Copy)]
+struct Place<'a> {
+    folder: &'a Path,
+    embree: Option<&'a Path>,
+}
+
+/// The folder after `--dump`, made if it is not there.
+fn dump_folder() -> Option<PathBuf> {
+    let mut arguments = std::env::args().skip_while(|argument| argument != "--dump");
+    arguments.next()?;
+    let folder = PathBuf::from(arguments.next().expect("--dump: give a folder after it"));
+    if let Err(error) = std::fs::create_dir_all(&folder) {
+        panic!("{}: {error}", folder.display());
+    }
+    Some(folder)
+}
+
+/// Parts of the names of wanted measurements; empty: all.
+fn wanted() -> Vec<String> {
+    let mut wanted = Vec::new();
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        match argument.as_str() {
+            "--dump" => drop(arguments.next()),
+            option if option.starts_with('-') => {}
+            _ => wanted.push(argument),
+        }
+    }
+    wanted
 }
 
 fn scene_files() -> Vec<PathBuf> {
@@ -121,7 +165,7 @@ impl Obvhs {
 
 type Contestant<'a> = (&'a str, Box<dyn Fn(&[Ray]) -> usize + Sync + 'a>);
 
-fn measure(scene: &str, positions: &[Vec3], triangles: &[[u32; 3]]) {
+fn measure(scene: &str, positions: &[Vec3], triangles: &[[u32; 3]], place: Place) {
     let mut build_ms: Vec<f64> = (0..3)
         .map(|_| {
             let start = Instant::now();
@@ -137,6 +181,8 @@ fn measure(scene: &str, positions: &[Vec3], triangles: &[[u32; 3]]) {
     let simd = TriangleBvh::build(positions, triangles);
     let scalar = TriangleBvh::build(positions, triangles).with_kernel(Kernel::Scalar);
     let obvhs = Obvhs::build(positions, triangles);
+    let corners = embree::dump_triangles(place.folder, scene, positions, triangles);
+    let mut embree = place.embree.map(|program| Embree::new(program, &corners));
     let mut random = Random(1);
 
     let views = views(&simd, 512);
@@ -154,11 +200,15 @@ fn measure(scene: &str, positions: &[Vec3], triangles: &[[u32; 3]]) {
         simd.any_hit_packet(rays, &mut occluded);
         occluded.iter().filter(|o| **o).count()
     };
+    let file = embree::dump_rays(place.folder, scene, "gather", &gather);
     compare(
         scene,
         "gather",
         &gather,
         PART,
+        embree
+            .as_mut()
+            .map(|embree| (embree, &file, ["closest"].as_slice())),
         &[
             (
                 "obvhs",
@@ -184,7 +234,10 @@ fn measure(scene: &str, positions: &[Vec3], triangles: &[[u32; 3]]) {
         ("packet", Box::new(count_packet)),
         ("scalar", Box::new(|r| count_any(&scalar, r))),
     ];
-    compare(scene, "shadow, one light", &shadow, PART, &any);
+    let both = ["any", "packet"];
+    let file = embree::dump_rays(place.folder, scene, "shadow", &shadow);
+    let by_embree = embree.as_mut().map(|embree| (embree, &file, both.as_slice()));
+    compare(scene, "shadow, one light", &shadow, PART, by_embree, &any);
 
     let lights: Vec<SurfacePoint> = (0..LIGHTS).map(|_| views[random.below(views.len())]).collect();
     let many: Vec<Ray> = (0..(1 << 18) / LIGHTS)
@@ -196,12 +249,21 @@ fn measure(scene: &str, positions: &[Vec3], triangles: &[[u32; 3]]) {
                 .collect::<Vec<_>>()
         })
         .collect();
-    compare(scene, "one point, 128 lights", &many, LIGHTS, &any);
+    let file = embree::dump_rays(place.folder, scene, "lights", &many);
+    let by_embree = embree.as_mut().map(|embree| (embree, &file, both.as_slice()));
+    compare(scene, "one point, 128 lights", &many, LIGHTS, by_embree, &any);
 }
 
-/// Prints the medians of interleaved rounds, one and two threads.
-fn compare(scene: &str, name: &str, rays: &[Ray], part: usize, contestants: &[Contestant]) {
-    let wanted: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
+/// Prints the medians of interleaved rounds, one and two threads; Embree's in one, as kinds of rays from a file.
+fn compare(
+    scene: &str,
+    name: &str,
+    rays: &[Ray],
+    part: usize,
+    mut embree: Option<(&mut Embree, &PathBuf, &[&str])>,
+    contestants: &[Contestant],
+) {
+    let wanted = wanted();
     if !wanted.is_empty()
         && !wanted
             .iter()
@@ -216,7 +278,25 @@ fn compare(scene: &str, name: &str, rays: &[Ray], part: usize, contestants: &[Co
             .expect("threads");
         let mut speeds = vec![Vec::new(); contestants.len()];
         let mut counts = vec![0; contestants.len()];
-        for _ in 0..ROUNDS {
+        let mut others: Vec<(String, usize, Vec<f64>)> = Vec::new();
+        for round in 0..ROUNDS {
+            if let (1, Some((embree, file, kinds))) = (threads, &mut embree) {
+                if round == 0 {
+                    // Reads the rays and builds the hierarchies.
+                    for mode in ["fast", "robust"] {
+                        for kind in *kinds {
+                            let (hits, _) = embree.round(mode, kind, file);
+                            others.push((format!("embree {mode} {kind}"), hits, Vec::new()));
+                        }
+                    }
+                }
+                let modes = ["fast", "robust"].into_iter();
+                let rounds = modes.flat_map(|mode| kinds.iter().map(move |kind| (mode, kind)));
+                for ((mode, kind), other) in rounds.zip(&mut others) {
+                    let (_, seconds) = embree.round(mode, kind, file);
+                    other.2.push(rays.len() as f64 / seconds * 1e-6);
+                }
+            }
             for (index, (_, cast)) in contestants.iter().enumerate() {
                 let start = Instant::now();
                 counts[index] = pool.install(|| rays.par_chunks(part).map(cast).sum::<usize>());
@@ -233,6 +313,16 @@ fn compare(scene: &str, name: &str, rays: &[Ray], part: usize, contestants: &[Co
             );
         }
         println!("   hits {:.1} %", 100.0 * counts[1] as f64 / rays.len() as f64);
+        for (other, hits, mut speeds) in others {
+            let speed = median(&mut speeds);
+            println!(
+                "{:<54}  {other} {speed:.2} ({:.2}x)   hits {:.1} %; best of ours {:.2} of it",
+                "",
+                speed / medians[0],
+                100.0 * hits as f64 / rays.len() as f64,
+                medians[1..].iter().copied().fold(0.0, f64::max) / speed,
+            );
+        }
     }
 }
 
