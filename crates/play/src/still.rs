@@ -26,6 +26,42 @@ pub(crate) struct Cause {
     pub edition: Edition,
 }
 
+impl Cause {
+    /// What direct light at points and surface samples follows from: settings of pixels are not among it.
+    pub fn at_points(&self) -> Cause {
+        Cause {
+            settings: FrameSettings {
+                pixel_samples: 0,
+                ..self.settings.of_light()
+            },
+            ..self.clone()
+        }
+    }
+
+    /// What direct light at fragments follows from: settings of points are not among it.
+    pub fn at_pixels(&self) -> Cause {
+        Cause {
+            settings: FrameSettings {
+                point_samples: 0,
+                steady: false,
+                ..self.settings.of_light()
+            },
+            ..self.clone()
+        }
+    }
+}
+
+impl FrameSettings {
+    /// Those that light depends on: the same layers for all.
+    fn of_light(self) -> FrameSettings {
+        FrameSettings {
+            light_layers: false,
+            surface_layers: false,
+            ..self
+        }
+    }
+}
+
 /// Light as it is kept.
 pub(crate) trait Kept: Clone {
     /// Memory that it takes.
@@ -160,6 +196,17 @@ mod tests {
             !make(&seed) && !make(&seed) && make(&seed),
             "changed settings are like a move"
         );
+        let layers = FrameSettings {
+            light_layers: true,
+            point_samples: 1,
+            ..seed.settings
+        };
+        let more = Cause {
+            settings: layers,
+            ..seed.clone()
+        };
+        assert_eq!(more.at_pixels(), seed.at_pixels());
+        assert_ne!(more.at_points(), seed.at_points());
         let edition = Edition { edits: 1, moves: 0 };
         assert!(!make(&Cause { edition, ..seed }));
     }

@@ -107,7 +107,7 @@ impl Shining<'_> {
     fn received_of(&self, light: usize, task: &Task, starts: Starts, times: &mut FrameTimes) -> Received {
         let start = Instant::now();
         let make = || task.receiving().of(starts, self.shadowed, light);
-        let (received, _) = (task.prepared.received).light_of(light, &self.causes[light], make);
+        let (received, _) = (task.prepared.received).light_of(light, &self.causes[light].at_points(), make);
         times.direct_points += milliseconds(start);
         received
     }
@@ -116,7 +116,7 @@ impl Shining<'_> {
     fn reflected_of(&self, light: usize, task: &Task, stats: &mut RelitStats) -> Vec<Vec3> {
         let start = Instant::now();
         let make = || task.reflected_of(self.shadowed, light, self.even.is_some());
-        let (reflected, kept) = (task.shot.reflected).light_of(light, &self.causes[light], make);
+        let (reflected, kept) = (task.shot.reflected).light_of(light, &self.causes[light].at_pixels(), make);
         stats.still_lights += usize::from(kept);
         stats.times.direct_pixels += milliseconds(start);
         reflected
