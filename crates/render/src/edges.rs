@@ -25,16 +25,16 @@ pub fn smooth(scene: &TracedScene, seen: &Exposure, samples: &Samples, met: &[Me
     let crossed = crossed(seen, met, of_pixel);
     let lit: Vec<Vec3> = crossed
         .par_chunks(TASK)
-        .flat_map_iter(|fragments| lit_at_ends(scene, seen, samples, fragments, of_pixel))
+        .flat_map_iter(|fragments| lit_at_ends(scene, seen, samples, fragments))
         .collect();
-    for (fragment, lit) in crossed.into_iter().zip(lit) {
+    for ((fragment, _), lit) in crossed.into_iter().zip(lit) {
         reflected[fragment] = lit;
     }
 }
 
 /// The fragments of pixels that are lit beside such that are not, and the other way round, if several of their ends can
-/// tell more than they have told.
-fn crossed(seen: &Exposure, met: &[Met], of_pixel: f32) -> Vec<usize> {
+/// tell more than they have told, each with how many those are.
+fn crossed(seen: &Exposure, met: &[Met], of_pixel: f32) -> Vec<(usize, usize)> {
     let (width, height) = (seen.width, seen.height);
     let pixels: Vec<Met> = (0..width * height)
         .into_par_iter()
@@ -63,7 +63,8 @@ fn crossed(seen: &Exposure, met: &[Met], of_pixel: f32) -> Vec<usize> {
             let around = (beside.into_iter().flatten()).fold(pixels[pixel], |all, other| all | pixels[other]);
             let is_crossed = around == LIT | DARK;
             seen.fragments_of(pixel)
-                .filter(move |&f| is_crossed && seen.ends_for(f, of_pixel) > 1)
+                .map(move |f| (f, seen.ends_for(f, of_pixel)))
+                .filter(move |&(_, ends)| is_crossed && ends > 1)
         })
         .collect()
 }

@@ -109,6 +109,11 @@ impl Exposure {
 
     /// The places of a fragment ([`Exposure::places_of`]) and how they reflect.
     pub fn sighted(&self, scene: &TracedScene, f: usize) -> Vec<Sighted> {
+        self.sighted_first(scene, f, usize::MAX)
+    }
+
+    /// The first so many of [`Exposure::sighted`].
+    pub(crate) fn sighted_first(&self, scene: &TracedScene, f: usize, most: usize) -> Vec<Sighted> {
         let (Some(hit), Some(point)) = (self.hits[f], self.points[f]) else {
             return Vec::new();
         };
@@ -119,7 +124,7 @@ impl Exposure {
                 view: -self.directions[f],
             }];
         }
-        self.sighted_ends(scene, f).collect()
+        self.sighted_ends(scene, f).take(most).collect()
     }
 
     /// The ends of a fragment's rays, how they reflect and the directions from them to the eye. Colours are the fragment's, as a

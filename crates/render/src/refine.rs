@@ -61,45 +61,44 @@ pub fn refine(
     let samples = needs.by_squares(scene, seen, samples, told, &mut wanted);
     let mut rays = 0;
     // Fragments that send as many to each of their ends are lit together.
-    let mut groups: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    let mut groups: BTreeMap<u32, Vec<(usize, usize)>> = BTreeMap::new();
     for (pixel, &wanted) in wanted.iter().enumerate().filter(|(_, wanted)| **wanted > 0) {
         for f in seen.fragments_of(pixel).filter(|&f| seen.hits[f].is_some()) {
-            let ends = seen.ends_for(f, f32::INFINITY).max(1) as u32;
+            // One sample at each of as many ends is better than several at fewer.
+            let ends = seen.ends_for(f, wanted as f32).max(1);
             let own = (wanted as f32 * seen.coverage[f]).ceil() as u32;
-            let of_end = own.div_ceil(ends).max(1);
-            groups.entry(of_end).or_default().push(f);
-            rays += u64::from(ends * of_end);
+            let of_end = own.div_ceil(ends as u32).max(1);
+            groups.entry(of_end).or_default().push((f, ends));
+            rays += ends as u64 * u64::from(of_end);
         }
     }
     for (of_end, fragments) in &groups {
         let samples = samples.of_each(*of_end);
         let lit: Vec<Vec3> = fragments
             .par_chunks(TASK)
-            .flat_map_iter(|fragments| lit_at_ends(scene, seen, &samples, fragments, f32::INFINITY))
+            .flat_map_iter(|fragments| lit_at_ends(scene, seen, &samples, fragments))
             .collect();
-        for (&fragment, lit) in fragments.iter().zip(lit) {
+        for (&(fragment, _), lit) in fragments.iter().zip(lit) {
             reflected[fragment] = lit;
         }
     }
     rays
 }
 
-/// Means over their rays' ends, of which a pixel has about `of_pixel`, of what fragments send towards the eye of a light.
+/// Means over their rays' ends, the first so many of each, of what fragments send towards the eye of a light.
 pub(crate) fn lit_at_ends(
     scene: &TracedScene,
     seen: &Exposure,
     samples: &Samples,
-    fragments: &[usize],
-    of_pixel: f32,
+    fragments: &[(usize, usize)],
 ) -> Vec<Vec3> {
     let (mut hits, mut points, mut views) = (Vec::new(), Vec::new(), Vec::new());
     let mut starts = Vec::with_capacity(fragments.len());
     // Ends of a fragment share one sequence of samples, so that all of them together are evenly spread.
     let mut runs: Vec<(usize, u32)> = Vec::new();
-    for &f in fragments {
+    for &(f, ends) in fragments {
         starts.push(hits.len());
-        let ends = seen.ends_for(f, of_pixel).max(1);
-        for (k, Sighted { hit, point, view }) in (0..).zip(seen.sighted(scene, f).into_iter().take(ends)) {
+        for (k, Sighted { hit, point, view }) in (0..).zip(seen.sighted_first(scene, f, ends)) {
             hits.push(Some(hit));
             points.push(Some(point));
             views.push(view);
@@ -529,8 +528,12 @@ mod tests {
         let views = seen.views();
         let receivers = Receivers::of(&seen, &views);
         let all: Vec<usize> = (0..seen.len()).filter(|&f| seen.hits[f].is_some()).collect();
+        let ends: Vec<(usize, usize)> = all
+            .iter()
+            .map(|&f| (f, seen.ends_for(f, f32::INFINITY).max(1)))
+            .collect();
         let samples = Samples::of_pixels(&lights, 0, seen.len(), 256, 99);
-        let truth = lit_at_ends(&scene, &seen, &samples, &all, f32::INFINITY);
+        let truth = lit_at_ends(&scene, &seen, &samples, &ends);
         let full = truth.iter().map(|v| v.x).fold(0.0, f32::max);
         let penumbra = |least: f32, most: f32| -> Vec<usize> {
             (0..all.len())
@@ -570,7 +573,7 @@ mod tests {
             vec![level(8.0, 0.0, 0), level(0.4, -5.0, 0)],
             vec![matt(0.5, 0.0)],
         );
-        let open = lit_at_ends(&open, &seen, &samples, &all, f32::INFINITY);
+        let open = lit_at_ends(&open, &seen, &samples, &ends);
         let mut partly = vec![false; seen.width * seen.height];
         for (pixel, partly) in partly.iter_mut().enumerate() {
             let fragments = seen.fragments_of(pixel);
