@@ -32,21 +32,18 @@ impl Failure {
     /// One paragraph; `left` is what a command that was stopped leaves behind.
     pub fn text(&self, left: &str) -> String {
         match self {
-            Failure::Failed(error) => {
-                // Library errors carry their causes in their own words: only what was added in front is shown
-                // beside the last of them.
-                let mut text = String::new();
-                for cause in error.chain() {
-                    let cause = cause.to_string();
-                    if !text.contains(&cause) {
-                        text += if text.is_empty() { "" } else { ": " };
-                        text += &cause;
-                    }
-                }
-                format!("relight: error: {text}")
-            }
+            Failure::Failed(error) => format!("relight: error: {}", causes(error)),
             Failure::Usage(message) => format!("relight: error: {message}\nFor more, try --help."),
             Failure::Stopped(_) => format!("relight: stopped; {left}"),
+        }
+    }
+
+    /// What is wrong, without who says so.
+    pub fn words(&self) -> String {
+        match self {
+            Failure::Failed(error) => causes(error),
+            Failure::Usage(message) => message.clone(),
+            Failure::Stopped(_) => "stopped".into(),
         }
     }
 
@@ -58,4 +55,18 @@ impl Failure {
             Failure::Stopped(signal) => ExitCode::from(128 + *signal as u8),
         }
     }
+}
+
+/// An error's words.
+fn causes(error: &anyhow::Error) -> String {
+    // Library errors carry their causes in their own words: only what was added in front is shown beside the last of them.
+    let mut text = String::new();
+    for cause in error.chain() {
+        let cause = cause.to_string();
+        if !text.contains(&cause) {
+            text += if text.is_empty() { "" } else { ": " };
+            text += &cause;
+        }
+    }
+    text
 }

@@ -12,7 +12,7 @@ use relight_play::Player;
 use relight_scene::sequence::read_sequence_at;
 use relight_view::{Exhibit, View};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// Open an asset in the browser and move its lights by hand, with indirect light, at once.
@@ -57,20 +57,13 @@ pub fn run(args: &ViewArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
         kinds::check(lights, Wanted::Lights)?;
     }
     console.begin("Reading the asset", None);
-    let player = Player::open(&asset)?;
-    let sequence = match &lights {
-        Some(file) => read_sequence_at(file, player.scene().offset)?,
-        None => player.own_lights()?.clone(),
-    };
+    let exhibit = opened(&asset, lights.as_deref(), seed)?;
     signals::go_on()?;
-    let exhibit = Exhibit {
-        player,
-        sequence,
-        asset: asset.display().to_string(),
-        lights_file: lights.map(|file| file.display().to_string()),
-        seed,
-    };
-    let view = View::bind(SocketAddr::new(args.listen, args.port), exhibit)?;
+    let watched = asset.clone();
+    let view = View::bind(SocketAddr::new(args.listen, args.port), exhibit)?.watching(
+        watched,
+        Box::new(move || opened(&asset, lights.as_deref(), seed).map_err(|failure| failure.words())),
+    );
     console.close();
     if !args.listen.is_loopback() {
         console.note(format!(
@@ -91,6 +84,22 @@ pub fn run(args: &ViewArgs, seed: u64, console: &Console) -> Result<Outcome, Fai
     view.serve(signals::stopped)?;
     console.note("Ended.");
     Ok(Outcome::Done)
+}
+
+/// The asset and its first lights.
+fn opened(asset: &Path, lights: Option<&Path>, seed: u64) -> Result<Exhibit, Failure> {
+    let player = Player::open(asset)?;
+    let sequence = match lights {
+        Some(file) => read_sequence_at(file, player.scene().offset)?,
+        None => player.own_lights()?.clone(),
+    };
+    Ok(Exhibit {
+        player,
+        sequence,
+        asset: asset.display().to_string(),
+        lights_file: lights.map(|file| file.display().to_string()),
+        seed,
+    })
 }
 
 /// Opens the system's browser.

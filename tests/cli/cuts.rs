@@ -181,6 +181,82 @@ fn auto_takes_environments_by_cuts_and_says_so() {
     assert!(json(&run.get_output().stdout)["frames"][0].get("shade").is_none());
 }
 
+/// Truth: a merged cut tiles the 1024 lights, and has no fewer nodes than those it was made of; so has one with the illumination cut of
+/// 128 merged in.
+#[test]
+fn cut_sizes_and_nodes_are_layers() {
+    let folder = folder();
+    let (asset, _) = table();
+    let window = data("table_window.lights.json");
+    let frame = folder.path().join("f.exr");
+    play(asset, &window, &frame, &["--layers", "beauty,cut_size,nodes"]);
+    let layers = read_exr(&frame, &Limits::default()).unwrap();
+    let of = |name: &str| layers.layer(name).unwrap().data.clone();
+    let (sizes, nodes) = (of("cut_size"), of("nodes"));
+    assert_eq!(
+        (layers.layer("nodes").unwrap().channels, sizes.len()),
+        (1, nodes.len())
+    );
+    let shaded: Vec<(f32, f32)> = (sizes.iter().copied().zip(nodes.iter().copied()))
+        .filter(|(_, n)| *n > 0.0)
+        .collect();
+    assert!(
+        shaded.len() > sizes.len() / 10,
+        "{} of {}",
+        shaded.len(),
+        sizes.len()
+    );
+    assert!(
+        shaded
+            .iter()
+            .all(|(size, nodes)| *size <= 1024.5 && *nodes <= 1024.5)
+    );
+    assert!(sizes.iter().any(|size| *size > 10.0));
+    // A pixel whose mirror looks past the cuts is shaded in part.
+    let more = shaded
+        .iter()
+        .filter(|(size, nodes)| *nodes >= (*size).max(127.5))
+        .count();
+    assert!(more * 10 > shaded.len() * 8, "{more} of {}", shaded.len());
+    // The picture is the same without.
+    let plain = folder.path().join("plain.exr");
+    play(asset, &window, &plain, &["--layers", "beauty"]);
+    let plain = read_exr(&plain, &Limits::default()).unwrap();
+    assert_eq!(plain.rgb("beauty"), layers.rgb("beauty"));
+    assert!(plain.layer("nodes").is_none());
+
+    // Light that is kept from the frame before was shaded with as many.
+    let still = folder.path().join("still.json");
+    let map = data("window.hdr");
+    let text = std::fs::read_to_string(&window).unwrap();
+    let text = text.replace("window.hdr", &map.display().to_string());
+    std::fs::write(&still, text.replace("\"frames\": 1", "\"frames\": 3")).unwrap();
+    let frames = folder.path().join("s_#.exr");
+    play(asset, &still, &frames, &["--layers", "nodes", "--frames", "0-2"]);
+    for frame in 0..3 {
+        let file = folder.path().join(format!("s_{frame}.exr"));
+        let again = read_exr(&file, &Limits::default()).unwrap();
+        assert_eq!(again.layer("nodes").unwrap().data, nodes, "frame {frame}");
+    }
+
+    // Where none are used there is nothing to count.
+    let refused = |lights: &str, more: &[&str]| {
+        let mut command = relight();
+        command
+            .arg("play")
+            .arg(asset)
+            .arg("--lights")
+            .arg(data(lights))
+            .arg("-o")
+            .arg(&frame);
+        complaint(command.args(["--layers", "nodes", "--frames", "0"]).args(more), 2)
+    };
+    let said = refused("table.lights.json", &[]);
+    assert!(said.contains("none shines"), "{said}");
+    let said = refused("table_window.lights.json", &["--integrator", "path"]);
+    assert!(said.contains("leave out --integrator"), "{said}");
+}
+
 #[test]
 fn assets_and_frames_with_cuts_do_not_depend_on_threads() {
     let (asset, _) = table();

@@ -66,7 +66,9 @@ pub struct PlayArgs {
     /// Frames to play, from 0, both ends included, every Nth [default: all of the sequence].
     #[arg(long, value_name = "A-BxN", value_parser = frames::parse_range)]
     pub frames: Option<FrameRange>,
-    /// Layers to write, with commas between them; lights stands for one layer per light, light.NAME.
+    /// Layers to write, with commas between them; lights stands for one layer per light, light.NAME; cut_size and nodes count
+    /// nodes of visibility cuts: of those between which a pixel interpolates, and of all that shaded it, the illumination cut
+    /// merged in.
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [LayerName::Beauty, LayerName::Direct, LayerName::Indirect])]
     pub layers: Vec<LayerName>,
     /// Write a PNG preview of the beauty beside each frame (Khronos PBR Neutral).
@@ -146,6 +148,11 @@ pub enum LayerName {
     Normal,
     /// Distance from the camera, metres.
     Depth,
+    /// Nodes of the visibility cuts between which a pixel interpolates.
+    #[value(name = "cut_size")]
+    CutSize,
+    /// Nodes of the cuts that shaded a pixel, the illumination cut merged in.
+    Nodes,
     /// One layer per light.
     Lights,
 }
@@ -161,6 +168,8 @@ impl LayerName {
             LayerName::Albedo => "albedo",
             LayerName::Normal => "normal",
             LayerName::Depth => "depth",
+            LayerName::CutSize => "cut_size",
+            LayerName::Nodes => "nodes",
             LayerName::Lights => "light.",
         }
     }
@@ -289,6 +298,12 @@ impl PlayArgs {
         }
     }
 
+    /// Whether nodes of visibility cuts are to be counted.
+    pub fn counts_nodes(&self) -> bool {
+        let counts = [LayerName::CutSize, LayerName::Nodes];
+        self.layers.iter().any(|layer| counts.contains(layer))
+    }
+
     /// How to light frames.
     pub fn frame_settings(&self, seed: u64) -> FrameSettings {
         let surface = [LayerName::Albedo, LayerName::Normal, LayerName::Depth];
@@ -299,6 +314,7 @@ impl PlayArgs {
             seed,
             light_layers: self.layers.contains(&LayerName::Lights),
             surface_layers: self.layers.iter().any(|layer| surface.contains(layer)),
+            cut_layers: self.counts_nodes(),
             illumination_cut: (self.illumination_cut)
                 .map_or(defaults.illumination_cut, |nodes| nodes as usize),
             ..defaults

@@ -2,7 +2,7 @@
 
 use super::args::{IntegratorName, PlayArgs};
 use crate::failure::Failure;
-use relight_play::choice::{Choice, CutUse};
+use relight_play::choice::{Choice, CutKind, CutUse};
 
 const PATH: &[&str] = &["path"];
 const POINTS: &[&str] = &["brute", "lightcuts", "pixelcuts"];
@@ -68,6 +68,18 @@ pub fn check(args: &PlayArgs, choice: &Choice, has_points: bool) -> Result<Vec<S
             return Err(refused(option, with, now));
         }
     }
+    if args.counts_nodes() && choice.cuts == CutUse::Nothing {
+        return Err(Failure::Usage(format!(
+            "--layers cut_size and nodes count nodes of visibility cuts, and none are used here: {}",
+            match choice.of {
+                _ if !matches!(args.integrator, IntegratorName::Auto | IntegratorName::Cuts) =>
+                    format!("light is made by {now}; leave out --integrator"),
+                CutKind::None =>
+                    "the asset has none; bake it with --cuts environment or --cuts indirect".into(),
+                _ => "the asset's are for environments and skies, and none shines".into(),
+            }
+        )));
+    }
     let mut notes = Vec::new();
     if args.illumination_cut.is_some() {
         if !matches!(args.integrator, IntegratorName::Auto | IntegratorName::Cuts) {
@@ -100,7 +112,6 @@ mod tests {
     use crate::options::parsed;
     use clap::ValueEnum;
     use relight_play::Integrator;
-    use relight_play::choice::CutKind;
 
     /// Each option of the table with a value that is not its default.
     const VALUES: [(&str, &str); 14] = [

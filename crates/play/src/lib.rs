@@ -60,6 +60,7 @@ pub mod edited;
 pub mod frame;
 pub mod kept;
 pub mod lights;
+pub mod near;
 pub mod open;
 pub mod player;
 pub mod prepared;
@@ -83,6 +84,7 @@ pub use lights::Lights;
 pub use player::{Frame, Player};
 pub use prepared::PreparedScene;
 pub use shot::{CutSites, Shot, ShotSettings};
+pub use transfer::LevelPart;
 
 pub use glam;
 pub use relight_render as render;

@@ -57,6 +57,8 @@ impl FrameSettings {
         FrameSettings {
             light_layers: false,
             surface_layers: false,
+            cut_layers: false,
+            levels: None,
             ..self
         }
     }

@@ -16,6 +16,25 @@ use relight_transport::senders::SenderTree;
 use relight_transport::sparse::{SparseMatrix, apply};
 use std::time::Instant;
 
+/// Which levels of receivers make indirect light, to see what each adds; all else is what it always is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LevelPart {
+    /// Those from the coarsest, 0, to this one.
+    UpTo(usize),
+    /// This one alone: its difference to the coarser ones. Below zero where they are too bright.
+    Only(usize),
+}
+
+impl LevelPart {
+    /// Whether a level is among them.
+    pub fn has(self, level: usize) -> bool {
+        match self {
+            LevelPart::UpTo(last) => level <= last,
+            LevelPart::Only(only) => level == only,
+        }
+    }
+}
+
 /// Operators and basis, ready to be applied frame after frame.
 pub struct Transfer {
     /// The finest receiver level: the points that carry the result.
@@ -194,6 +213,34 @@ impl Transfer {
         self.one_bounce(radiosity, &mut TransferStats::default())
     }
 
+    /// Indirect vector irradiance at the finest points from direct irradiance there, of which the last bounce takes the links of
+    /// some levels alone ([`LevelPart`]); their sum over all levels is [`Transfer::indirect_from_direct`].
+    pub fn indirect_of_levels(
+        &self,
+        direct: &[Vec3],
+        part: LevelPart,
+    ) -> (Vec<VectorIrradiance>, TransferStats) {
+        let mut stats = TransferStats::default();
+        let radiosity = self.radiosity_from_direct(direct, &mut stats);
+        let coefficients = self.senders.coefficients(&self.senders.pulled(&radiosity));
+        let (mut values, links_used) = self.links.apply(&coefficients);
+        stats.links_used = links_used;
+        for level in (0..self.ranges.levels()).filter(|level| !part.has(*level)) {
+            values[self.ranges.range(level)].fill(VectorIrradiance::default());
+        }
+        (self.flattened(values), stats)
+    }
+
+    /// Senders and vectors of the links of a receiver, numbered over all levels.
+    pub fn links_of(&self, receiver: usize) -> Vec<(u32, Vec3)> {
+        self.links.of_receiver(receiver)
+    }
+
+    /// Unit normal of a receiver, numbered over all levels.
+    pub fn normal_of(&self, receiver: usize) -> Vec3 {
+        self.normals[receiver]
+    }
+
     /// The flat bounce operator, the sender level that it works on, and its clusters' reflectances.
     pub fn bounces(&self) -> (&SparseMatrix, usize, &[Vec3]) {
         (&self.bounce, self.bounce_level, &self.bounce_albedo)
@@ -228,14 +275,20 @@ impl Transfer {
         let coefficients = self.senders.coefficients(&self.senders.pulled(radiosity));
         stats.bounce_ms += milliseconds(start);
         let start = Instant::now();
-        let (mut values, links_used) = self.links.apply(&coefficients);
+        let (values, links_used) = self.links.apply(&coefficients);
         stats.links_used = links_used;
         stats.transfer_ms += milliseconds(start);
         let start = Instant::now();
+        let values = self.flattened(values);
+        stats.flatten_ms += milliseconds(start);
+        values
+    }
+
+    /// Values of all levels at the finest points.
+    fn flattened(&self, mut values: Vec<VectorIrradiance>) -> Vec<VectorIrradiance> {
         push(&mut values, &self.normals, &self.ranges, &self.fine_from_coarse);
         let range = self.ranges.range(self.ranges.levels() - 1);
         values.drain(..range.start);
-        stats.flatten_ms += milliseconds(start);
         values
     }
 

@@ -105,6 +105,24 @@ impl SenderLinks {
         SenderLinks { receivers, blocks }
     }
 
+    /// Sender and vector of each link of a receiver, senders ascending; empty beyond the last receiver.
+    pub fn of_receiver(&self, receiver: usize) -> Vec<(u32, Vec3)> {
+        let Some(block) = self.blocks.get(receiver / BLOCK) else {
+            return Vec::new();
+        };
+        // Within a block, which has no more than `BLOCK` rows.
+        let row = (receiver % BLOCK) as u16;
+        let mut found = Vec::new();
+        let mut start = 0;
+        for &(sender, end) in &block.senders {
+            if let Ok(at) = block.rows[start..end as usize].binary_search(&row) {
+                found.push((sender, block.vectors[start + at]));
+            }
+            start = end as usize;
+        }
+        found
+    }
+
     /// T, three rows per receiver: (sender, component x, y or z), senders ascending.
     pub fn component_rows(&self) -> Vec<Vec<(u32, f32)>> {
         let mut rows = vec![Vec::new(); 3 * self.receivers];
@@ -185,6 +203,19 @@ mod tests {
             links.row_offsets.push(links.columns.len() as u32);
         }
         links
+    }
+
+    #[test]
+    fn links_of_a_receiver_are_its_row() {
+        let links = random_links(9000, 300, 12);
+        let sorted = SenderLinks::new(&links);
+        for receiver in [0, 1, BLOCK - 1, BLOCK, 8999] {
+            let row: Vec<(u32, Vec3)> = links.row(receiver).collect();
+            assert!(!row.is_empty());
+            assert_eq!(sorted.of_receiver(receiver), row, "receiver {receiver}");
+        }
+        assert_eq!(sorted.of_receiver(9000), []);
+        assert_eq!(sorted.of_receiver(90_000), []);
     }
 
     #[test]

@@ -23,7 +23,7 @@ export const KINDS = {
   },
   sun_sky: {
     label: "Sun and sky", strength: "scale", unit: "×", aim: "sun_direction", towards: true,
-    fields: [{ name: "turbidity", label: "Turbidity (haze)", unit: "", low: 2, high: 10, step: 0.1, default: 3 }],
+    fields: [{ name: "turbidity", label: "Turbidity", unit: "", title: "Haze of the air: 2 very clear, 10 hazy", low: 2, high: 10, step: 0.1, default: 3 }],
   },
   weather: {
     label: "Weather", strength: "scale", unit: "×",

@@ -82,8 +82,9 @@ export class Link {
     this.socket.send(JSON.stringify({ show }));
   }
 
-  pick(x, y) {
-    if (this.ready) this.socket.send(JSON.stringify({ pick: { id: ++this.id, x, y } }));
+  // Asks what a place of the picture shows; links: and what brings indirect light there.
+  pick(x, y, links) {
+    if (this.ready) this.socket.send(JSON.stringify({ pick: { id: ++this.id, x, y, links } }));
   }
 }
 
@@ -93,7 +94,9 @@ export const wishOf = (state, id, moving) => ({
   width: state.size[0],
   height: state.size[1],
   time: state.time,
-  exposure: state.exposure,
+  // Chosen by the first picture.
+  exposure: state.exposure ?? 0,
+  tone: state.tone,
   layer: state.layer,
   by: state.by,
   camera: state.eye,

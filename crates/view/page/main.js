@@ -2,6 +2,7 @@
 
 import { isKeyed, keysOf, withKey, withoutKey } from "./math.js";
 import { freeName, kind } from "./lights.js";
+import { Beside } from "./beside.js";
 import { Link, wishOf } from "./link.js";
 import { Panel } from "./panel.js";
 import { Stage } from "./stage.js";
@@ -15,8 +16,18 @@ const REST = 140;
 const NEW_FRAMES = 48;
 
 const state = new State();
-new Panel(state, $("panel"));
-const stage = new Stage(state, $("stage"), { pick: (x, y) => link.pick(x, y) });
+const panel = new Panel(state, $("panel"));
+const stage = new Stage(state, $("stage"), { pick });
+const beside = new Beside(state, $("stage"));
+stage.placed.push((box) => beside.place(box), (box) => {
+  Object.assign($("legend").style, { left: `${box.x + box.width / 2}px`, top: `${box.y + box.height - 34}px` });
+});
+
+function pick(x, y) {
+  state.pickedAt = { x, y };
+  if (state.row !== null) state.view({ row: Math.min(state.size[1] - 1, Math.floor(y * state.size[1])) }, { overlay: true });
+  link.pick(x, y, state.links);
+}
 
 // ---- what goes out
 
@@ -44,6 +55,9 @@ function send() {
 
 state.on((what) => {
   if (!state.hello) return;
+  // The same picture, with something else drawn over it.
+  if (what.overlay) return;
+  if (what.links && state.links && state.pickedAt) link.pick(state.pickedAt.x, state.pickedAt.y, true);
   if (what.moving) $("hint").classList.add("gone");
   want(Boolean(what.moving));
   refresh(what);
@@ -52,10 +66,27 @@ state.on((what) => {
 
 // ---- what comes in
 
+// Stops that make the middle of the picture a middle grey, as the server last said.
+let auto = null;
+function exposeByItself() {
+  if (auto !== null) state.view({ exposure: Math.max(-100, Math.min(100, Math.round(10 * auto) / 10)) });
+}
+
 const link = new Link({
   seen({ head, bitmap, latency }) {
+    if (head.stage === "beside") {
+      beside.draw(bitmap, head);
+      bitmap.close();
+      document.body.dataset.beside = head.apart?.samples ?? "none";
+      return figures(head, null);
+    }
     stage.draw(bitmap);
     bitmap.close();
+    auto = head.auto_exposure ?? auto;
+    if (state.exposure === null) exposeByItself();
+    if (head.stage === "coarse") beside.stale();
+    panel.picture.draw();
+    legend(head.scale);
     $("busy").hidden = true;
     document.body.dataset.stage = head.stage;
     document.body.dataset.shown = head.id;
@@ -68,7 +99,7 @@ const link = new Link({
     if (name === "hello") hello(value);
     if (name === "refused") say(value.what, true);
     if (name === "picked") {
-      state.view({ picked: value.hit }, { structure: true });
+      state.view({ picked: value.hit && { ...value.hit, transport: value.hit.transport ?? undefined } }, { structure: true });
       say(value.hit ? `${value.hit.name || "Unnamed material"}, ${value.hit.distance.toFixed(2)} m away` : "Nothing is there");
     }
   },
@@ -77,6 +108,15 @@ const link = new Link({
     say(words, !connected);
   },
 });
+
+// False colours from where to where.
+function legend(scale) {
+  const [low, high] = $("legend").querySelectorAll("output");
+  $("legend").hidden = !scale;
+  if (!scale) return;
+  low.textContent = String(Math.round(scale[0]));
+  high.textContent = `${Math.round(scale[1])} nodes or more`;
+}
 
 function say(words, bad = false) {
   $("status").textContent = words;
@@ -93,7 +133,10 @@ function hello(value) {
     ...value.cameras.map((camera, i) => new Option(camera.name || `Camera ${i + 1}`, String(i))),
     new Option("From outside", "outside"),
   );
-  state.begin(value);
+  const renewed = state.begin(value);
+  const same = value.cameras.findIndex((camera) => JSON.stringify(eyeOf(camera, state.time)) === JSON.stringify(state.eye));
+  $("camera").value = same < 0 ? "" : String(same);
+  if (renewed) say(`${value.asset} was baked anew; this is the new one`);
   if (!value.points) say("This asset has no points: light is path-traced, which is slow");
 }
 
@@ -108,7 +151,7 @@ function figures(head, latency) {
   const all = times.map(([name, time]) => `${WORDS[name] ?? name} ${time.toFixed(1)}`);
   $("stages").textContent = all.slice(0, 4).join(" · ");
   $("stages").title = `Milliseconds: ${all.join(", ")}. ${head.choice}`;
-  const shape = { coarse: "moving", middle: "refining", final: "at rest" }[head.stage];
+  const shape = { coarse: "moving", middle: "refining", final: "at rest", beside: "path tracing" }[head.stage];
   const rate = frames.length > 2 ? `${frames.length} fps` : "";
   $("speed").textContent = [`${head.width}×${head.height} ${shape}`, `${head.total.toFixed(0)} ms`, rate].filter(Boolean).join(" · ");
   $("speed").title = `Made in ${head.total.toFixed(1)} ms${latency === null ? "" : `, shown ${latency.toFixed(0)} ms after it was asked for`}. ${times.length ? `Most of it: ${all[0]} ms.` : ""}`;
@@ -116,20 +159,39 @@ function figures(head, latency) {
 
 // ---- the bar
 
+function layerGroups() {
+  const each = (names) => Object.fromEntries(names);
+  const { levels = 0, cuts } = state.hello;
+  const numbers = [...Array(levels).keys()];
+  return [
+    ["Picture", LAYERS],
+    ["One light", each(state.sequence.lights.slice(0, 200).map((light) => [`light.${light.name}`, `Only ${light.name}`]))],
+    ["Indirect light level by level", levels < 2 ? {} : each(numbers.map((n) => [`level.${n}`, n ? `Levels 0 to ${n}` : "Level 0, the coarsest"]))],
+    ["What a level adds (grey: nothing)", levels < 2 ? {} : each(numbers.slice(1).map((n) => [`detail.${n}`, `Level ${n} alone`]))],
+    ["Visibility cuts", cuts ? { cut_size: "Size of the cuts", nodes: "Nodes that are shaded" } : {}],
+  ];
+}
+
 function refresh(what) {
-  const layers = { ...LAYERS };
-  for (const light of state.sequence.lights.slice(0, 200)) layers[`light.${light.name}`] = `Only ${light.name}`;
+  const groups = layerGroups();
+  const layers = Object.assign({}, ...groups.map(([, group]) => group));
   const names = Object.keys(layers).join("\n");
   if ($("layer").dataset.names !== names) {
-    $("layer").replaceChildren(...Object.entries(layers).map(([value, label]) => new Option(label, value)));
+    $("layer").replaceChildren(...groups.filter(([, group]) => Object.keys(group).length).map(([label, group]) => {
+      const part = document.createElement("optgroup");
+      part.label = label;
+      part.append(...Object.entries(group).map(([value, text]) => new Option(text, value)));
+      return part;
+    }));
     $("layer").dataset.names = names;
   }
   if (!(state.layer in layers)) state.layer = "beauty";
   $("layer").value = state.layer;
   $("size").value = state.size.join("x");
-  $("exposure").value = state.exposure;
-  $("exposure-value").textContent = `${state.exposure >= 0 ? "+" : "−"}${Math.abs(state.exposure).toFixed(1)} EV`;
-  $("path").setAttribute("aria-pressed", String(state.by === "path"));
+  const exposure = state.exposure ?? 0;
+  $("exposure").value = exposure;
+  $("exposure-value").textContent = `${exposure >= 0 ? "+" : "−"}${Math.abs(exposure).toFixed(1)} EV`;
+  $("by").value = state.by;
   $("undo").disabled = !state.past.length;
   $("redo").disabled = !state.future.length;
   if (what.eye) $("camera").value = "";
@@ -158,7 +220,12 @@ $("layer").onchange = ({ target }) => state.view({ layer: target.value });
 $("size").onchange = ({ target }) => state.view({ size: target.value.split("x").map(Number) });
 $("exposure").oninput = ({ target }) => state.view({ exposure: Number(target.value) }, { moving: true });
 $("exposure").ondblclick = () => state.view({ exposure: 0 });
-$("path").onclick = () => state.view({ by: state.by === "path" ? "asset" : "path" });
+$("auto").onclick = exposeByItself;
+$("by").onchange = ({ target }) => look(target.value);
+function look(by) {
+  state.view({ by });
+  beside.stale();
+}
 $("undo").onclick = () => state.undo();
 $("redo").onclick = () => state.redo();
 
@@ -334,7 +401,8 @@ addEventListener("keydown", (event) => {
   } else if (command && event.code === "KeyS") {
     event.preventDefault();
     saveLights();
-  } else if (!command && !typing && event.code === "KeyP") $("path").click();
+  } else if (!command && !typing && event.code === "KeyX") exposeByItself();
+  else if (!command && !typing && event.code === "KeyP") look({ asset: "path", path: "both", both: "asset" }[state.by] ?? "asset");
   else if (!command && !typing && event.code === "KeyK") play();
 });
 
@@ -347,4 +415,7 @@ function theme(name) {
   }
 }
 theme(localStorage.getItem("relight:theme") ?? (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark"));
-$("theme").onclick = () => theme(document.documentElement.dataset.theme === "light" ? "dark" : "light");
+$("theme").onclick = () => {
+  theme(document.documentElement.dataset.theme === "light" ? "dark" : "light");
+  panel.picture.draw();
+};

@@ -2,25 +2,21 @@
 
 import { at, clamp, hexOf, kelvinOf, length, ofHex, ofKelvin, scale, sub, withValue } from "./math.js";
 import * as lights from "./lights.js";
+import { make } from "./make.js";
+import { PictureCard } from "./picture.js";
+import { MaterialCard } from "./material.js";
+import { PLACE, sunDirection } from "./sun.js";
 
 // Strengths that the slider reaches, decades; numbers may go beyond.
 const DECADES = [-4, 6];
-
-export function make(tag, attributes = {}, ...children) {
-  const node = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
-    else if (value !== null && value !== false) node.setAttribute(name, value === true ? "" : value);
-  }
-  node.append(...children);
-  return node;
-}
 
 const shown = (x) => String(Number(x.toPrecision(4)));
 
 export class Panel {
   constructor(state, root) {
     Object.assign(this, { state, root, fills: [], hues: new Map() });
+    this.picture = new PictureCard(this);
+    this.material = new MaterialCard(this);
     state.on((what) => (what.structure ? this.build() : this.fill()));
   }
 
@@ -85,7 +81,7 @@ export class Panel {
     if (!list.length) list.push(make("p", { class: "note" }, "No light shines. Add one."));
     const more = state.sequence.lights.length - list.length;
     if (more > 0) list.push(make("p", { class: "note" }, `${more} more lights are in the sequence and shine.`));
-    this.root.replaceChildren(make("h2", {}, `Lights (${state.sequence.lights.length})`, add), ...list, ...this.material());
+    this.root.replaceChildren(make("h2", {}, `Lights (${state.sequence.lights.length})`, add), ...list, ...this.material.build(), ...this.picture.build());
     this.fill();
     this.root.scrollTop = scroll;
     if (inside && focused) this.root.querySelector(`[aria-label="${CSS.escape(focused)}"]`)?.focus();
@@ -180,10 +176,16 @@ export class Panel {
     if (spec.place) rows.push(this.xyz("Position", "m", () => lights.place(now(), state.time), (xyz) => change((light) => lights.withPlace(light, state.time, xyz))));
     if (spec.aim) {
       const aim = () => lights.aim(now(), state.time);
-      const turn = (part) => (value, options) => change((light) => lights.withAim(light, state.time, { ...lights.aim(light, state.time), [part]: value }), options);
+      const turn = (part) => (value, options) => {
+        // By hand: it stands where no date says any more.
+        const { [name]: _, ...suns } = state.suns;
+        state.suns = suns;
+        change((light) => lights.withAim(light, state.time, { ...lights.aim(light, state.time), [part]: value }), options);
+      };
       rows.push(this.row("Height", { unit: "°", low: -90, high: 90, step: 0.5, title: "Where the light comes from: degrees above the horizon" }, () => aim().elevation, turn("elevation")));
       rows.push(this.row("Azimuth", { unit: "°", low: -180, high: 180, step: 1, title: "Where the light comes from: degrees from +Z towards +X" }, () => aim().azimuth, turn("azimuth")));
     }
+    if (spec.towards) rows.push(this.sun(name, spec, now));
     for (const field of spec.fields) {
       rows.push(this.row(field.label, field, () => lights.field(now(), field, state.time), (value, options) => {
         const fit = field.name === "radius" ? Math.max(1e-6, value) : clamp(value, field.name === "rotation_deg" ? -1e6 : field.low, field.name === "rotation_deg" ? 1e6 : field.high);
@@ -206,6 +208,37 @@ export class Panel {
     return make("div", { class: "body" }, ...rows);
   }
 
+  // The sun by date, time and place.
+  sun(name, spec, now) {
+    const { state } = this;
+    const where = () => state.suns[name] ?? PLACE;
+    const put = (change, { gesture = null, moving = false } = {}) => state.work((work) => {
+      work.suns = { ...work.suns, [name]: { ...where(), ...change } };
+      const towards = sunDirection(work.suns[name]).map((x) => Number(x.toFixed(6)));
+      work.sequence = { ...work.sequence, lights: work.sequence.lights.map((light) => (light.name === name ? { ...light, [spec.aim]: withValue(light[spec.aim], state.time, towards) } : light)) };
+    }, { gesture, moving, structure: false });
+    const date = make("input", { type: "date", "aria-label": `Date of ${name}`, title: "Day and month; the year makes no difference",
+      onchange: () => {
+        const [, month, day] = date.value.split("-");
+        if (day) put({ day: `${month}-${day}` });
+        state.endGesture();
+      } });
+    const said = make("legend", {});
+    this.fills.push(() => {
+      if (document.activeElement !== date) date.value = `2025-${where().day}`;
+      const high = lights.aim(now(), state.time).elevation;
+      said.textContent = `By date and place${state.suns[name] ? (high < 0 ? ": below the horizon" : "") : " (now by hand)"}`;
+    });
+    const row = (label, key, spec) => this.row(label, spec, () => where()[key], (value, options) => put({ [key]: clamp(value, spec.low, spec.high) }, options));
+    return make("fieldset", {}, said,
+      make("label", { class: "row wide" }, make("span", {}, "Date"), date),
+      row("Time", "hours", { unit: "h", low: 0, high: 24, step: 0.05, title: "Hours of the clock there" }),
+      row("Latitude", "latitude", { unit: "°", low: -90, high: 90, step: 0.1, title: "Degrees north of the equator" }),
+      row("Longitude", "longitude", { unit: "°", low: -180, high: 180, step: 0.1, title: "Degrees east of Greenwich" }),
+      row("Time zone", "zone", { unit: "h", low: -12, high: 14, step: 0.25, title: "Hours ahead of UTC, summer time included" }),
+      row("North", "north", { unit: "°", low: -180, high: 180, step: 1, title: "Where north is: degrees from −Z towards +X" }));
+  }
+
   rename(name, to) {
     const { state } = this;
     if (!to || state.light(to)) return this.build();
@@ -213,6 +246,8 @@ export class Panel {
       work.sequence = { ...work.sequence, lights: work.sequence.lights.map((light) => (light.name === name ? { ...light, name: to } : light)) };
       work.muted = work.muted.map((n) => (n === name ? to : n));
       if (work.solo === name) work.solo = to;
+      const { [name]: sun, ...suns } = work.suns;
+      work.suns = sun ? { ...suns, [to]: sun } : suns;
       work.selected = to;
     });
     state.endGesture();
@@ -236,32 +271,6 @@ export class Panel {
       work.selected = work.sequence.lights[0]?.name ?? null;
     });
     this.state.endGesture();
-  }
-
-  material() {
-    const { state } = this;
-    const hit = state.picked;
-    const heading = make("h2", {}, "Material");
-    if (!hit) return [heading, make("p", { class: "note" }, "Click on a surface in the picture.")];
-    const own = state.hello.materials[hit.material] ?? {};
-    const now = () => ({ base_color: own.base_color?.slice(0, 3) ?? [1, 1, 1], roughness: own.roughness ?? 1, metallic: own.metallic ?? 0, ...state.edits[hit.material] });
-    const change = (edit, { gesture, moving } = {}) => state.work((work) => {
-      work.edits = { ...work.edits, [hit.material]: { ...work.edits[hit.material], ...edit } };
-    }, { gesture, moving, structure: false });
-    const color = make("input", { type: "color", "aria-label": "Base colour", oninput: () => change({ base_color: ofHex(color.value).map((x) => Number(x.toFixed(5))) }, { gesture: "base colour", moving: true }), onchange: () => state.endGesture() });
-    this.fills.push(() => document.activeElement !== color && (color.value = hexOf(now().base_color)));
-    const share = (label, name) => this.row(label, { low: 0, high: 1, step: 0.01 }, () => now()[name], (value, options) => change({ [name]: clamp(value, 0, 1) }, options));
-    const reset = make("button", { onclick: () => {
-      state.work((work) => {
-        const { [hit.material]: _, ...rest } = work.edits;
-        work.edits = rest;
-      });
-      state.endGesture();
-    } }, "As it was baked");
-    return [heading, make("section", { class: "card" }, make("div", { class: "body" },
-      make("p", { class: "note" }, `${hit.name || `material ${hit.material}`} · ${hit.distance.toFixed(2)} m away`),
-      make("label", { class: "row wide" }, make("span", {}, "Base colour"), color),
-      share("Roughness", "roughness"), share("Metallic", "metallic"), make("div", { class: "buttons" }, reset)))];
   }
 }
 

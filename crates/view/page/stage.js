@@ -2,6 +2,7 @@
 
 import { add, axes, clamp, cross, degrees, direction, dot, length, onLine, onPlane, project, radians, scale, sub, unit } from "./math.js";
 import { kind, place, strength, withPlace } from "./lights.js";
+import { Transport } from "./transport.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
@@ -21,8 +22,12 @@ const element = (name, attributes, parent) => {
 export class Stage {
   constructor(state, frame, { pick }) {
     Object.assign(this, { state, frame, pick });
-    this.canvas = frame.querySelector("canvas");
+    this.canvas = frame.querySelector("#picture");
     this.svg = frame.querySelector("svg");
+    this.transport = new Transport(state, this.svg);
+    this.rowline = element("line", { class: "rowline" }, this.svg);
+    // Called with the picture's box whenever that is placed.
+    this.placed = [];
     this.handles = new Map();
     this.pointers = new Map();
     this.keys = new Set();
@@ -277,6 +282,11 @@ export class Stage {
     for (const part of [this.canvas, this.svg]) {
       Object.assign(part.style, { left: `${box.x}px`, top: `${box.y}px`, width: `${box.width}px`, height: `${box.height}px` });
     }
+    for (const placed of this.placed) placed(box);
+    this.transport.draw(box);
+    this.rowline.style.display = state.row === null ? "none" : "";
+    const y = ((state.row ?? 0) + 0.5) * (box.height / state.size[1]);
+    for (const [name, value] of Object.entries({ x1: 0, x2: box.width, y1: y, y2: y })) this.rowline.setAttribute(name, value);
     const seen = new Set();
     for (const light of state.sequence.lights) {
       const where = place(light, state.time);

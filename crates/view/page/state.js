@@ -4,9 +4,9 @@ import { at, isKeyed } from "./math.js";
 
 const MOST_UNDO = 200;
 // What the address holds, beside what the browser keeps.
-const VIEW = ["eye", "time", "exposure", "layer", "by", "size", "selected"];
+const VIEW = ["eye", "time", "exposure", "tone", "layer", "by", "size", "selected"];
 // What undo brings back.
-const WORK = ["sequence", "muted", "solo", "edits"];
+const WORK = ["sequence", "muted", "solo", "edits", "suns"];
 
 const copy = (value) => JSON.parse(JSON.stringify(value));
 const pick = (from, names) => Object.fromEntries(names.map((name) => [name, from[name]]));
@@ -21,8 +21,12 @@ export class State {
     this.lightsVersion = 0;
     this.materialsVersion = 0;
     Object.assign(this, {
-      sequence: null, muted: [], solo: null, edits: {}, eye: null, time: 0, exposure: 0, layer: "beauty", by: "asset",
-      size: [640, 360], selected: null, picked: null,
+      sequence: null, muted: [], solo: null, edits: {}, eye: null, time: 0, exposure: null, tone: "neutral", layer: "beauty",
+      by: "asset", size: [640, 360], selected: null, picked: null,
+      // Where suns stand by date and place, by the lights' names.
+      suns: {},
+      // Whether points and links of the picked place are drawn, and the row whose waveform is.
+      links: false, row: null,
     });
   }
 
@@ -36,12 +40,20 @@ export class State {
 
   // Takes up an asset: its own state, else what was kept of it, else what the address says.
   begin(hello) {
-    const again = this.hello?.hash === hello.hash;
+    const before = this.hello;
+    const again = before?.hash === hello.hash;
+    // Baked anew in the same place: the work goes on with it.
+    const renewed = !again && before?.asset === hello.asset && String(before.offset) === String(hello.offset);
     this.hello = hello;
-    if (!again) {
+    if (renewed) {
+      const named = (from, i) => from.materials[i]?.name;
+      this.edits = Object.fromEntries(Object.entries(this.edits).filter(([i]) => named(before, i) === named(hello, i)));
+      this.picked = null;
+      this.keep();
+    } else if (!again) {
       this.sequence = copy(hello.sequence);
       this.eye = firstEye(hello);
-      Object.assign(this, { muted: [], solo: null, edits: {}, time: 0, past: [], future: [] });
+      Object.assign(this, { muted: [], solo: null, edits: {}, suns: {}, time: 0, past: [], future: [], picked: null });
       this.recall();
       this.readAddress();
       if (!this.sequence.lights.some((light) => light.name === this.selected)) {
@@ -51,6 +63,7 @@ export class State {
     this.lightsVersion++;
     this.materialsVersion++;
     this.tell({ structure: true });
+    return renewed;
   }
 
   get key() {
@@ -60,7 +73,7 @@ export class State {
   recall() {
     try {
       const kept = JSON.parse(localStorage.getItem(this.key));
-      if (Array.isArray(kept?.sequence?.lights)) Object.assign(this, pick(kept, WORK));
+      if (Array.isArray(kept?.sequence?.lights)) Object.assign(this, { suns: {} }, pick(kept, WORK.filter((name) => name in kept)));
     } catch {
       // What can't be read was not kept.
     }

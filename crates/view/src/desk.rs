@@ -27,6 +27,8 @@ pub enum Stage {
     Middle,
     /// What `relight play` writes.
     Final,
+    /// Path tracing beside it, one pass better than before.
+    Beside,
 }
 
 impl Stage {
@@ -36,14 +38,17 @@ impl Stage {
             Stage::Coarse => "coarse",
             Stage::Middle => "middle",
             Stage::Final => "final",
+            Stage::Beside => "beside",
         }
     }
 
-    fn next(self) -> Option<Stage> {
+    /// What follows it for a wish; of path tracing beside, whatever was made so far.
+    pub fn next(self, wish: &Wish) -> Option<Stage> {
         match self {
+            _ if wish.moving => None,
             Stage::Coarse => Some(Stage::Middle),
             Stage::Middle => Some(Stage::Final),
-            Stage::Final => None,
+            Stage::Final | Stage::Beside => wish.compares().then_some(Stage::Beside),
         }
     }
 }
@@ -132,6 +137,8 @@ pub enum Task {
     },
     /// A picture to be saved.
     Save(Save),
+    /// The asset's file is another one now.
+    Reopen,
     /// Nobody wants anything more.
     End,
 }
@@ -145,6 +152,9 @@ struct State {
     saves: VecDeque<Save>,
     closed: bool,
     maps: Maps,
+    reopen: bool,
+    /// What each tab is told first.
+    hello: String,
 }
 
 /// The desk.
@@ -163,11 +173,36 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Desk {
-    /// A desk that knows some environment maps.
-    pub fn new(maps: Maps) -> Desk {
+    /// A desk that knows some environment maps, and what each tab is told first.
+    pub fn new(maps: Maps, hello: String) -> Desk {
         let desk = Desk::default();
-        lock(&desk.state).maps = maps;
+        {
+            let mut state = lock(&desk.state);
+            (state.maps, state.hello) = (maps, hello);
+        }
         desk
+    }
+
+    /// What a new tab is told first.
+    pub fn hello(&self) -> String {
+        lock(&self.state).hello.clone()
+    }
+
+    /// The asset's file is another one now.
+    pub fn reopen(&self) {
+        lock(&self.state).reopen = true;
+        self.ring();
+    }
+
+    /// Another asset is shown: all tabs are told as if they had come just now. Maps that were dropped stay.
+    pub fn reopened(&self, maps: Maps, hello: String) {
+        let mut state = lock(&self.state);
+        state.maps.extend(maps);
+        for tab in state.tabs.values_mut() {
+            (tab.wish, tab.stage, tab.pick) = (None, None, None);
+            tab.outbox.say(hello.clone());
+        }
+        state.hello = hello;
     }
 
     /// A new tab; `None` where there are too many.
@@ -291,7 +326,8 @@ impl Desk {
         lock(&self.state).tabs.keys().copied().collect()
     }
 
-    /// Waits for something to do: what moves first, tab by tab in turn, then what was picked, then what refines, then what is saved.
+    /// Waits for something to do: what moves first, tab by tab in turn, then what was picked, then what refines, then what is
+    /// saved, then path tracing.
     pub fn next(&self) -> Task {
         let mut state = lock(&self.state);
         loop {
@@ -299,14 +335,21 @@ impl Desk {
             if state.closed {
                 return Task::End;
             }
+            if std::mem::take(&mut state.reopen) {
+                return Task::Reopen;
+            }
             if let Some(task) = state.coarse().or_else(|| state.picked()) {
                 return task;
             }
-            if let Some(task) = state.paint(|_| true) {
+            if let Some(task) = state.paint(|stage| stage != Stage::Beside) {
                 return task;
             }
             if let Some(save) = state.saves.pop_front() {
                 return Task::Save(save);
+            }
+            // Path tracing goes on for long: it holds up nothing.
+            if let Some(task) = state.paint(|_| true) {
+                return task;
             }
             state = self.work.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
@@ -316,17 +359,24 @@ impl Desk {
     pub fn give_up(&self, why: &str) {
         for tab in lock(&self.state).tabs.values_mut() {
             tab.stage = None;
+        }
+        self.say_refused(why);
+    }
+
+    /// Tells all tabs what can't be done.
+    pub fn say_refused(&self, what: &str) {
+        for tab in lock(&self.state).tabs.values() {
             tab.outbox
-                .say(serde_json::json!({ "refused": { "id": null, "what": why } }).to_string());
+                .say(serde_json::json!({ "refused": { "id": null, "what": what } }).to_string());
         }
     }
 
-    /// A tab's picture was made: if it wants nothing else by now, a better one is next.
-    pub fn painted(&self, tab: u64, wish: &Arc<Wish>, stage: Stage) {
+    /// A tab's picture was made, or can't be: if it wants nothing else by now, `next` is.
+    pub fn painted(&self, tab: u64, wish: &Arc<Wish>, next: Option<Stage>) {
         if let Some(tab) = lock(&self.state).tabs.get_mut(&tab)
             && tab.wish.as_ref().is_some_and(|newest| Arc::ptr_eq(newest, wish))
         {
-            tab.stage = stage.next().filter(|_| !wish.moving);
+            tab.stage = next;
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use relight_play::Player;
 use relight_play::scene::light::{EnvironmentMaps, LightKind};
+use relight_play::scene::material::Model;
 use relight_play::scene::sequence::{Sequence, stage_to_json};
 use relight_play::scene::surface::Surfaces;
 use serde_json::{Value, json};
@@ -10,6 +11,9 @@ use std::path::PathBuf;
 
 /// Environment maps by the names that lights give them.
 pub type Maps = HashMap<PathBuf, EnvironmentMaps>;
+
+/// Opens the asset and its first lights anew, or tells in words why not.
+pub type Reopen = Box<dyn Fn() -> Result<Exhibit, String> + Send>;
 
 /// An asset and the lights it is shown under at first.
 pub struct Exhibit {
@@ -47,6 +51,16 @@ impl Exhibit {
                     "name": material.name,
                     "base_color": material.base_color.to_array(),
                     "emission": material.emission.to_array(),
+                    "model": match material.model {
+                        Model::MetallicRoughness => "metallic_roughness",
+                        Model::Lambert => "lambert",
+                        Model::Phong { .. } => "phong",
+                        Model::Ward { .. } => "ward",
+                    },
+                    "specular": match material.model {
+                        Model::Phong { specular, .. } | Model::Ward { specular, .. } => Some(specular.to_array()),
+                        _ => None,
+                    },
                     "roughness": material.roughness,
                     "metallic": material.metallic,
                 })
@@ -71,6 +85,8 @@ impl Exhibit {
             "points": self.player.prepared.points.len(),
             "materials": materials,
             "estimates": estimates,
+            "levels": self.player.prepared.transfer.as_ref().map_or(0, |transfer| transfer.parents().1.levels()),
+            "cuts": self.player.prepared.cuts.is_some(),
         }})
     }
 }

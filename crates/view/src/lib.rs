@@ -18,18 +18,20 @@
 //! Three rooms, from outside in: [`server`] speaks HTTP and WebSockets, hands out the page that the program holds ([`page`]), and
 //! refuses whoever lacks the token; [`desk`] keeps per tab the newest wish and the newest answer, nothing else; [`worker`] is one
 //! thread that owns the player and lets each tab's [`painter`] make the next picture: coarse while something moves, at rest what
-//! `relight play` writes. [`wish`] is what tabs may ask for, with its bounds; `docs/view.md` has the protocol.
+//! `relight play` writes, and with [`beside`] path tracing next to it. [`wish`] is what tabs may ask for, with its bounds; `docs/view.md` has the protocol.
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr, clippy::dbg_macro)]
 
+pub mod beside;
 pub mod desk;
 pub mod encode;
 pub mod exhibit;
 pub mod page;
 pub mod painter;
 pub mod server;
+pub mod tone;
 pub mod wish;
 pub mod worker;
 
-pub use exhibit::Exhibit;
+pub use exhibit::{Exhibit, Reopen};
 pub use server::{View, ViewError};

@@ -1,7 +1,7 @@
 //! The page, held by the program: no file of the machine is read for it.
 
 /// Name, media type and content of each file.
-const FILES: [(&str, &str, &str); 10] = [
+const FILES: [(&str, &str, &str); 17] = [
     ("", "text/html; charset=utf-8", include_str!("../page/index.html")),
     (
         "style.css",
@@ -16,6 +16,13 @@ const FILES: [(&str, &str, &str); 10] = [
     ("lights.js", JAVASCRIPT, include_str!("../page/lights.js")),
     ("panel.js", JAVASCRIPT, include_str!("../page/panel.js")),
     ("stage.js", JAVASCRIPT, include_str!("../page/stage.js")),
+    ("beside.js", JAVASCRIPT, include_str!("../page/beside.js")),
+    ("make.js", JAVASCRIPT, include_str!("../page/make.js")),
+    ("material.js", JAVASCRIPT, include_str!("../page/material.js")),
+    ("picture.js", JAVASCRIPT, include_str!("../page/picture.js")),
+    ("sun.js", JAVASCRIPT, include_str!("../page/sun.js")),
+    ("transport.js", JAVASCRIPT, include_str!("../page/transport.js")),
+    ("waveform.js", JAVASCRIPT, include_str!("../page/waveform.js")),
 ];
 const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 

@@ -1,5 +1,6 @@
 //! What is kept of one tab, and its pictures.
 
+use crate::beside::{Apart, MOST_PASSES, Reference};
 use crate::desk::Stage;
 use crate::exhibit::Maps;
 use crate::wish::{By, Eye, Wish};
@@ -53,6 +54,10 @@ pub struct Painted {
     pub times: Vec<(&'static str, f64)>,
     /// Frames per second of its sequence.
     pub fps: f64,
+    /// How far what the asset makes is from it, where it is the reference.
+    pub apart: Option<Apart>,
+    /// Whether nothing better follows.
+    pub last: bool,
 }
 
 struct KeptLights {
@@ -74,20 +79,23 @@ struct ShotKey {
 /// What is kept of a tab from picture to picture: its lights, and a shot of each stage.
 pub struct Painter {
     lights: Option<KeptLights>,
-    shots: [Option<(ShotKey, Shot)>; 3],
+    shots: [Option<(ShotKey, Shot)>; 4],
     /// How many times narrower coarse pictures are.
     divisor: u32,
     /// The last coarse picture had a shot of its own.
     turned: bool,
+    /// Path tracing beside the last picture that was compared.
+    reference: Option<Reference>,
 }
 
 impl Default for Painter {
     fn default() -> Painter {
         Painter {
             lights: None,
-            shots: [None, None, None],
+            shots: [None, None, None, None],
             divisor: 2,
             turned: false,
+            reference: None,
         }
     }
 }
@@ -122,11 +130,16 @@ impl Painter {
             return Err(NoPicture::Interrupted);
         };
         let fps = kept.fps;
-        let integrator = match wish.by {
-            By::Asset => Integrator::Auto,
-            By::Path => Tracer::default().into(),
+        let integrator = match (wish.by, stage) {
+            (By::Path, _) | (By::Both, Stage::Beside) => Tracer::default().into(),
+            (By::Asset | By::Both, _) => Integrator::Auto,
         };
-        let settings = frame_settings(wish, stage, room.seed);
+        let passes = self.reference.as_ref().map_or(0, |reference| reference.passes);
+        let seed = match stage {
+            Stage::Beside => room.seed.wrapping_add(1 + u64::from(passes)),
+            _ => room.seed,
+        };
+        let settings = frame_settings(wish, stage, seed);
         let choice = (room.player)
             .choose(&integrator, &kept.lights, wish.time, &settings)
             .map_err(refused)?;
@@ -173,12 +186,51 @@ impl Painter {
             }
             self.turned = turned;
         }
-        Ok(Painted {
+        let mut painted = Painted {
             layers: frame.layers,
             choice: frame.choice,
             times,
             fps,
-        })
+            apart: None,
+            last: true,
+        };
+        match stage {
+            Stage::Final if wish.compares() => self.compare_with(wish, &painted.layers),
+            Stage::Beside => self.add_pass(wish, &mut painted)?,
+            _ => {}
+        }
+        Ok(painted)
+    }
+
+    /// Begins path tracing beside a picture of the asset, unless it goes on.
+    fn compare_with(&mut self, wish: &Wish, layers: &Layers) {
+        let Some(own) = layers.rgb(wish.layer_of_frame()) else {
+            return;
+        };
+        let goes_on = (self.reference.as_ref())
+            .is_some_and(|reference| reference.wish.is_alike_in_light(wish) && reference.own == own);
+        if !goes_on {
+            self.reference = Some(Reference::new(wish, own));
+        }
+    }
+
+    /// Adds one pass of path tracing: the picture is then the mean of all.
+    fn add_pass(&mut self, wish: &Wish, painted: &mut Painted) -> Result<(), NoPicture> {
+        // The final picture came before, or comes again.
+        let Some(reference) = (self.reference.as_mut()).filter(|r| r.wish.is_alike_in_light(wish)) else {
+            return Err(NoPicture::Interrupted);
+        };
+        let layer = wish.layer_of_frame();
+        let pass = (painted.layers.rgb(layer))
+            .ok_or_else(|| NoPicture::Refused(format!("path tracing makes no layer {layer:?}")))?;
+        if reference.passes < MOST_PASSES {
+            reference.add(&pass);
+        }
+        painted.layers = Layers::new(pass.width, pass.height);
+        painted.layers.push_rgb(layer, &reference.mean().pixels);
+        painted.apart = reference.apart();
+        painted.last = reference.passes >= MOST_PASSES;
+        Ok(())
     }
 
     /// Prepares the wish's lights, unless they are those of before; whether it did.
@@ -265,6 +317,8 @@ impl Painter {
 fn frame_settings(wish: &Wish, stage: Stage, seed: u64) -> FrameSettings {
     let settings = FrameSettings {
         seed,
+        cut_layers: ["cut_size", "nodes"].contains(&wish.layer.as_str()),
+        levels: wish.levels(),
         light_layers: wish.layer.starts_with("light."),
         surface_layers: ["albedo", "normal", "depth"].contains(&wish.layer.as_str()),
         ..FrameSettings::default()

@@ -1,7 +1,7 @@
 //! HTTP and WebSockets: the page, pictures to save, maps that were dropped, and each tab's socket. All of it only below the token.
 
 use crate::desk::{Desk, Save};
-use crate::exhibit::Exhibit;
+use crate::exhibit::{Exhibit, Reopen};
 use crate::wish::{Message, Show, message};
 use crate::{page, worker};
 use axum::Router;
@@ -33,6 +33,9 @@ const MOST_GARBAGE: u32 = 32;
 const PATIENCE: Duration = Duration::from_secs(30);
 /// How often a silent tab is asked whether it is there.
 const SILENCE: Duration = Duration::from_secs(20);
+
+/// How often the asset's file is looked at.
+const WATCH: Duration = Duration::from_secs(1);
 
 /// Nothing from elsewhere, no address in a referrer, nothing kept.
 const HEADERS: [(header::HeaderName, &str); 4] = [
@@ -77,12 +80,12 @@ pub struct View {
     address: SocketAddr,
     token: String,
     exhibit: Exhibit,
+    watched: Option<(PathBuf, Reopen)>,
 }
 
 struct Shared {
     token: String,
     desk: Desk,
-    hello: String,
     /// One map is decoded at a time.
     decoding: Semaphore,
 }
@@ -107,7 +110,16 @@ impl View {
             address,
             token: random.map(|byte| format!("{byte:02x}")).concat(),
             exhibit,
+            watched: None,
         })
+    }
+
+    /// Shows another asset as soon as one stands, whole, in its file.
+    pub fn watching(self, file: PathBuf, reopen: Reopen) -> View {
+        View {
+            watched: Some((file, reopen)),
+            ..self
+        }
     }
 
     /// The page's address, token included: whoever has it may look.
@@ -126,16 +138,16 @@ impl View {
             .map_err(ViewError::Serve)?;
         let shared = Arc::new(Shared {
             token: self.token,
-            desk: Desk::new(self.exhibit.maps()),
-            hello: self.exhibit.hello().to_string(),
+            desk: Desk::new(self.exhibit.maps(), self.exhibit.hello().to_string()),
             decoding: Semaphore::new(1),
         });
         let (listener, exhibit) = (self.listener, self.exhibit);
+        let (file, reopen) = self.watched.unzip();
         std::thread::scope(|scope| {
             let desk = &shared.desk;
             let painting = std::thread::Builder::new()
                 .name("relight-view".into())
-                .spawn_scoped(scope, move || worker::work(exhibit, desk))
+                .spawn_scoped(scope, move || worker::work(exhibit, desk, reopen))
                 .map_err(ViewError::Serve)?;
             let served = runtime.block_on(async {
                 let listener = tokio::net::TcpListener::from_std(listener)?;
@@ -143,6 +155,7 @@ impl View {
                 tokio::select! {
                     served = async { serving.await } => served,
                     () = async { while !stopped() { sleep(Duration::from_millis(50)).await } } => Ok(()),
+                    () = watch(file, desk) => Ok(()),
                 }
             });
             desk.close();
@@ -152,6 +165,28 @@ impl View {
             let _ = painting.join();
             served.map_err(ViewError::Serve)
         })
+    }
+}
+
+/// Tells the desk whenever another file stands where the asset's was, once that no longer changes.
+async fn watch(file: Option<PathBuf>, desk: &Desk) {
+    let Some(file) = file else {
+        return std::future::pending().await;
+    };
+    let stamp = || {
+        let about = std::fs::metadata(&file).ok()?;
+        Some((about.modified().ok()?, about.len()))
+    };
+    let mut shown = stamp();
+    let mut last = shown;
+    loop {
+        sleep(WATCH).await;
+        let now = stamp();
+        if now.is_some() && now == last && now != shown {
+            shown = now;
+            desk.reopen();
+        }
+        last = now;
     }
 }
 
@@ -267,7 +302,7 @@ async fn attend(mut socket: WebSocket, shared: Arc<Shared>) {
             .await;
         return;
     };
-    outbox.say(shared.hello.clone());
+    outbox.say(shared.desk.hello());
     let mut garbage = 0;
     loop {
         let received = tokio::select! {

@@ -1,5 +1,8 @@
 //! What a tab may ask for, and within which bounds.
 
+use crate::encode::Look;
+use crate::tone::Tone;
+use relight_play::LevelPart;
 use relight_play::glam::Vec3;
 use relight_play::scene::animated::Animated;
 use relight_play::scene::camera::{Camera, CameraTrack};
@@ -45,7 +48,11 @@ pub struct Show {
     /// Stops of exposure of the encoded picture.
     #[serde(default)]
     pub exposure: f32,
-    /// What is shown: `beauty`, another layer of a frame, or `light.NAME`.
+    /// How brightness becomes what a screen shows.
+    #[serde(default)]
+    pub tone: Tone,
+    /// What is shown: `beauty`, another layer of a frame, `light.NAME`, `level.N` (indirect light of receivers up to this level) or
+    /// `detail.N` (what this level alone adds).
     #[serde(default = "beauty")]
     pub layer: String,
     /// How light is made.
@@ -74,6 +81,8 @@ pub enum By {
     Asset,
     /// By path tracing, the reference.
     Path,
+    /// By the asset, and then, pass by pass, by path tracing beside it.
+    Both,
 }
 
 /// A pixel to tell about.
@@ -86,6 +95,9 @@ pub struct Pick {
     pub x: f32,
     /// From its top edge, 0 to 1.
     pub y: f32,
+    /// Whether to tell, too, which points and links bring indirect light there.
+    #[serde(default)]
+    pub links: bool,
 }
 
 /// A camera as a lighting sequence has its own, standing still.
@@ -129,8 +141,8 @@ pub struct Wish {
     pub size: (u32, u32),
     /// Frames of the sequence.
     pub time: f64,
-    /// Stops.
-    pub exposure: f32,
+    /// How values become what a screen shows.
+    pub look: Look,
     /// What is shown.
     pub layer: String,
     /// How light is made.
@@ -146,6 +158,11 @@ pub struct Wish {
 impl Wish {
     /// Whether the other one is of the same picture.
     pub fn is_like(&self, other: &Wish) -> bool {
+        self.is_alike_in_light(other) && self.look == other.look
+    }
+
+    /// Whether the other one is of the same picture before exposure and tone mapping.
+    pub fn is_alike_in_light(&self, other: &Wish) -> bool {
         let same = |a: &Option<Arc<str>>, b: &Option<Arc<str>>| match (a, b) {
             (Some(a), Some(b)) => Arc::ptr_eq(a, b),
             (None, None) => true,
@@ -153,12 +170,32 @@ impl Wish {
         };
         self.size == other.size
             && self.time == other.time
-            && self.exposure == other.exposure
             && self.layer == other.layer
             && self.by == other.by
             && self.eye == other.eye
             && same(&self.lights, &other.lights)
             && same(&self.materials, &other.materials)
+    }
+
+    /// Which levels of the transfer make its indirect light, if not all.
+    pub fn levels(&self) -> Option<LevelPart> {
+        let number = |prefix| self.layer.strip_prefix(prefix)?.parse().ok();
+        let up_to = number("level.").map(LevelPart::UpTo);
+        up_to.or_else(|| number("detail.").map(LevelPart::Only))
+    }
+
+    /// The layer of a frame that it shows.
+    pub fn layer_of_frame(&self) -> &str {
+        match self.levels() {
+            Some(_) => "indirect",
+            None => &self.layer,
+        }
+    }
+
+    /// Whether path tracing is to be shown beside it: it is of light that path tracing makes, too.
+    pub fn compares(&self) -> bool {
+        let light = ["beauty", "emission", "direct", "indirect"].contains(&self.layer.as_str());
+        self.by == By::Both && !self.moving && (light || self.layer.starts_with("light."))
     }
 }
 
@@ -214,7 +251,10 @@ impl Show {
             moving: self.moving,
             size: (self.width, self.height),
             time: self.time,
-            exposure: self.exposure,
+            look: Look {
+                exposure: self.exposure,
+                tone: self.tone,
+            },
             layer: self.layer,
             by: self.by,
             eye: self.camera,

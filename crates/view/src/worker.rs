@@ -2,16 +2,19 @@
 
 use crate::desk::{Desk, Outbox, Save, Stage, Task};
 use crate::encode::{encoded, shown};
-use crate::exhibit::Exhibit;
+use crate::exhibit::{Exhibit, Reopen};
 use crate::painter::{NoPicture, Painted, Painter, Room};
 use crate::wish::{Pick, Wish};
-use relight_play::glam::Vec2;
+use relight_play::LevelPart;
+use relight_play::glam::{Vec2, Vec3};
+use relight_play::near::near;
 use relight_play::render::watch::Watch;
+use relight_play::scene::image::preview::auto_exposure;
 use relight_play::scene::image::{ExrHeader, Layers, encode_exr};
 use relight_play::scene::material_edits::parse_material_edits;
 use relight_play::scene::rays::Ray;
 use relight_play::scene::surface::Surfaces;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -20,13 +23,17 @@ use std::time::Instant;
 /// The layers that `relight play` writes by default.
 const SAVED: [&str; 3] = ["beauty", "direct", "indirect"];
 
+/// Most links of a place that are told.
+const MOST_LINKS: usize = 400;
+
 /// Materials as they were baked.
 const NO_EDITS: &str = r#"{ "relight_materials": 1, "edits": [] }"#;
 
-/// Paints what the desk wants until it closes.
-pub fn work(exhibit: Exhibit, desk: &Desk) {
+/// Paints what the desk wants until it closes; `reopen` opens the asset anew.
+pub fn work(exhibit: Exhibit, desk: &Desk, reopen: Option<Reopen>) {
     let mut worker = Worker {
         exhibit,
+        reopen,
         painters: HashMap::new(),
         edits: None,
         edition: 0,
@@ -63,6 +70,7 @@ impl Watch for Patience<'_> {
 
 struct Worker {
     exhibit: Exhibit,
+    reopen: Option<Reopen>,
     painters: HashMap<u64, Painter>,
     /// The material edits that the player has.
     edits: Option<Arc<str>>,
@@ -86,14 +94,14 @@ impl Worker {
                 let painted = self.picture(&mut painter, &wish, stage, desk);
                 self.painters.insert(tab, painter);
                 match painted {
-                    Ok(picture) => {
+                    Ok((picture, next)) => {
                         outbox.show(picture);
-                        desk.painted(tab, &wish, stage);
+                        desk.painted(tab, &wish, next);
                     }
                     Err(NoPicture::Interrupted) => {}
                     Err(NoPicture::Refused(what)) => {
                         say_refused(&outbox, Some(wish.id), &what);
-                        desk.painted(tab, &wish, Stage::Final);
+                        desk.painted(tab, &wish, None);
                     }
                 }
             }
@@ -102,7 +110,25 @@ impl Worker {
                 // Whoever asked may have gone.
                 let _ = answer.send(self.saved(&wish, float, desk));
             }
+            Task::Reopen => self.open_anew(desk),
             Task::End => {}
+        }
+    }
+
+    /// Shows the asset that stands in the file now.
+    fn open_anew(&mut self, desk: &Desk) {
+        let Some(reopen) = &self.reopen else { return };
+        match reopen() {
+            Ok(exhibit) => {
+                self.exhibit = exhibit;
+                self.painters.clear();
+                self.edits = None;
+                desk.reopened(self.exhibit.maps(), self.exhibit.hello().to_string());
+            }
+            Err(why) => desk.say_refused(&format!(
+                "{} was replaced, and what stands there now can't be shown ({why}): the one of before goes on",
+                self.exhibit.asset
+            )),
         }
     }
 
@@ -143,19 +169,20 @@ impl Worker {
         painter.paint(&room, wish, stage, &Patience { desk, firm })
     }
 
-    /// A picture as it is sent: the length of its JSON head in four bytes (little endian), the head, the file.
+    /// A picture as it is sent, and what follows it: the length of its JSON head in four bytes (little endian), the head, the file.
     fn picture(
         &mut self,
         painter: &mut Painter,
         wish: &Wish,
         stage: Stage,
         desk: &Desk,
-    ) -> Result<Vec<u8>, NoPicture> {
+    ) -> Result<(Vec<u8>, Option<Stage>), NoPicture> {
         let start = Instant::now();
         let painted = self.paint(painter, wish, stage, desk, stage == Stage::Coarse)?;
         let encoding = Instant::now();
         let layers = &painted.layers;
-        let picture = shown(layers, &wish.layer, wish.exposure).ok_or_else(|| {
+        let difference = matches!(wish.levels(), Some(LevelPart::Only(_)));
+        let shown = shown(layers, wish.layer_of_frame(), difference, wish.look).ok_or_else(|| {
             let known: Vec<&str> = layers.layers.iter().map(|layer| layer.name.as_str()).collect();
             NoPicture::Refused(format!(
                 "no layer {:?}; there are {}",
@@ -163,9 +190,14 @@ impl Worker {
                 known.join(", ")
             ))
         })?;
-        let file = encoded(&picture, stage == Stage::Final)
-            .map_err(|error| NoPicture::Refused(error.to_string()))?;
-        let mut times: serde_json::Map<String, serde_json::Value> = (painted.times.iter())
+        // Not while something moves: it takes a pass over the pixels.
+        let auto = (!wish.moving && stage != Stage::Beside)
+            .then(|| auto_exposure(&layers.rgb(wish.layer_of_frame())?))
+            .flatten();
+        let lossless = matches!(stage, Stage::Final | Stage::Beside);
+        let file =
+            encoded(&shown.picture, lossless).map_err(|error| NoPicture::Refused(error.to_string()))?;
+        let mut times: serde_json::Map<String, Value> = (painted.times.iter())
             .map(|(name, time)| ((*name).to_owned(), json!(time)))
             .collect();
         times.insert("encode".into(), json!(encoding.elapsed().as_secs_f64() * 1e3));
@@ -179,12 +211,18 @@ impl Worker {
             "times": times,
             "total": start.elapsed().as_secs_f64() * 1e3,
             "choice": painted.choice.to_string(),
+            "scale": shown.scale,
+            "auto_exposure": auto,
+            "apart": painted.apart.map(|apart| json!({
+                "samples": apart.samples, "error": apart.error, "noise": apart.noise, "bias": apart.bias,
+            })),
         })
         .to_string();
         let mut message = (head.len() as u32).to_le_bytes().to_vec();
         message.extend(head.into_bytes());
         message.extend(file.bytes);
-        Ok(message)
+        let next = stage.next(wish).filter(|next| *next != stage || !painted.last);
+        Ok((message, next))
     }
 
     fn picked(&self, wish: &Wish, pick: Pick) -> String {
@@ -209,9 +247,30 @@ impl Worker {
                 "distance": hit.t,
                 "material": material,
                 "name": scene.material(hit.primitive).name,
+                "transport": pick.links.then(|| self.transport_at((hit.position, hit.normal))).flatten(),
             })
         });
         json!({ "picked": { "id": pick.id, "hit": found } }).to_string()
+    }
+
+    /// Points and links of a place, as JSON: `docs/view.md` has the fields.
+    fn transport_at(&self, place: (Vec3, Vec3)) -> Option<Value> {
+        let prepared = &self.exhibit.player.prepared;
+        let near = near(prepared, place)?;
+        let positions = &prepared.transfer.as_ref()?.finest.positions;
+        let points = near.points.iter().map(|(point, weight)| {
+            let [x, y, z] = positions[*point as usize].to_array();
+            [x, y, z, *weight]
+        });
+        let links = near.links.iter().take(MOST_LINKS).map(|link| {
+            let [x, y, z] = link.middle.to_array();
+            json!([x, y, z, link.strength, link.level])
+        });
+        Some(json!({
+            "points": points.collect::<Vec<_>>(),
+            "links": links.collect::<Vec<_>>(),
+            "of": near.links.len(),
+        }))
     }
 
     /// The file that `relight play` would write.

@@ -21,8 +21,8 @@ const LIGHTS: &str = r#"{ "relight_sequence": 1, "lights": [
     { "name": "lamp", "type": "point", "position": [0.2, 0.35, 0.1], "intensity": [0.5, 0.4, 0.3] },
     { "name": "blue", "type": "point", "position": [0.4, 0.2, 0.05], "intensity": [0.02, 0.05, 0.1] } ] }"#;
 
-/// What `relight play --png` shows of a sequence, RGBA.
-fn played(player: &Player, sequence: &Sequence) -> Vec<u8> {
+/// What `relight play --png --exposure` shows of a sequence, RGBA.
+fn played(player: &Player, sequence: &Sequence, exposure: f32) -> Vec<u8> {
     let camera = player.camera(sequence, None).unwrap();
     let lights = player.lights(&sequence.lights).unwrap();
     let shot = player.shot(&camera.at(0.0), &ShotSettings::default()).unwrap();
@@ -30,7 +30,7 @@ fn played(player: &Player, sequence: &Sequence) -> Vec<u8> {
         .frame(&shot, &lights, 0.0, &FrameSettings::default())
         .unwrap();
     let beauty = frame.layers.rgb("beauty").unwrap();
-    tone_mapped(&beauty, 0.0).rgba8.as_flattened().to_vec()
+    tone_mapped(&beauty, exposure).rgba8.as_flattened().to_vec()
 }
 
 fn position(sequence: &Sequence, name: &str) -> Vec3 {
@@ -66,16 +66,28 @@ fn saved(folder: &Path) -> Sequence {
     sequence
 }
 
-#[test]
-fn lamps_are_dragged_muted_saved_and_kept_in_a_browser() {
-    let Some(mut page) = Chromium::start() else {
+/// A browser; `None`, said loudly, where there is none.
+fn browser() -> Option<Chromium> {
+    let page = Chromium::start();
+    if page.is_none() {
         assert!(
             std::env::var_os("RELIGHT_BROWSER_REQUIRED").is_none(),
             "RELIGHT_BROWSER_REQUIRED is set, but there is no chromium"
         );
         println!("SKIPPED: no chromium in PATH: the page of relight view is NOT tested in a browser");
-        return;
-    };
+    }
+    page
+}
+
+/// The exposure that the page has chosen, stops.
+fn exposure(page: &mut Chromium) -> f32 {
+    let exposure = page.evaluate("return JSON.parse(decodeURIComponent(location.hash.slice(1))).exposure");
+    exposure.as_f64().unwrap() as f32
+}
+
+#[test]
+fn lamps_are_dragged_muted_saved_and_kept_in_a_browser() {
+    let Some(mut page) = browser() else { return };
     let sequence = parse_sequence(LIGHTS, Path::new(""), "lights").unwrap();
     let mut served = Served::of(Exhibit {
         sequence: sequence.clone(),
@@ -86,9 +98,11 @@ fn lamps_are_dragged_muted_saved_and_kept_in_a_browser() {
     page.rest();
     page.screenshot("opened");
     let first = page.picture();
-    assert!(mean(&first) > 5.0, "the first picture is black");
+    // The middle of what shines is a middle grey, 118 of 255; around the box it is black.
+    assert!((40.0..180.0).contains(&mean(&first)), "{}", mean(&first));
+    let stops = exposure(&mut page);
     // The browser may round where it decodes and draws.
-    assert!(apart(&first, &played(&own, &sequence)) <= 2);
+    assert!(apart(&first, &played(&own, &sequence, stops)) <= 2);
 
     // Dragged to the right and up, the lamp is there in the file, and what the page shows is what that file plays.
     let [x, y] = page.middle_of("[aria-label^='Point lamp lamp '] .core");
@@ -105,7 +119,7 @@ fn lamps_are_dragged_muted_saved_and_kept_in_a_browser() {
         "{before} {after}"
     );
     assert_eq!(position(&moved, "blue"), position(&sequence, "blue"));
-    assert!(apart(&dragged, &played(&own, &moved)) <= 2);
+    assert!(apart(&dragged, &played(&own, &moved, stops)) <= 2);
 
     // Off, it is darker, and the file lacks it.
     page.click("[aria-label='Mute lamp']");
@@ -153,4 +167,131 @@ fn lamps_are_dragged_muted_saved_and_kept_in_a_browser() {
 
     served.end();
     page.wait("document.getElementById('status').textContent.includes('has ended')");
+    // A new one in the same place shows what was kept.
+    let address = served.url.split('/').nth(2).unwrap().to_owned();
+    let again = Served::at(
+        &address,
+        Exhibit {
+            sequence: sequence.clone(),
+            ..exhibit(player())
+        },
+    );
+    page.navigate(&again.url);
+    page.rest();
+    page.click("#save");
+    assert!(position(&saved(page.downloads()), "lamp").distance(after) < 1e-5);
+}
+
+/// Truth: the sun stands overhead at noon in midsummer on the tropic, and in the west at six in the evening when day and night are
+/// equal; what is drawn is there, and what is shown differs from path tracing by what the server says.
+#[test]
+fn suns_stand_by_date_and_pictures_are_compared_and_taken_apart_in_a_browser() {
+    let Some(mut page) = browser() else { return };
+    let sequence = parse_sequence(LIGHTS, Path::new(""), "lights").unwrap();
+    let served = Served::of(Exhibit {
+        sequence,
+        ..exhibit(player())
+    });
+    page.screen(1440, 900, true);
+    page.navigate(&served.url);
+    page.rest();
+
+    // Side by side: the reference lies over the picture, right of the border, which keys move.
+    page.choose("#by", "both");
+    page.wait("Number(document.body.dataset.beside) >= 4");
+    let words = page.evaluate("return document.getElementById('apart').textContent");
+    let words = words.as_str().unwrap();
+    assert!(
+        words.contains("samples a pixel") && words.contains("noise"),
+        "{words}"
+    );
+    let clip = "return document.getElementById('reference').style.clipPath";
+    let before = page.evaluate(clip);
+    page.evaluate("document.getElementById('divider').focus()");
+    page.press("ArrowLeft");
+    assert_ne!(page.evaluate(clip), before);
+    page.screenshot("beside");
+    page.choose("#by", "asset");
+    page.wait("document.getElementById('reference').hidden");
+    page.rest();
+
+    // What brings light to a wall, and the row through it.
+    page.click_button("Points and links");
+    page.click_button("Waveform");
+    page.click_at("#picture", [0.5, 0.6]);
+    page.wait("document.querySelectorAll('.transport .point').length > 2 && document.querySelectorAll('.transport .gives').length > 5");
+    let painted = page.evaluate(
+        "const c = document.getElementById('waveform');
+         return c.getContext('2d').getImageData(0, 0, c.width, c.height).data.filter((v, i) => i % 4 < 3 && v > 200).length",
+    );
+    assert!(painted.as_u64().unwrap() > 100, "{painted}");
+    page.evaluate("document.getElementById('panel').scrollTop = 1e5");
+    page.screenshot("links");
+
+    // Other tones, another picture; a level alone, another one yet.
+    let neutral = page.picture();
+    page.choose("[aria-label='Tone mapping']", "filmic");
+    page.rest();
+    let filmic = page.picture();
+    assert!(apart(&neutral, &filmic) > 5);
+    page.choose("#layer", "level.0");
+    page.rest();
+    assert!(apart(&page.picture(), &filmic) > 5);
+    page.choose("#layer", "beauty");
+    page.choose("[aria-label='Model']", "phong");
+    page.wait("document.querySelector('[aria-label=\"Specular\"]') !== null");
+    page.rest();
+
+    let sun = |page: &mut Chromium, day: &str, values: &[(&str, f64)]| {
+        page.evaluate(&format!(
+            "const d = document.querySelector('[aria-label=\"Date of day\"]'); d.value = '2025-{day}'; d.dispatchEvent(new Event('change'))"
+        ));
+        for (label, value) in values {
+            page.evaluate(&format!(
+                "const n = document.querySelector('[aria-label^=\"{label}\"][type=number]'); n.value = {value}; n.dispatchEvent(new Event('change'))"
+            ));
+        }
+        page.click("#save");
+        let saved = saved(page.downloads());
+        let day = saved
+            .lights
+            .into_iter()
+            .find(|light| light.name == "day")
+            .unwrap();
+        match day.kind {
+            LightKind::SunSky { sun_direction, .. } => sun_direction.at(0.0).normalize(),
+            other => panic!("{other:?}"),
+        }
+    };
+    page.choose("[aria-label='Add a light']", "sun_sky");
+    page.wait("document.querySelector('[aria-label=\"Date of day\"]') !== null");
+    let noon = [
+        ("Time h", 12.0),
+        ("Latitude", 23.44),
+        ("Longitude", 0.0),
+        ("Time zone", 0.0),
+        ("North", 0.0),
+    ];
+    let overhead = sun(&mut page, "06-21", &noon);
+    assert!(overhead.y > 0.9998, "{overhead}");
+    let evening = sun(&mut page, "03-21", &[("Time h", 18.0), ("Latitude", 0.0)]);
+    assert!(evening.x < -0.999 && evening.y.abs() < 0.04, "{evening}");
+    // North along +X: west is along −Z.
+    let turned = sun(&mut page, "03-21", &[("North", 90.0)]);
+    assert!(turned.z < -0.999, "{turned}");
+    page.rest();
+
+    // Small, light, and by touch.
+    page.screen(1024, 700, false);
+    page.reload();
+    page.rest();
+    page.screenshot("small");
+    let wide = page.evaluate("return document.documentElement.scrollWidth <= innerWidth");
+    assert_eq!(wide, true);
+    let eye = "return decodeURIComponent(location.hash)";
+    let before = page.evaluate(eye);
+    page.pinch("#stage", 60.0);
+    page.rest();
+    assert_ne!(page.evaluate(eye), before, "two fingers come nearer");
+    assert_eq!(page.errors(), Vec::<String>::new());
 }

@@ -329,6 +329,192 @@ fn layers_are_shown_by_name() {
     }
 }
 
+/// Truth: indirect light itself, which all levels together are.
+#[test]
+fn levels_are_shown_one_after_another() {
+    let served = Served::new();
+    let mut tab = Tab::connect(&served.url);
+    let levels = tab.hello().unwrap()["levels"].as_u64().unwrap();
+    assert!(levels > 1);
+    let mut picture = |layer: String| {
+        let mut wish = show(1, false);
+        wish["layer"] = json!(layer);
+        tab.send(&json!({ "show": wish }));
+        tab.picture_at("final").1
+    };
+    let whole = picture("indirect".into());
+    assert_eq!(picture(format!("level.{}", levels - 1)), whole);
+    assert_ne!(picture("level.0".into()), whole);
+    assert_ne!(picture("detail.1".into()), picture("detail.0".into()));
+    // The server keeps nothing of it.
+    assert_eq!(picture("indirect".into()), whole);
+}
+
+/// Truth: the box's light is known to some per cent, and passes of path tracing only get better.
+#[test]
+fn path_tracing_refines_beside_and_says_how_far_it_is() {
+    let served = Served::new();
+    let mut tab = Tab::open(&served.url);
+    let mut wish = show(1, false);
+    wish["by"] = json!("both");
+    tab.send(&json!({ "show": wish }));
+    let (head, own) = tab.picture_at("final");
+    assert_eq!(head["apart"], Value::Null);
+    // A tab that is slow is shown the newest pass alone.
+    let (mut noise, mut samples) = (Vec::new(), 0);
+    while samples < 32 {
+        let (head, reference) = tab.picture();
+        assert_eq!(head["stage"], "beside");
+        assert_ne!(own, reference);
+        let apart = &head["apart"];
+        let more = apart["samples"].as_u64().unwrap();
+        assert!(more > samples, "{head}");
+        samples = more;
+        noise.extend(apart["noise"].as_f64());
+        if samples >= 32 {
+            let (error, bias) = (apart["error"].as_f64().unwrap(), apart["bias"].as_f64().unwrap());
+            assert!(error < 0.3 && bias.abs() < 0.2, "{head}");
+        }
+    }
+    assert!(noise[noise.len() - 1] < 0.6 * noise[0], "{noise:?}");
+    // Saving doesn't wait for its end, and exposure doesn't begin it anew.
+    let (status, _) = post(&format!("{}render.exr", served.url), show(0, false).to_string());
+    assert_eq!(status, 200);
+    wish["exposure"] = json!(1.0);
+    wish["id"] = json!(2);
+    tab.send(&json!({ "show": wish }));
+    let head = loop {
+        let (head, _) = tab.picture_at("beside");
+        if head["id"] == 2 {
+            break head;
+        }
+    };
+    assert!(head["apart"]["samples"].as_u64().unwrap() > 32, "{head}");
+    // Another picture has another reference; one that moves has none.
+    wish["camera"]["position"] = json!([0.2, 0.3, -0.7]);
+    wish["id"] = json!(3);
+    tab.send(&json!({ "show": wish }));
+    let head = loop {
+        let (head, _) = tab.picture_at("beside");
+        if head["id"] == 3 {
+            break head;
+        }
+    };
+    assert_eq!(head["apart"]["samples"], 1);
+    wish["moving"] = json!(true);
+    wish["id"] = json!(4);
+    tab.send(&json!({ "show": wish }));
+    while tab.picture().0["id"] != 4 {}
+    assert!(tab.silent());
+}
+
+/// Truth: each way to map tones makes another picture of the same light.
+#[test]
+fn tones_are_mapped_as_is_asked_for() {
+    let served = Served::new();
+    let mut tab = Tab::open(&served.url);
+    let mut files: Vec<Vec<u8>> = Vec::new();
+    for tone in ["neutral", "filmic", "reinhard", "clipped"] {
+        let mut wish = show(1, false);
+        wish["tone"] = json!(tone);
+        tab.send(&json!({ "show": wish }));
+        let (_, file) = tab.picture_at("final");
+        assert!(!files.contains(&file), "{tone}");
+        files.push(file);
+    }
+}
+
+/// Truth: functions of points sum to 1, and most links bring light.
+#[test]
+fn a_place_tells_its_points_and_links() {
+    let served = Served::new();
+    let mut tab = Tab::open(&served.url);
+    tab.send(&json!({ "show": show(1, false) }));
+    tab.send(&json!({ "pick": { "id": 2, "x": 0.5, "y": 0.5, "links": true } }));
+    let transport = tab.words("picked")["hit"]["transport"].clone();
+    let rows = |name: &str| transport[name].as_array().unwrap().clone();
+    let number = |row: &Value, i: usize| row[i].as_f64().unwrap();
+    let whole: f64 = rows("points").iter().map(|row| number(row, 3)).sum();
+    assert!((whole - 1.0).abs() < 1e-4, "{transport}");
+    let links = rows("links");
+    assert_eq!(transport["of"].as_u64().unwrap() as usize, links.len());
+    assert!(
+        links.iter().filter(|row| number(row, 3) > 0.0).count() * 2 > links.len(),
+        "{transport}"
+    );
+    assert!(links.is_sorted_by(|a, b| number(a, 3).abs() >= number(b, 3).abs()));
+    // Who does not ask is told nothing of it, and what is seen of the sky has none.
+    tab.send(&json!({ "pick": { "id": 3, "x": 0.5, "y": 0.5 } }));
+    assert_eq!(tab.words("picked")["hit"]["transport"], Value::Null);
+}
+
+/// Truth: the asset that stands in the file, whole or not.
+#[test]
+fn an_asset_that_is_replaced_is_shown_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("cornell.relight");
+    std::fs::copy("../play/tests/cornell.relight", &file).unwrap();
+    let asset = file.clone();
+    let opened = move || {
+        let player = relight_play::Player::open(&asset).map_err(|error| error.to_string())?;
+        Ok(Exhibit {
+            asset: "anew".into(),
+            ..exhibit(player)
+        })
+    };
+    let served = Served::watching(exhibit(player()), file.clone(), Box::new(opened));
+    let mut tab = Tab::open(&served.url);
+    tab.send(&json!({ "show": show(1, false) }));
+    let (_, before) = tab.picture_at("final");
+    let replace = |bytes: &[u8]| {
+        let new = folder.path().join("new");
+        std::fs::write(&new, bytes).unwrap();
+        std::fs::rename(&new, &file).unwrap();
+    };
+    replace(b"no asset");
+    let what = tab.refused();
+    assert!(
+        what.contains("was replaced") && what.contains("goes on"),
+        "{what}"
+    );
+    tab.send(&json!({ "show": show(2, false) }));
+    assert_eq!(tab.picture_at("final").1, before);
+    replace(&std::fs::read("../play/tests/cornell.relight").unwrap());
+    assert_eq!(tab.words("hello")["asset"], "anew");
+    // It is looked at from scratch.
+    tab.send(&json!({ "show": show(3, false) }));
+    assert_eq!(tab.picture_at("final").1, before);
+    assert_eq!(Tab::connect(&served.url).hello().unwrap()["asset"], "anew");
+}
+
+#[test]
+fn ten_thousand_messages_a_second_hold_up_nobody() {
+    let served = Served::new();
+    let (mut busy, mut other) = (Tab::open(&served.url), Tab::open(&served.url));
+    let text = json!({ "show": show(1, true) }).to_string();
+    let sending = std::thread::spawn(move || {
+        for _ in 0..10_000 {
+            busy.send_text(&text);
+        }
+        busy.send(&json!({ "show": show(2, false) }));
+        busy.picture_at("final").0["id"].clone()
+    });
+    other.send(&json!({ "show": show(7, false) }));
+    assert_eq!(other.picture_at("final").0["id"], 7);
+    assert_eq!(sending.join().unwrap(), 2);
+}
+
+/// Truth: 32 k × 16 k pixels are more than are taken, which the head of the file says before any of them is read.
+#[test]
+fn a_map_that_is_too_large_is_refused_in_words() {
+    let served = Served::new();
+    let head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16384 +X 32768\n".to_vec();
+    let (status, text) = post(&format!("{}maps/huge.hdr", served.url), head);
+    let text = String::from_utf8_lossy(&text).into_owned();
+    assert_eq!(status, 422, "{text}");
+    assert!(text.contains("536870912") && text.contains("limit"), "{text}");
+}
+
 #[test]
 fn a_port_in_use_is_said_in_words() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();

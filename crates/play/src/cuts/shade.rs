@@ -37,6 +37,8 @@ pub struct Shaded {
     pub radiance: Vec<Vec3>,
     /// Uneven cells of the light that may be partly hidden, fragment by fragment.
     pub uncertain: Vec<Uncertain>,
+    /// Nodes of the merged cut of each fragment, dark ones included; 0 where it was not shaded.
+    pub nodes: Vec<u32>,
     /// What it took.
     pub stats: ShadeStats,
 }
@@ -83,6 +85,7 @@ pub fn shade(cuts: &VisibilityCuts, light: &Illumination, fragments: &Fragments)
             for (i, &fragment) in order.iter().enumerate() {
                 let Some((point, view)) = fragments.reflecting(fragment as usize) else {
                     shaded.radiance.push(Vec3::ZERO);
+                    shaded.nodes.push(0);
                     continue;
                 };
                 if last != Some(sites[i]) {
@@ -90,6 +93,8 @@ pub fn shade(cuts: &VisibilityCuts, light: &Illumination, fragments: &Fragments)
                     last = Some(sites[i]);
                 }
                 shaded.stats.merged_nodes += merged.nodes;
+                // A tree of 2^31 leaves would not fit a machine.
+                shaded.nodes.push(merged.nodes as u32);
                 shaded.stats.fragments += 1;
                 let (weights, narrow) = (&weights[i], fragments.is_narrow(fragment as usize));
                 let radiance = if narrow {
@@ -115,11 +120,17 @@ pub fn shade(cuts: &VisibilityCuts, light: &Illumination, fragments: &Fragments)
         })
         .collect();
     let mut radiance = vec![Vec3::ZERO; fragments.points.len()];
-    for (&fragment, &reflected) in (sites.order.iter()).zip(tasks.iter().flat_map(|task| &task.radiance)) {
+    let mut nodes = vec![0; fragments.points.len()];
+    let shaded = tasks
+        .iter()
+        .flat_map(|task| task.radiance.iter().zip(&task.nodes));
+    for (&fragment, (&reflected, &count)) in sites.order.iter().zip(shaded) {
         radiance[fragment as usize] = reflected;
+        nodes[fragment as usize] = count;
     }
     Shaded {
         radiance,
+        nodes,
         stats: ShadeStats {
             merged_nodes: tasks.iter().map(|task| task.stats.merged_nodes).sum(),
             fragments: tasks.iter().map(|task| task.stats.fragments).sum(),

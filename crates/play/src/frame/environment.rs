@@ -16,12 +16,14 @@ pub(crate) struct EvenLight {
     pub radiance: Vec<Vec3>,
     /// At each finest point, if transfer takes it on.
     pub irradiance: Option<Vec<Vec3>>,
+    /// Nodes that each fragment was shaded with, where somebody wants to know; else empty.
+    pub nodes: Vec<u32>,
     pub stats: CutStats,
 }
 
 impl Kept for EvenLight {
     fn bytes(&self) -> usize {
-        self.radiance.bytes() + self.irradiance.bytes()
+        self.radiance.bytes() + self.irradiance.bytes() + size_of_val(self.nodes.as_slice())
     }
 }
 
@@ -45,6 +47,7 @@ impl Task<'_> {
         let Shaded {
             mut radiance,
             uncertain,
+            nodes,
             stats,
         } = shade(cuts, &light, &by_cuts);
         let scene = &self.prepared.scene;
@@ -66,6 +69,10 @@ impl Task<'_> {
         Some(EvenLight {
             radiance,
             irradiance,
+            nodes: match self.settings.cut_layers {
+                true => nodes,
+                false => Vec::new(),
+            },
             stats: CutStats {
                 nodes: light.heights.len(),
                 shading: stats,

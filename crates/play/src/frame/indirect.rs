@@ -38,7 +38,9 @@ impl Task<'_> {
             };
         };
         // Where nothing is glossy, transfer makes it all, in one sum.
-        let glossy = shaded.filter(|_| cuts.is_some_and(|cuts| cuts.shading.fragments > 0));
+        let glossy = shaded.filter(|_| {
+            cuts.is_some_and(|cuts| cuts.shading.fragments > 0) && self.settings.levels.is_none()
+        });
         let (radiance, stats) = match glossy {
             None => self.by_transfer(transfer, functions, received, times),
             Some(glossy) => self.by_transfer_beside(transfer, functions, received, glossy, times),
@@ -61,7 +63,10 @@ impl Task<'_> {
         received: &[Vec3],
         times: &mut FrameTimes,
     ) -> (Vec<Vec3>, TransferStats) {
-        let (values, stats) = transfer.indirect_from_direct(received);
+        let (values, stats) = match self.settings.levels {
+            None => transfer.indirect_from_direct(received),
+            Some(part) => transfer.indirect_of_levels(received, part),
+        };
         let start = Instant::now();
         let mut radiance = reflected(functions, &values);
         let indirect = (values.iter().zip(&transfer.finest.normals)).map(|(e, n)| e.irradiance(*n));
@@ -112,6 +117,7 @@ impl Task<'_> {
         let start = Instant::now();
         let shaded = shade(cuts, &light, &self.fragments(sites, !self.shot.transfers));
         times.shade += milliseconds(start);
+        self.nodes.add(&shaded.nodes);
         let stats = CutStats {
             nodes: light.heights.len(),
             shading: shaded.stats,

@@ -6,7 +6,7 @@ use super::environment::EvenLight;
 use super::received::{Received, Starts};
 use super::settings::FrameSettings;
 use super::stats::{FrameTimes, RelitStats, milliseconds};
-use super::task::{Task, add};
+use super::task::{NodeCounts, Task, add};
 use crate::choice::{CutKind, CutUse};
 use crate::lights::{Distant, Lights};
 use crate::prepared::PreparedScene;
@@ -29,6 +29,17 @@ pub struct Lit {
     pub indirect: Vec<Vec3>,
     /// Per light of the sequence its emission + direct + indirect, if asked for.
     pub lights: Vec<(String, Vec<Vec3>)>,
+    /// Numbers of nodes, if asked for.
+    pub cuts: Option<CutCounts>,
+}
+
+/// Nodes of visibility cuts at the fragments of a shot.
+#[derive(Clone, Debug, Default)]
+pub struct CutCounts {
+    /// Of the merged cut of each fragment's sites.
+    pub cut_size: Vec<u32>,
+    /// Of all that it was shaded with, the illumination cut merged in, over all lights.
+    pub nodes: Vec<u32>,
 }
 
 /// What visibility cuts are used for in a shot under some lights.
@@ -52,11 +63,16 @@ pub fn light(
     watch: &dyn Watch,
 ) -> Result<(Lit, RelitStats), Cancelled> {
     let by_cuts = cut_use(prepared, shot, lights);
+    let nodes = match settings.cut_layers {
+        true => NodeCounts::of(shot.seen.len()),
+        false => NodeCounts::default(),
+    };
     let task = Task {
         prepared,
         shot,
         views: &shot.seen.views(),
         settings,
+        nodes: &nodes,
     };
     let samples = prepared.cuts.as_ref().and_then(|cuts| cuts.samples());
     let starts = Starts {
@@ -84,10 +100,17 @@ pub fn light(
         pixels: shot.seen.width * shot.seen.height,
         ..RelitStats::default()
     };
-    let lit = match settings.light_layers {
+    let mut lit = match settings.light_layers {
         true => light_by_light(&task, starts, &shining, &mut stats, watch)?,
         false => all_together(&task, starts, &shining, &mut stats, watch)?,
     };
+    lit.cuts = nodes.into_sums().map(|nodes| CutCounts {
+        cut_size: match (&prepared.cuts, &shot.sites) {
+            (Some(cuts), Some(sites)) => sites.cut_sizes(cuts, nodes.len()),
+            _ => vec![0; nodes.len()],
+        },
+        nodes,
+    });
     Ok((lit, stats))
 }
 
@@ -126,7 +149,9 @@ impl Shining<'_> {
     fn even_of(&self, light: usize, task: &Task, times: &mut FrameTimes) -> Option<EvenLight> {
         let distant = self.even?.lights[light].as_ref()?;
         let make = || task.even_light(distant, times);
-        (task.shot.even).light_of(light, &self.causes[light], make).0
+        let even = (task.shot.even).light_of(light, &self.causes[light], make).0?;
+        task.nodes.add(&even.nodes);
+        Some(even)
     }
 }
 
@@ -171,6 +196,7 @@ fn all_together(
         direct,
         indirect: indirect(task, &received, stats),
         lights: Vec::new(),
+        cuts: None,
     })
 }
 
@@ -205,6 +231,7 @@ fn light_by_light(
         direct: all_direct.rounded(),
         indirect: all_indirect.rounded(),
         lights: layers,
+        cuts: None,
     })
 }
 

@@ -7,8 +7,8 @@ use relight_render::exposure::Exposure;
 use relight_render::views;
 use relight_scene::image::{BEAUTY, Layers};
 
-/// The layers of a frame: `beauty` = `emission` + `direct` + `indirect`, `light.NAME`, and with `surface_layers` `albedo`,
-/// `normal` and `depth`. Nothing is clamped, so that layers add up.
+/// The layers of a frame: `beauty` = `emission` + `direct` + `indirect`, `light.NAME`, with `surface_layers` `albedo`,
+/// `normal` and `depth`, and where they were counted `cut_size` and `nodes`, means over a pixel. Nothing is clamped, so that layers add up.
 pub fn resolve(seen: &Exposure, lit: &Lit, surface_layers: bool) -> Layers {
     let mut layers = Layers::new(seen.width, seen.height);
     let mut push = |name: &str, pixels: &[Vec3]| {
@@ -34,6 +34,13 @@ pub fn resolve(seen: &Exposure, lit: &Lit, surface_layers: bool) -> Layers {
         push("albedo", &views::albedo(seen));
         push("normal", &views::normals(seen));
         layers.push_scalar("depth", &views::depth(seen));
+    }
+    if let Some(cuts) = &lit.cuts {
+        for (name, counts) in [("cut_size", &cuts.cut_size), ("nodes", &cuts.nodes)] {
+            let counts: Vec<Vec3> = counts.iter().map(|n| Vec3::splat(*n as f32)).collect();
+            let means: Vec<f32> = seen.resolve(&counts).iter().map(|mean| mean.x).collect();
+            layers.push_scalar(name, &means);
+        }
     }
     layers
 }

@@ -1,5 +1,7 @@
 //! How a frame is lit.
 
+use crate::transfer::LevelPart;
+
 /// Nodes of the illumination cut: 256 are no better (docs/notebook/cuts.md). The paper's 256 to 512 (Cheslack-Postava et al. 2008,
 /// section 5) are of nodes whose light comes from their middles.
 pub const ILLUMINATION_CUT: usize = 128;
@@ -27,6 +29,11 @@ pub struct FrameSettings {
     pub steady: bool,
     /// Most nodes of the illumination cut, by which an environment, or what surfaces reflect, is taken with visibility cuts.
     pub illumination_cut: usize,
+    /// Whether to make the layers `cut_size` and `nodes`, numbers of nodes: of the visibility cuts between which a pixel interpolates,
+    /// merged, and of all that it was shaded with, the illumination cut merged in; 0 where none was. Not of integrators that trace.
+    pub cut_layers: bool,
+    /// Indirect light of some levels of the transfer alone; `None`: of all.
+    pub levels: Option<LevelPart>,
 }
 
 impl Default for FrameSettings {
@@ -39,6 +46,8 @@ impl Default for FrameSettings {
             point_samples: 4,
             steady: true,
             illumination_cut: ILLUMINATION_CUT,
+            cut_layers: false,
+            levels: None,
         }
     }
 }

@@ -7,6 +7,32 @@ use crate::prepared::PreparedScene;
 use crate::shot::RelitShot;
 use glam::Vec3;
 use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
+
+/// Nodes that each fragment was shaded with, of all its lights, where somebody wants to know; else nothing.
+#[derive(Default)]
+pub(super) struct NodeCounts(Option<Mutex<Vec<u32>>>);
+
+impl NodeCounts {
+    /// Of so many fragments.
+    pub fn of(fragments: usize) -> NodeCounts {
+        NodeCounts(Some(Mutex::new(vec![0; fragments])))
+    }
+
+    /// Adds those of one more shading.
+    pub fn add(&self, nodes: &[u32]) {
+        let Some(sums) = &self.0 else { return };
+        let mut sums = sums.lock().unwrap_or_else(PoisonError::into_inner);
+        for (sum, more) in sums.iter_mut().zip(nodes) {
+            *sum = sum.saturating_add(*more);
+        }
+    }
+
+    /// The sums, if they were counted.
+    pub fn into_sums(self) -> Option<Vec<u32>> {
+        Some(self.0?.into_inner().unwrap_or_else(PoisonError::into_inner))
+    }
+}
 
 /// A frame that is being lit.
 #[derive(Clone, Copy)]
@@ -16,6 +42,7 @@ pub(super) struct Task<'a> {
     /// Unit directions from the fragments to the eye.
     pub views: &'a [Vec3],
     pub settings: &'a FrameSettings,
+    pub nodes: &'a NodeCounts,
 }
 
 impl<'a> Task<'a> {

@@ -191,11 +191,12 @@ impl Chromium {
         let code = match key {
             "Tab" => 9,
             "Enter" => 13,
+            "ArrowLeft" => 37,
             _ => u32::from(key.as_bytes()[0]),
         };
         for kind in ["keyDown", "keyUp"] {
             let mut event = json!({ "type": kind, "key": key, "code": key, "windowsVirtualKeyCode": code });
-            if kind == "keyDown" && key != "Tab" {
+            if kind == "keyDown" && !["Tab", "ArrowLeft"].contains(&key) {
                 event["text"] = json!(if key == "Enter" { "\r" } else { key });
             }
             self.call("Input.dispatchKeyEvent", event);
@@ -220,6 +221,45 @@ impl Chromium {
         );
         let letters = text.as_str().unwrap().as_bytes().chunks_exact(2);
         letters.map(|pair| (pair[0] - 97) << 4 | (pair[1] - 97)).collect()
+    }
+
+    /// Chooses of a list.
+    pub fn choose(&mut self, selector: &str, value: &str) {
+        let (selector, value) = (json!(selector), json!(value));
+        self.evaluate(&format!(
+            "const list = document.querySelector({selector}); list.value = {value}; list.dispatchEvent(new Event('change'))"
+        ));
+    }
+
+    /// Clicks the button of these words.
+    pub fn click_button(&mut self, words: &str) {
+        let words = json!(words);
+        self.evaluate(&format!(
+            "[...document.querySelectorAll('button')].find((button) => button.textContent === {words}).click()"
+        ));
+    }
+
+    /// Two fingers that part by so many pixels.
+    pub fn pinch(&mut self, selector: &str, by: f64) {
+        let [x, y] = self.middle_of(selector);
+        let fingers =
+            |apart: f64| json!([{ "x": x - apart, "y": y, "id": 0 }, { "x": x + apart, "y": y, "id": 1 }]);
+        self.call("Emulation.setTouchEmulationEnabled", json!({ "enabled": true }));
+        self.call(
+            "Input.dispatchTouchEvent",
+            json!({ "type": "touchStart", "touchPoints": fingers(40.0) }),
+        );
+        for step in 1..=5 {
+            let apart = 40.0 + by / 2.0 * f64::from(step) / 5.0;
+            self.call(
+                "Input.dispatchTouchEvent",
+                json!({ "type": "touchMove", "touchPoints": fingers(apart) }),
+            );
+        }
+        self.call(
+            "Input.dispatchTouchEvent",
+            json!({ "type": "touchEnd", "touchPoints": [] }),
+        );
     }
 
     pub fn middle_of(&mut self, selector: &str) -> [f64; 2] {

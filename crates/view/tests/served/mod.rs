@@ -2,10 +2,11 @@
 #![allow(dead_code, reason = "each test takes its part")]
 
 use relight_play::Player;
-use relight_view::{Exhibit, View};
+use relight_view::{Exhibit, Reopen, View};
 use serde_json::Value;
 use std::io::{Read, Write};
 use std::net::TcpStream;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -44,7 +45,21 @@ impl Served {
     }
 
     pub fn of(exhibit: Exhibit) -> Served {
+        Served::at("127.0.0.1:0", exhibit)
+    }
+
+    /// One that listens at this address.
+    pub fn at(address: &str, exhibit: Exhibit) -> Served {
+        Served::view(View::bind(address.parse().unwrap(), exhibit).unwrap())
+    }
+
+    /// One that shows what stands in a file, whenever that is replaced.
+    pub fn watching(exhibit: Exhibit, file: PathBuf, reopen: Reopen) -> Served {
         let view = View::bind("127.0.0.1:0".parse().unwrap(), exhibit).unwrap();
+        Served::view(view.watching(file, reopen))
+    }
+
+    fn view(view: View) -> Served {
         let (url, stop) = (view.url(), Arc::new(AtomicBool::new(false)));
         let heard = stop.clone();
         let thread = std::thread::spawn(move || view.serve(|| heard.load(Ordering::Relaxed)).unwrap());
