@@ -11,6 +11,10 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyTuple};
 use relight_format::layout::Kind;
 use relight_format::{self as format, Limits, WeightRows};
+use relight_play::render::lightcuts::LightcutSettings;
+use relight_play::render::many_lights::PointSettings;
+use relight_play::render::pixelcuts::PixelcutsSettings;
+use relight_play::scene::material_edits::parse_material_edits;
 use relight_play::scene::sequence::{Sequence, SequenceCamera};
 use relight_play::{Integrator, Player, ShotSettings, Tracer};
 use std::path::PathBuf;
@@ -23,12 +27,7 @@ use std::sync::Arc;
 #[pyfunction]
 pub fn open(py: Python<'_>, path: PathBuf) -> PyResult<Asset> {
     let player = work::done(py, None, |_| Player::open(&path).map_err(failed))?;
-    Ok(Asset {
-        path,
-        player: Arc::new(player),
-        points: PyOnceLock::new(),
-        links: PyOnceLock::new(),
-    })
+    Ok(Asset::new(path, player))
 }
 
 /// An asset, ready to be lit.
@@ -136,10 +135,36 @@ impl Asset {
         lights::prepared(py, &self.player, lights)
     }
 
+    /// The same asset with other materials: material edits, or their file; those that have keys are as at `time`. The asset is opened
+    /// once more, and this one stays as it is.
+    #[pyo3(signature = (materials, time=0.0))]
+    fn edited(&self, py: Python<'_>, materials: &Bound<'_, PyAny>, time: f64) -> PyResult<Asset> {
+        if !(time.is_finite() && time >= 0.0) {
+            return Err(misused("time must be a number of frames, at least 0"));
+        }
+        let source = py
+            .import("relight._sequence")?
+            .getattr("of_materials")?
+            .call1((materials,))?;
+        let (file, text): (Option<PathBuf>, String) = source.extract()?;
+        let player = work::done(py, None, |_| {
+            let mut player = Player::open(&self.path).map_err(failed)?;
+            match file {
+                Some(file) => player.edit_materials_from(&file, time).map_err(failed)?,
+                None => {
+                    let edits = parse_material_edits(&text, player.scene(), "materials").map_err(failed)?;
+                    player.edit_materials(edits, time).map_err(failed)?;
+                }
+            }
+            Ok(player)
+        })?;
+        Ok(Asset::new(self.path.clone(), player))
+    }
+
     /// What a camera sees, for any number of frames.
     #[pyo3(
-        signature = (camera=None, size=(640, 360), *, time=0.0, spp=None, integrator="auto"),
-        text_signature = "($self, camera=None, size=(640, 360), *, time=0.0, spp=None, integrator='auto')"
+        signature = (camera=None, size=(640, 360), *, time=0.0, spp=None, integrator="auto", vpls=0),
+        text_signature = "($self, camera=None, size=(640, 360), *, time=0.0, spp=None, integrator='auto', vpls=0)"
     )]
     fn shot(
         &self,
@@ -149,6 +174,7 @@ impl Asset {
         time: f64,
         spp: Option<u32>,
         integrator: &str,
+        vpls: u32,
     ) -> PyResult<Shot> {
         let (width, height) = size;
         if !(1..=MOST_PIXELS).contains(&width) || !(1..=MOST_PIXELS).contains(&height) {
@@ -175,7 +201,7 @@ impl Asset {
         }
         let track = (self.player.camera(&sequence, name.as_deref())).map_err(failed)?;
         let settings = ShotSettings {
-            integrator: integrator_of(integrator)?,
+            integrator: integrator_of(integrator, vpls)?,
             width,
             height,
             samples: spp,
@@ -195,8 +221,28 @@ impl Asset {
 /// Most pixels across and down, as the command line has it.
 const MOST_PIXELS: usize = 16384;
 
-fn integrator_of(name: &str) -> PyResult<Integrator> {
+fn integrator_of(name: &str, vpls: u32) -> PyResult<Integrator> {
+    if vpls > 0 && !["lightcuts", "pixelcuts"].contains(&name) {
+        return Err(misused(format!(
+            "vpls counts with the integrators lightcuts and pixelcuts alone, and integrator is {name:?}"
+        )));
+    }
+    let points = PointSettings {
+        vpls,
+        ..PointSettings::default()
+    };
     Ok(match name {
+        "lightcuts" => Tracer::Lightcuts {
+            points,
+            cuts: LightcutSettings::default(),
+            reconstruction: false,
+        }
+        .into(),
+        "pixelcuts" => Tracer::Pixelcuts {
+            points,
+            cuts: PixelcutsSettings::default(),
+        }
+        .into(),
         "auto" => Integrator::Auto,
         "transfer" => Integrator::Transfer,
         "cuts" => Integrator::Cuts,
@@ -204,13 +250,22 @@ fn integrator_of(name: &str) -> PyResult<Integrator> {
         "brute" => Tracer::Brute.into(),
         other => {
             return Err(misused(format!(
-                "integrator is {other:?}, but must be auto, transfer, cuts, path or brute"
+                "integrator is {other:?}, but must be auto, transfer, cuts, path, brute, lightcuts or pixelcuts"
             )));
         }
     })
 }
 
 impl Asset {
+    fn new(path: PathBuf, player: Player) -> Asset {
+        Asset {
+            path,
+            player: Arc::new(player),
+            points: PyOnceLock::new(),
+            links: PyOnceLock::new(),
+        }
+    }
+
     fn parts(&self, py: Python<'_>, kinds: &[Kind]) -> PyResult<format::Asset> {
         work::done(py, None, |_| {
             format::read_parts(&self.path, &Limits::default(), kinds)

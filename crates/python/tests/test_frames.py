@@ -66,6 +66,69 @@ def test_light_of_lights_adds_up_and_is_linear(shot):
     np.testing.assert_allclose(mixed, shot.frame(lights=lit)["beauty"], rtol=1e-3, atol=1e-4 * mixed.max())
 
 
+def test_every_integrator_of_play_is_there(asset, command_line, tmp_path):
+    """Truth: the command line, bit by bit."""
+    lamp = tmp_path / "lamp.json"
+    lamp.write_text(json.dumps({"relight_sequence": 1, "lights": [LAMPS[0].to_dict(), LAMPS[2].to_dict() | {"name": "globe"}]}))
+    pictures = []
+    for integrator, vpls in [("lightcuts", 0), ("lightcuts", 500), ("pixelcuts", 500), ("brute", 0), ("path", 0)]:
+        frame = tmp_path / f"{integrator}_{vpls}.exr"
+        more = ["--vpls", vpls] if vpls else []
+        command_line(
+            "play", asset.path, "--lights", lamp, "-o", frame, "--size", "16x12", "--float", "--spp", "2",
+            "--integrator", integrator, *more,
+        )  # fmt: skip
+        ours = asset.shot(size=(16, 12), spp=2, integrator=integrator, vpls=vpls).frame(lights=lamp)["beauty"]
+        np.testing.assert_array_equal(ours, relight.read_exr(frame)["beauty"], err_msg=f"{integrator} {vpls}")
+        pictures.append(ours)
+    assert pictures[1].sum() > 1.02 * pictures[0].sum(), "virtual lights bring indirect light"
+
+
+def test_materials_are_edited_as_play_edits_them(asset, command_line, tmp_path):
+    """Truth: the command line, bit by bit; the asset itself stays as it was."""
+    before = asset.shot(size=(32, 24)).frame(lights=LAMPS)["beauty"]
+    edits = {
+        "relight_materials": 1,
+        "edits": [{"material": asset.materials[0], "base_color": {"keys": [[0, [0.9, 0.1, 0.1]], [8, [0.1, 0.1, 0.9]]]}}],
+    }
+    file = tmp_path / "edits.json"
+    file.write_text(json.dumps(edits))
+    command_line(
+        "play", asset.path, "--lights", MOVING, "--materials", file, "-o", tmp_path / "f_#.exr", "--size", "32x24",
+        "--frames", "4-4", "--float",
+    )  # fmt: skip
+    played = relight.read_exr(tmp_path / "f_4.exr")["beauty"]
+    for form in [file, edits, json.dumps(edits), edits["edits"]]:
+        edited = asset.edited(form, time=4)
+        np.testing.assert_array_equal(edited.shot(size=(32, 24)).frame(MOVING, 4)["beauty"], played)
+    np.testing.assert_array_equal(asset.shot(size=(32, 24)).frame(lights=LAMPS)["beauty"], before)
+    with pytest.raises(relight.Error, match="nothing of that name"):
+        asset.edited([{"material": "nothing of that name", "roughness": 1}])
+    with pytest.raises(TypeError, match="materials"):
+        asset.edited(7)
+
+
+def test_weather_shines_by_the_hour(asset, command_line, tmp_path):
+    """Truth: the command line, bit by bit; and at noon more arrives than in the evening, at night nothing."""
+    hours = "\n".join(f"6 21 {h + 0.5} {500 if 5 < h < 19 else 0} {100 if 5 < h < 19 else 0}" for h in range(24))
+    file = tmp_path / "june.wea"
+    file.write_text(
+        "place Nowhere\nlatitude 47.4\nlongitude -8.5\ntime_zone -15\nsite_elevation 400\nweather_data_file_units 1\n" + hours
+    )
+    # From the opening of the box, looking at the sky.
+    shot = asset.shot(relight.Camera(position=(0.28, 0.28, -0.7), look_at=(0.28, 0.6, -2)), size=(32, 24))
+    lit = {hour: shot.frame(relight.Weather(file, hours=hour, day="06-21"))["beauty"].sum() for hour in (2, 12, 18)}
+    assert lit[12] > 1.2 * lit[18] > 0 and lit[2] == 0
+    keys = relight.Weather(file, hours=relight.Keys([(0, 11), (10, 13)]), day="06-21")
+    np.testing.assert_array_equal(shot.frame(keys, 5)["beauty"], shot.frame(relight.Weather(file, 12.0, "06-21"))["beauty"])
+    sequence = tmp_path / "weather.json"
+    sequence.write_text(json.dumps({"relight_sequence": 1, "lights": [keys.to_dict() | {"name": "w", "file": "june.wea"}], "frames": 11}))
+    command_line("play", asset.path, "--lights", sequence, "-o", tmp_path / "w.exr", "--size", "32x24", "--frames", "5-5", "--float")
+    ours = asset.shot(size=(32, 24)).frame(sequence, 5)["beauty"]
+    np.testing.assert_array_equal(ours, relight.read_exr(tmp_path / "w.exr")["beauty"])
+    assert ours.max() > 0
+
+
 def test_lights_are_taken_in_every_form(asset, shot):
     text = MOVING.read_text()
     forms = [MOVING, str(MOVING), text, json.loads(text), asset.lights(MOVING)]

@@ -68,7 +68,9 @@ class Asset:
         time: float = 0.0,
         spp: Optional[int] = None,
         integrator: str = "auto",
+        vpls: int = 0,
     ) -> Shot: ...
+    def edited(self, materials: Union[_Path, Dict[str, Any], Sequence[Dict[str, Any]]], time: float = 0.0) -> Asset: ...
 
 @final
 class Points:

@@ -203,6 +203,15 @@ def of_lights(given: Any) -> Tuple[Optional[str], str]:
     return None, _text({"relight_sequence": 1, "lights": _named([given] if isinstance(given, Light) else list(given))})
 
 
+def of_materials(given: Any) -> Tuple[Optional[str], str]:
+    """The file of material edits, or else their text; a list of edits stands for a file of them."""
+    if isinstance(given, (list, tuple)):
+        return None, _text({"relight_materials": 1, "edits": list(given)})
+    if not isinstance(given, (str, os.PathLike, dict)):
+        raise TypeError(f"materials is {given!r}, but must be material edits: their file, text or dict, or a list of edits")
+    return of_lights(given)
+
+
 def of_camera(given: Any) -> Tuple[Optional[str], str]:
     """As `of_lights`, of a sequence without lights that has the camera."""
     camera = given.to_dict() if isinstance(given, Camera) else given
