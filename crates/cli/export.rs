@@ -1,20 +1,26 @@
 //! `relight export`: what an asset holds, for other tools: numpy arrays, PLY point clouds, Matrix Market and Radiance
 //! matrices.
 
+mod args;
 mod files;
+mod ktx2;
+mod lit;
 mod operators;
+mod readme;
 mod report;
+mod volume;
 
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::guard::Guard;
 use crate::kinds::{self, Wanted};
-use crate::options::ReplaceArgs;
 use crate::output::{self, SCHEMA};
 use crate::signals;
 use crate::words;
 use anyhow::{Context, anyhow, bail};
-use clap::{Args, ValueEnum};
+pub use args::ExportArgs;
+use args::What;
+use clap::ValueEnum;
 use files::{Column, Folder, Positions, Unwritten};
 use relight_format::layout::Kind;
 use relight_format::{self as format, Asset, LightSamples, Limits, WeightRows};
@@ -22,65 +28,19 @@ use relight_transport::light_tree::sphere_direction;
 use report::{Facts, Report};
 use std::path::PathBuf;
 
-/// Write what an asset holds for other tools: .npy arrays, PLY points, Matrix Market and Radiance matrices.
-///
-/// Metres, +Y up; indices count through all levels, coarsest first. What each matrix does is said in the format's
-/// specification, section 8.1: irradiance = normals · push · transfer · pull · radiosity.
-#[derive(Args)]
-pub struct ExportArgs {
-    /// Asset to export from.
-    #[arg(value_name = "ASSET.relight")]
-    pub asset: PathBuf,
-    /// What to write.
-    #[arg(long, value_enum)]
-    pub what: What,
-    /// Folder for the files; made if it is not there. Files of the same names and kinds are replaced, once all are written.
-    #[arg(short, long, value_name = "DIR")]
-    pub output: PathBuf,
-    /// Most bytes of a matrix that is dense: 20 per entry of points_from_points while it is computed, 4 per entry of a
-    /// Radiance matrix (suffixes K, M, G: powers of 1024).
-    #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = parse_bytes)]
-    pub matrix_limit: u64,
-    #[command(flatten)]
-    pub replace: ReplaceArgs,
-    /// Print one JSON object on stdout: the files, their shapes and units.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// Parts of an asset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum What {
-    /// Points of all levels: positions, normals, albedo, level (.npy and .ply).
-    Points,
-    /// Sparse operators as compressed rows, and the clusters that send (.npy).
-    Links,
-    /// What each site sees of the lights: nodes and means (.npy).
-    Cuts,
-    /// The lights that cuts cluster: directions or surface samples (.npy and .ply).
-    Lights,
-    /// What one bounce does, as matrices: irradiance of the finest points from their radiosity (points_from_points), and
-    /// the factors (Matrix Market .mtx; Radiance .rmx).
-    Transfer,
-    /// The factors alone, which are sparse however many points there are: pull, transfer, push, normals (.mtx).
-    Factors,
-    /// The bounce operator between clusters (.mtx, .rmx), or its solution (.mtx).
-    Bounce,
-}
-
-fn parse_bytes(text: &str) -> Result<u64, String> {
-    let (digits, unit) = match text.char_indices().last() {
-        Some((at, 'K' | 'k')) => (&text[..at], 1u64 << 10),
-        Some((at, 'M' | 'm')) => (&text[..at], 1 << 20),
-        Some((at, 'G' | 'g')) => (&text[..at], 1 << 30),
-        _ => (text, 1),
-    };
-    let number = digits.parse::<u64>().ok().and_then(|n| n.checked_mul(unit));
-    number.ok_or_else(|| "give a number of bytes such as 500M or 4G".into())
-}
-
 /// Runs the command.
-pub fn run(args: &ExportArgs, console: &Console) -> Result<Outcome, Failure> {
+pub fn run(args: &ExportArgs, seed: u64, console: &Console) -> Result<Outcome, Failure> {
+    let lit = matches!(args.what, What::PointCloud | What::IrradianceVolume);
+    if !lit && (args.lights.is_some() || args.frame != 0) {
+        return Err(Failure::Usage(
+            "--lights and --frame are for --what point-cloud and irradiance-volume; what else is exported is the same under \
+             all lights"
+                .into(),
+        ));
+    }
+    if args.grid.is_some() && args.what != What::IrradianceVolume {
+        return Err(Failure::Usage("--grid is for --what irradiance-volume".into()));
+    }
     let kinds: &[Kind] = match args.what {
         What::Points => &[Kind::Points],
         What::Links => &[Kind::LinksTransfer, Kind::LinksBounce, Kind::LinksSolution],
@@ -88,14 +48,15 @@ pub fn run(args: &ExportArgs, console: &Console) -> Result<Outcome, Failure> {
         What::Cuts => &[Kind::Cuts],
         What::Lights => &[Kind::LightTree],
         // Read as a player reads them.
-        What::Transfer | What::Factors => &[],
+        What::Transfer | What::Factors | What::PointCloud | What::IrradianceVolume => &[],
     };
     kinds::check(&args.asset, Wanted::Asset)?;
     let name = args.asset.display();
     let asset =
         format::read_parts(&args.asset, &Limits::default(), kinds).map_err(|e| anyhow!("{name}: {e}"))?;
     output::make_folder(&args.output)?;
-    let guard = Guard::new(args.replace.force).reads([args.asset.as_path()]);
+    let inputs = [Some(&args.asset), args.lights.as_ref()];
+    let guard = Guard::new(args.replace.force).reads(inputs.into_iter().flatten().map(PathBuf::as_path));
     let mut folder = Folder::new(&args.output, &guard)?;
     let facts = match args.what {
         What::Points => points(&asset, &mut folder),
@@ -105,12 +66,17 @@ pub fn run(args: &ExportArgs, console: &Console) -> Result<Outcome, Failure> {
         What::Transfer => operators::transfer(&args.asset, &mut folder, Some(args.matrix_limit)),
         What::Factors => operators::transfer(&args.asset, &mut folder, None),
         What::Bounce => operators::bounce(&asset, &mut folder, args.matrix_limit),
+        // Names what is wrong with which file by itself.
+        What::PointCloud => Ok(lit::points(args, seed, &mut folder, console)?),
+        What::IrradianceVolume => Ok(volume::write(args, seed, &mut folder, console)?),
     };
     signals::go_on()?;
     let facts = facts.map_err(|error| match error.is::<Unwritten>() {
         true => error,
         false => error.context(name.to_string()),
     })?;
+    let text = readme::text(args.what, &facts, &folder.written);
+    folder.text(readme::FILE, &text)?;
     folder.finish()?;
     console.note(format!(
         "Wrote {} into {}.",

@@ -60,7 +60,15 @@ const HEADINGS: [(&str, &[&str]); 9] = [
     ),
     (
         "Image",
-        &["integrator", "size", "camera", "frames", "spp", "max_bounces"],
+        &[
+            "integrator",
+            "size",
+            "camera",
+            "frames",
+            "frame",
+            "spp",
+            "max_bounces",
+        ],
     ),
     (
         "Many lights",
@@ -103,6 +111,7 @@ const HEADINGS: [(&str, &[&str]); 9] = [
             "output",
             "what",
             "matrix_limit",
+            "grid",
             "layers",
             "png",
             "exposure",
@@ -116,7 +125,7 @@ const HEADINGS: [(&str, &[&str]); 9] = [
 ];
 
 /// Per command three examples.
-const EXAMPLES: [(&str, [&str; 3]); 12] = [
+const EXAMPLES: [(&str, [&str; 3]); 13] = [
     (
         "bake",
         [
@@ -161,8 +170,16 @@ const EXAMPLES: [(&str, [&str; 3]); 12] = [
         "export",
         [
             "relight export hall.relight --what points -o points",
-            "relight export hall.relight --what links -o links",
+            "relight export hall.relight --what point-cloud --lights evening.json -o cloud",
             "relight export hall.relight --what transfer -o matrices --matrix-limit 4G",
+        ],
+    ),
+    (
+        "mix",
+        [
+            "relight mix hall.glb --lights evening.json -o hall_evening.glb",
+            "relight mix hall.glb --lights evening.json --frame 12 -o hall_evening.glb",
+            "relight mix hall.gltf --lights evening.json -o hall_evening.gltf --light-units raw",
         ],
     ),
     (

@@ -10,7 +10,7 @@ use crate::options::ReplaceArgs;
 use crate::output;
 use crate::words::{self, bytes, count};
 use clap::Args;
-use relight_format::layout::Kind;
+use relight_format::layout::{Kind, setting};
 use relight_format::{self as format, Content, FormatError, Limits};
 use serde::Serialize;
 use std::fmt::Write;
@@ -139,7 +139,9 @@ pub fn describe(asset: &Inspection) -> String {
         count(asset.textures),
         if asset.lambert { ", all Lambert" } else { "" }
     ));
+    // A line for each object would be a page.
     let settings: Vec<String> = (asset.settings.iter())
+        .filter(|(name, _)| *name != setting::OBJECTS)
         .map(|(name, value)| format!("{name} {value}"))
         .collect();
     line(format!("settings   {}, seed {}", settings.join(", "), asset.seed));

@@ -30,6 +30,9 @@ pub enum Kind {
     Npy,
     Ply,
     Market,
+    Ktx2,
+    /// Which an export writes beside its files.
+    ExportPage,
     RadianceMatrix,
     Html,
     Svg,
@@ -50,7 +53,7 @@ const HEAD: u64 = 4096;
 /// JSON up to this size is parsed for the names of its fields.
 const MOST_JSON: u64 = 64 << 20;
 
-const MAGIC: [(&[u8], Kind); 12] = [
+const MAGIC: [(&[u8], Kind); 14] = [
     (&layout::MAGIC, Kind::Asset),
     (b"glTF", Kind::Scene),
     (&[0x76, 0x2f, 0x31, 0x01], Kind::Exr),
@@ -59,6 +62,8 @@ const MAGIC: [(&[u8], Kind); 12] = [
     (b"\x93NUMPY", Kind::Npy),
     (b"ply\n", Kind::Ply),
     (b"%%MatrixMarket", Kind::Market),
+    (b"\xabKTX 20\xbb", Kind::Ktx2),
+    (b"relight export: ", Kind::ExportPage),
     (b"#?RGBE", Kind::Hdr),
     (b"#!", Kind::Script),
     (b"GIF8", Kind::Gif),
@@ -86,6 +91,8 @@ impl Kind {
             Kind::Npy => "a numpy array",
             Kind::Ply => "a PLY file",
             Kind::Market => "a Matrix Market file",
+            Kind::Ktx2 => "a KTX2 texture",
+            Kind::ExportPage => "the page of an export",
             Kind::RadianceMatrix => "a Radiance matrix",
             Kind::Html => "a web page",
             Kind::Svg => "an SVG picture",

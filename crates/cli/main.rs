@@ -20,6 +20,7 @@ mod images;
 mod inspect;
 mod inspection;
 mod kinds;
+mod mix;
 mod movie;
 mod options;
 mod output;
@@ -87,6 +88,7 @@ enum Command {
     Inspect(inspect::InspectArgs),
     Check(check::CheckArgs),
     Export(export::ExportArgs),
+    Mix(mix::MixArgs),
     Compare(compare::CompareArgs),
     Report(report::ReportArgs),
     Demo(demo::DemoArgs),
@@ -200,7 +202,8 @@ fn run(cli: &Cli, console: &Console) -> Result<Outcome, Failure> {
         Command::View(args) => view::run(args, seed, console),
         Command::Inspect(args) => inspect::run(args, console),
         Command::Check(args) => check::run(args, seed, console),
-        Command::Export(args) => export::run(args, console),
+        Command::Export(args) => export::run(args, seed, console),
+        Command::Mix(args) => mix::run(args, console),
         Command::Compare(args) => compare::run(args, console),
         Command::Report(args) => report::run(args, seed, console),
         Command::Demo(args) => demo::run(args, seed, console),

@@ -21,12 +21,16 @@ use crate::statistics::{median, milliseconds};
 use crate::words;
 use glam::DVec3;
 use relight_play::choice::CutUse;
+use relight_play::header::{FrameOrigin, sequence_hash};
+use relight_play::mattes::ShotMattes;
 use relight_play::player::{FrameError, ShotError};
 use relight_play::{CutSites, Player, Shot, ShotSettings};
-use relight_render::watch::Watch;
+use relight_render::watch::{Cancelled, Watch};
 use relight_scene::camera::CameraTrack;
 use relight_scene::image::preview::{auto_exposure, tone_mapped};
-use relight_scene::image::{BEAUTY, ExrHeader, ExrWarning, Layers, light_layer_names, write_exr, write_png};
+use relight_scene::image::{
+    ALPHA, BEAUTY, ExrHeader, ExrWarning, Layers, RAY_DEPTH, light_layer_names, write_exr, write_png,
+};
 use relight_scene::sequence::{Sequence, read_sequence_at};
 use report::{Figures, OncePerShot, ShotReport};
 use std::collections::BTreeSet;
@@ -91,9 +95,11 @@ pub fn play_watched(
         Some(file) => read_sequence_at(file, player.scene().offset)?,
         None => player.own_lights()?.clone(),
     };
-    if args.layers.contains(&LayerName::Lights) {
-        name_layers(&mut sequence, console);
-    }
+    let hash = sequence_hash(&sequence);
+    let renamed = match args.layers.contains(&LayerName::Lights) {
+        true => name_layers(&mut sequence, console),
+        false => Vec::new(),
+    };
     let track = player.camera(&sequence, args.camera.as_deref())?;
     let (width, height) = args.size.unwrap_or_else(|| default_size(&track));
     let range = frame_range(args, &sequence)?;
@@ -151,6 +157,7 @@ pub fn play_watched(
         frames: Vec::new(),
     };
     let mut shot: Option<Shot> = None;
+    let mut mattes = ShotMattes::default();
     let total = range.iter().count();
     console.begin("Lighting frames", Some(total as u64));
     let last_frame = range.iter().last();
@@ -183,6 +190,10 @@ pub fn play_watched(
                     report.once_per_shot.shot = times;
                     apart = report.once_per_shot.of_shot();
                 }
+                if args.layers.contains(&LayerName::Cryptomatte) {
+                    let made = player.mattes(&looked, watch);
+                    mattes = made.map_err(|Cancelled| signals::failure())?;
+                }
                 shot = Some(looked);
             }
             let Some(shot) = &shot else {
@@ -197,11 +208,17 @@ pub fn play_watched(
                 note_written(joined(last)?, &mut report.frames, &mut warnings, console);
             }
             let header = ExrHeader {
-                asset_hash: Some(report.asset_hash.clone()),
-                seed: Some(seed),
-                frames_per_second: Some(sequence.fps),
-                frame: Some(frame),
-                ..ExrHeader::new()
+                lights: renamed.clone(),
+                texts: mattes.attributes.clone(),
+                ..player.header(&FrameOrigin {
+                    camera: (&track.at(frame.into()), &track.name),
+                    shot: &shot_settings,
+                    choice: &choice,
+                    seed,
+                    fps: sequence.fps,
+                    frame,
+                    sequence_hash: &hash,
+                })
             };
             if (args.png || args.movie.is_some()) && report.exposure_ev.is_none() {
                 report.exposure_ev = exposure(args, &lit.layers, console);
@@ -209,7 +226,8 @@ pub fn play_watched(
             let exposure = report.exposure_ev.unwrap_or_default();
             let file = args.output_of(frame);
             let figures = Figures::from(&lit.stats);
-            let layers = lit.layers;
+            let mut layers = lit.layers;
+            layers.layers.extend(mattes.layers.iter().cloned());
             let movie = &movie;
             let handle = scope.spawn(move || write(args, file, &layers, &header, exposure, movie));
             let wait = pace == Pace::OneByOne || Some(frame) == last_frame;
@@ -265,19 +283,21 @@ fn check_outputs(args: &PlayArgs, range: FrameRange) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Gives lights names that layers of OpenEXR can have, and tells whose names had to change.
-fn name_layers(sequence: &mut Sequence, console: &Console) {
+/// Gives lights names that layers of OpenEXR can have, tells whose names had to change, and returns those: the layer's name and the light's.
+fn name_layers(sequence: &mut Sequence, console: &Console) -> Vec<(String, String)> {
+    let mut renamed = Vec::new();
     let names: Vec<&str> = sequence.lights.iter().map(|light| light.name.as_str()).collect();
     let layers = light_layer_names(&names);
     for (light, name) in sequence.lights.iter_mut().zip(layers) {
         if light.name != name {
             console.note(format!(
-                "note: the name of light {:?} is too long for a layer, which is called light.{name}",
+                "note: light {:?} has a name that no layer can have, so its layer is light.{name}",
                 light.name
             ));
-            light.name = name;
+            renamed.push((name.clone(), std::mem::replace(&mut light.name, name)));
         }
     }
+    renamed
 }
 
 fn not_looked(error: ShotError) -> Failure {
@@ -463,7 +483,9 @@ fn chosen(all: &Layers, wanted: &[LayerName]) -> Layers {
     for want in wanted {
         for layer in &all.layers {
             let fits = match want {
-                LayerName::Lights => layer.name.starts_with(want.name()),
+                LayerName::Lights | LayerName::Cryptomatte => layer.name.starts_with(want.name()),
+                LayerName::Beauty => [want.name(), ALPHA].contains(&&*layer.name),
+                LayerName::Depth => [want.name(), RAY_DEPTH].contains(&&*layer.name),
                 _ => layer.name == want.name(),
             };
             if fits && out.layer(&layer.name).is_none() {

@@ -335,7 +335,8 @@ fn a_solution_is_exported_channel_by_channel() {
     let out = folder.path().join("out");
     export(&file, "bounce", &out);
     let solution = asset(&file).solution.unwrap();
-    assert_eq!(names(&out).len(), solution.channels.len());
+    // And README.txt.
+    assert_eq!(names(&out).len(), solution.channels.len() + 1);
     for (i, channel) in solution.channels.iter().enumerate() {
         let read = market(&out.join(format!("solution_{i}.mtx")));
         assert_eq!(read.indices(), channel.columns);
@@ -483,4 +484,212 @@ fn points_are_exported_from_a_file_whose_links_are_damaged() {
         .arg(folder.path().join("frame.exr"))
         .assert()
         .success();
+}
+
+/// Truth: the frames that play makes of the same light, and numpy alone: the example of README.txt is run as it stands there.
+#[test]
+fn a_point_cloud_and_its_example_make_a_pixel_again() {
+    let folder = folder();
+    let lights = crate::stage::sequence(folder.path(), "lamp.json", crate::stage::TINY_LIGHT);
+    let out = folder.path().join("cloud");
+    let mut run = relight();
+    run.arg("export")
+        .arg(cornell())
+        .args(["--what", "point-cloud", "--lights"]);
+    run.arg(&lights)
+        .arg("-o")
+        .arg(&out)
+        .arg("--json")
+        .assert()
+        .success();
+    let normals = floats(&out.join("normals.npy"));
+    let [albedo, radiance, direct, indirect] =
+        ["albedo", "radiance", "irradiance_direct", "irradiance_indirect"]
+            .map(|name| floats(&out.join(format!("{name}.npy"))));
+    assert_eq!(
+        npy(&out.join("irradiance_direct.npy")).1,
+        [1, normals.len() / 3, 3]
+    );
+    let mut lit = 0;
+    for i in 0..radiance.len() {
+        let expected = (direct[i] + indirect[i]) * albedo[i] / std::f32::consts::PI;
+        assert!((radiance[i] - expected).abs() <= 1e-5 * expected.abs() + 1e-9);
+        lit += usize::from(indirect[i] > 0.0);
+    }
+    assert!(lit > radiance.len() / 2);
+
+    let readme = std::fs::read_to_string(out.join("README.txt")).unwrap();
+    assert!(
+        readme.contains("irradiance_indirect.npy") && readme.contains("\"lamp\""),
+        "{readme}"
+    );
+    let script = &readme[readme.find("import sys").unwrap()..];
+    std::fs::write(out.join("example.py"), script).unwrap();
+    let python = std::env::var_os("RELIGHT_PYTHON").unwrap_or_else(|| "python3".into());
+    let ready = std::process::Command::new(&python)
+        .args(["-c", "import numpy"])
+        .output();
+    if !ready.is_ok_and(|output| output.status.success()) {
+        eprintln!("no Python with numpy: the example is not run; name one by RELIGHT_PYTHON");
+        return;
+    }
+    // The back wall of the Cornell box, whose pixels' rays are known.
+    let frame = folder.path().join("frame.exr");
+    let mut play = relight();
+    play.arg("play")
+        .arg(cornell())
+        .arg("--lights")
+        .arg(&lights)
+        .arg("-o")
+        .arg(&frame);
+    play.args([
+        "--layers",
+        "indirect,albedo,normal,depth",
+        "--float",
+        "--spp",
+        "1",
+        "--size",
+        "40x40",
+    ]);
+    play.assert().success();
+    let layers = relight_scene::image::read_exr(&frame, &Default::default()).unwrap();
+    let [shown, reflectance, facing] =
+        ["indirect", "albedo", "normal"].map(|name| layers.rgb(name).unwrap().pixels);
+    let along = &layers.layer("depth.ray").unwrap().data;
+    let player = relight_play::Player::open(cornell()).unwrap();
+    let camera = player.scene().cameras[0].at(0.0);
+    let mut tried = 0;
+    for (x, y) in [(20, 22), (14, 16), (25, 12), (18, 27), (22, 18)] {
+        let pixel = y * 40 + x;
+        let direction = camera.direction(
+            glam::Vec2::new(x as f32 + 0.5, y as f32 + 0.5),
+            glam::Vec2::splat(40.0),
+        );
+        let place = camera.position + direction * along[pixel];
+        // Where points of other facing have a say, vector irradiance is turned.
+        if camera.forward.dot(Vec3::from(facing[pixel])) > -0.999 {
+            continue;
+        }
+        let numbers = [place, Vec3::from(facing[pixel])].map(|v| v.to_array().map(|c| c.to_string()));
+        let output = std::process::Command::new(&python)
+            .arg("example.py")
+            .args(numbers.as_flattened())
+            .current_dir(&out)
+            .output()
+            .unwrap();
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        let said = String::from_utf8(output.stdout).unwrap();
+        let line = said
+            .lines()
+            .find_map(|line| line.strip_prefix("indirect "))
+            .unwrap();
+        for (channel, number) in line.split(' ').enumerate() {
+            let irradiance: f32 = number.parse().unwrap();
+            let made = irradiance * reflectance[pixel][channel] / std::f32::consts::PI;
+            let seen = shown[pixel][channel];
+            assert!(
+                (made - seen).abs() <= 0.002 * seen,
+                "{x} {y} {channel}: {made} {seen}"
+            );
+        }
+        tried += 1;
+    }
+    assert!(tried >= 3, "{tried} pixels on the back wall");
+}
+
+#[test]
+fn lights_are_for_point_clouds_alone() {
+    let folder = folder();
+    let mut run = relight();
+    run.arg("export")
+        .arg(cornell())
+        .args(["--what", "points", "--frame", "3", "-o"])
+        .arg(folder.path());
+    assert!(complaint(&mut run, 2).contains("--what point-cloud"));
+    let mut run = relight();
+    run.arg("export")
+        .arg(cornell())
+        .args(["--what", "point-cloud", "--grid", "2,2,2", "-o"])
+        .arg(folder.path());
+    assert!(complaint(&mut run, 2).contains("irradiance-volume"));
+    for grid in ["2,2", "0,1,1", "a,b,c", "2048,2048,2048"] {
+        let mut run = relight();
+        run.arg("export").arg(cornell());
+        run.args(["--what", "irradiance-volume", "--grid", grid, "-o"])
+            .arg(folder.path());
+        let said = run.assert().code(2).get_output().stderr.clone();
+        assert!(String::from_utf8(said).unwrap().contains("16,8,16"), "{grid}");
+    }
+    let mut run = relight();
+    let lights = crate::stage::sequence(folder.path(), "lamp.json", crate::stage::TINY_LIGHT);
+    run.arg("export")
+        .arg(cornell())
+        .args(["--what", "point-cloud", "--frame", "3", "--lights"])
+        .arg(lights);
+    run.arg("-o").arg(folder.path().join("out"));
+    assert!(complaint(&mut run, 2).contains("frames 0 to 0"));
+}
+
+/// Truth: in a closed room whose walls have albedo 1/2 and emit radiance 1, radiance is 2 everywhere in every direction: the first
+/// coefficient is 2 √(4π), all others are 0, and every face of every cube is 2.
+#[test]
+fn an_irradiance_volume_holds_the_light_of_a_furnace() {
+    let folder = folder();
+    let file = furnace(folder.path());
+    let out = folder.path().join("volume");
+    let mut run = relight();
+    run.arg("export")
+        .arg(&file)
+        .args(["--what", "irradiance-volume", "--grid", "2,3,4", "-o"])
+        .arg(&out);
+    run.arg("--lights").arg(data("furnace.lights.json")).arg("--json");
+    let said = json(&run.assert().success().get_output().stdout);
+    assert_eq!(said["facts"]["grid"], serde_json::json!([2, 3, 4]));
+    assert_eq!(npy(&out.join("sh.npy")).1, [4, 3, 2, 9, 3]);
+    for light in floats(&out.join("sh.npy")).chunks(27) {
+        for (i, value) in light.iter().enumerate() {
+            let expected = if i < 3 {
+                2.0 * (4.0 * std::f32::consts::PI).sqrt()
+            } else {
+                0.0
+            };
+            assert!((value - expected).abs() < 0.02 * 7.09, "{i}: {value}");
+        }
+    }
+    assert!(floats(&out.join("open.npy")).iter().all(|&open| open == 1.0));
+    assert_eq!(npy(&out.join("ambient_cubes.npy")).1, [12, 6, 2, 3]);
+    let cubes = floats(&out.join("ambient_cubes.npy"));
+    // Of this coarse bake, whose points receive 3 % too little indirect light, which is a quarter of all.
+    assert!(cubes.iter().all(|light| (light - 2.0).abs() < 0.06), "{cubes:?}");
+    let mean = cubes.iter().sum::<f32>() / cubes.len() as f32;
+    assert!((mean - 2.0).abs() < 0.03, "{mean}");
+
+    // The texture is of the size that Bevy takes, and holds the same numbers.
+    let texture = std::fs::read(out.join("ambient_cubes.ktx2")).unwrap();
+    let word = |at: usize| u32::from_le_bytes(texture[at..at + 4].try_into().unwrap());
+    assert_eq!(&texture[..12], b"\xabKTX 20\xbb\r\n\x1a\n");
+    // R16G16B16A16_SFLOAT, 2 x 6 x 12.
+    assert_eq!([12, 20, 24, 28].map(word), [97, 2, 6, 12]);
+    let start = word(80) as usize;
+    assert_eq!(texture.len(), start + 8 * 2 * 6 * 12);
+    let halves: Vec<f32> = texture[start..]
+        .chunks(2)
+        .map(|b| half_of(u16::from_le_bytes([b[0], b[1]])))
+        .collect();
+    for (texel, light) in halves.chunks(4).zip(cubes.chunks(3)) {
+        assert!(
+            texel[3] == 1.0 && (0..3).all(|c| (texel[c] - light[c]).abs() < 2e-3),
+            "{texel:?} {light:?}"
+        );
+    }
+}
+
+/// A normal number of half precision.
+fn half_of(bits: u16) -> f32 {
+    let exponent = f32::from(bits >> 10 & 31) - 15.0;
+    (1.0 + f32::from(bits & 1023) / 1024.0) * exponent.exp2()
 }

@@ -2,8 +2,8 @@
 
 use crate::stage::{complaint, cornell, folder, relight};
 
-const COMMANDS: [&str; 8] = [
-    "bake", "play", "inspect", "check", "export", "compare", "report", "demo",
+const COMMANDS: [&str; 9] = [
+    "bake", "play", "inspect", "check", "export", "mix", "compare", "report", "demo",
 ];
 
 #[test]

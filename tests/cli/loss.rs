@@ -209,6 +209,13 @@ fn an_export_never_replaces_its_asset_and_writes_all_or_nothing() {
     assert!(text.contains("points.ply: is an asset, not a PLY file"), "{text}");
     export(cornell()).arg("--force").assert().success();
     export(cornell()).assert().success();
+    // Its own page it replaces, others' not.
+    std::fs::write(room.path().join("README.txt"), "my thesis").unwrap();
+    let text = refused(room.path(), &mut export(cornell()));
+    assert!(
+        text.contains("README.txt: is a text, not the page of an export"),
+        "{text}"
+    );
     // Nothing of a matrix that is too large, nor the folder for it.
     let out = room.path().join("new/folder");
     let mut run = with("export", &[cornell()]);

@@ -11,6 +11,7 @@ mod check;
 #[path = "../../crates/view/tests/chromium/mod.rs"]
 mod chromium;
 mod compare;
+mod compositing;
 mod cuts;
 mod cuts_indirect;
 mod export;
@@ -24,6 +25,7 @@ mod left_out;
 mod limits;
 mod loss;
 mod materials;
+mod mix;
 mod moments;
 mod movie;
 mod options;

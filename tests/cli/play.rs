@@ -91,7 +91,7 @@ fn frames_are_named_by_number_and_written_with_their_layers() {
     let read = layers(&folder.path().join("new/f_0005.exr"));
     let mut found: Vec<&str> = read.layers.iter().map(|l| l.name.as_str()).collect();
     found.sort_unstable();
-    assert_eq!(found, ["beauty", "direct", "indirect"]);
+    assert_eq!(found, ["A", "beauty", "direct", "indirect"]);
     assert_eq!((read.width, read.height), (32, 32));
 }
 

@@ -2,13 +2,14 @@
 
 use crate::stage::{complaint, folder, names, relight};
 
-const COMMANDS: [&str; 12] = [
+const COMMANDS: [&str; 13] = [
     "bake",
     "play",
     "view",
     "inspect",
     "check",
     "export",
+    "mix",
     "compare",
     "report",
     "demo",

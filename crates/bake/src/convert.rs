@@ -18,6 +18,18 @@ pub fn geometry(scene: &Scene) -> format::Geometry {
     }
 }
 
+/// Most bytes of names of objects: more is no longer read at a glance, as provenance is.
+const MOST_OF_NAMES: usize = 1 << 20;
+
+/// Names of instances as the setting `objects` has them, line by line; `None` if none has a name, or all are too long together.
+pub fn object_lines(names: &[String]) -> Option<String> {
+    let lines: Vec<String> = (names.iter())
+        .map(|name| name.replace(char::is_control, " "))
+        .collect();
+    let text = lines.join("\n");
+    (names.iter().any(|name| !name.is_empty()) && text.len() <= MOST_OF_NAMES).then_some(text)
+}
+
 /// Materials, in the scene's order.
 pub fn materials(scene: &Scene) -> Vec<format::Material> {
     scene.materials.iter().map(material).collect()

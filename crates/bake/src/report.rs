@@ -81,6 +81,9 @@ impl Made<'_> {
         if offset != DVec3::ZERO {
             add(setting::OFFSET, format!("{} {} {}", offset.x, offset.y, offset.z));
         }
+        if let Some(lines) = convert::object_lines(&self.pruned.scene.object_names) {
+            add(setting::OBJECTS, lines);
+        }
         all
     }
 

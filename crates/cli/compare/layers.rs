@@ -4,7 +4,7 @@ use super::args::CompareArgs;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::kinds::{self, Wanted};
-use relight_scene::image::{FloatImage, Limits, read_exr};
+use relight_scene::image::{ALPHA, FloatImage, Layer, Limits, read_exr};
 
 /// Whether the worst relMSE is allowed.
 pub fn judged(worst: f64, most: Option<f64>, console: &Console) -> Outcome {
@@ -23,7 +23,13 @@ pub fn judged(worst: f64, most: Option<f64>, console: &Console) -> Outcome {
 /// A layer's name, the image's and the reference's.
 pub type Pair = (String, FloatImage, FloatImage);
 
-/// The layers that both files have, or the one asked for.
+/// Whether a layer is compared without being asked for: coverage and identifiers are no light.
+fn is_picture(name: &str) -> bool {
+    let last = name.rsplit('.').next().unwrap_or(name);
+    last != ALPHA && !name.starts_with("Crypto") && !last.starts_with("Crypto")
+}
+
+/// The layers that both files have and that are pictures, or the one asked for.
 ///
 /// # Errors
 /// A file can't be read, they have no layer in common, or one lacks what was asked for.
@@ -38,9 +44,10 @@ pub fn pairs(args: &CompareArgs, console: &Console) -> Result<Vec<Pair>, Failure
     );
     let (a, b) = (args.image.display(), args.reference.display());
     if let Some(name) = &args.layer {
-        let only = || match reference.layers.as_slice() {
-            [only] => reference.rgb(&only.name),
-            _ => None,
+        let only = || {
+            let mut pictures = reference.layers.iter().filter(|layer| is_picture(&layer.name));
+            let first = pictures.next().filter(|_| pictures.next().is_none())?;
+            reference.rgb(&first.name)
         };
         let left = image
             .find(name)
@@ -55,7 +62,7 @@ pub fn pairs(args: &CompareArgs, console: &Console) -> Result<Vec<Pair>, Failure
     }
     let mut pairs = Vec::new();
     let mut found = Vec::new();
-    for layer in &image.layers {
+    for layer in (image.layers.iter()).filter(|layer| is_picture(&layer.name)) {
         // Of two layers that mean the same here, none is the one that the reference means.
         let alone = image.find(&layer.name).is_some();
         let other = reference.find(&layer.name).filter(|other| {
@@ -73,7 +80,8 @@ pub fn pairs(args: &CompareArgs, console: &Console) -> Result<Vec<Pair>, Failure
             _ => console.note(format!("note: layer {} is in {a} only", layer.name)),
         }
     }
-    for layer in (reference.layers.iter()).filter(|layer| !found.contains(&layer.name.as_str())) {
+    let missed = |layer: &&Layer| is_picture(&layer.name) && !found.contains(&layer.name.as_str());
+    for layer in reference.layers.iter().filter(missed) {
         console.note(format!("note: layer {} is in {b} only", layer.name));
     }
     if pairs.is_empty() {

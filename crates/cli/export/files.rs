@@ -28,10 +28,10 @@ pub struct Folder<'a> {
 /// A file that was written.
 #[derive(Serialize)]
 pub struct Written {
-    file: String,
+    pub file: String,
     /// Of arrays and matrices their sizes, the slowest index first.
-    shape: Vec<usize>,
-    unit: String,
+    pub shape: Vec<usize>,
+    pub unit: String,
 }
 
 /// One value per element of a PLY.
@@ -203,6 +203,36 @@ impl<'a> Folder<'a> {
         })
     }
 
+    /// Several n × 3 arrays of f32, one after the other, as one.
+    pub fn vectors_of_several(
+        &mut self,
+        name: &str,
+        unit: &str,
+        n: usize,
+        arrays: &[Vec<[f32; 3]>],
+    ) -> Result<()> {
+        let values = arrays.iter().flat_map(|array| array.as_flattened());
+        self.npy(name, unit, "<f4", &[arrays.len(), n, 3], |out| {
+            write_all_le(out, values.map(|v| v.to_le_bytes()))
+        })
+    }
+
+    /// An array of f32 of several indices.
+    pub fn array(&mut self, name: &str, unit: &str, shape: &[usize], values: &[f32]) -> Result<()> {
+        let bytes = values.iter().map(|v| v.to_le_bytes());
+        self.npy(name, unit, "<f4", shape, |out| write_all_le(out, bytes))
+    }
+
+    /// A texture, whole.
+    pub fn texture(&mut self, file: &str, shape: &[usize], unit: &str, bytes: &[u8]) -> Result<()> {
+        self.write(file.to_owned(), shape, unit, |out| out.write_all(bytes))
+    }
+
+    /// A text.
+    pub fn text(&mut self, file: &str, text: &str) -> Result<()> {
+        self.write(file.to_owned(), &[], "", |out| out.write_all(text.as_bytes()))
+    }
+
     /// An n × 3 array of f32, or of f64.
     pub fn positions(&mut self, name: &str, positions: &Positions) -> Result<()> {
         match positions {
@@ -317,6 +347,8 @@ fn kind_of(file: &str) -> Kind {
         Some("npy") => Kind::Npy,
         Some("ply") => Kind::Ply,
         Some("mtx") => Kind::Market,
+        Some("txt") => Kind::ExportPage,
+        Some("ktx2") => Kind::Ktx2,
         _ => Kind::RadianceMatrix,
     }
 }

@@ -39,6 +39,16 @@ pub enum Facts {
         #[serde(skip_serializing_if = "Option::is_none")]
         area_m2: Option<f32>,
     },
+    PointCloud {
+        lights: Vec<String>,
+        frame: u32,
+    },
+    IrradianceVolume {
+        low: [f64; 3],
+        high: [f64; 3],
+        grid: [u32; 3],
+        frame: u32,
+    },
     Transfer {
         finest_points: usize,
         receivers: usize,

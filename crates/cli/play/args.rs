@@ -9,7 +9,7 @@ use relight_play::{FrameSettings, Integrator, Tracer};
 use relight_render::lightcuts::LightcutSettings;
 use relight_render::many_lights::PointSettings;
 use relight_render::pixelcuts::PixelcutsSettings;
-use relight_scene::image::BEAUTY;
+use relight_scene::image::{BEAUTY, DEPTH};
 use std::path::{Path, PathBuf};
 
 /// Relight an asset for a sequence of lights and write OpenEXR frames.
@@ -66,9 +66,9 @@ pub struct PlayArgs {
     /// Frames to play, from 0, both ends included, every Nth [default: all of the sequence].
     #[arg(long, value_name = "A-BxN", value_parser = frames::parse_range)]
     pub frames: Option<FrameRange>,
-    /// Layers to write, with commas between them; lights stands for one layer per light, light.NAME; cut_size and nodes count
-    /// nodes of visibility cuts: of those between which a pixel interpolates, and of all that shaded it, the illumination cut
-    /// merged in.
+    /// Layers to write, with commas between them; lights stands for one layer per light, light.NAME. Beside the beauty is A, the share of the
+    /// pixel that is scene; cut_size and nodes count nodes of visibility cuts: of those between which a pixel interpolates, and of all
+    /// that shaded it, the illumination cut merged in.
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [LayerName::Beauty, LayerName::Direct, LayerName::Indirect])]
     pub layers: Vec<LayerName>,
     /// Write a PNG preview of the beauty beside each frame (Khronos PBR Neutral).
@@ -146,19 +146,23 @@ pub enum LayerName {
     Albedo,
     /// Shading normal, world space.
     Normal,
-    /// Distance from the camera, metres.
+    /// Distance from the camera's plane (depth.Z) and along the ray (depth.ray), metres, in 32 bits.
     Depth,
     /// Nodes of the visibility cuts between which a pixel interpolates.
     #[value(name = "cut_size")]
     CutSize,
     /// Nodes of the cuts that shaded a pixel, the illumination cut merged in.
     Nodes,
+    /// What of the emission comes from where nothing is: skies.
+    Background,
+    /// Which objects and materials each pixel shows, and how much of it each covers (CryptoObject, CryptoMaterial), in 32 bits.
+    Cryptomatte,
     /// One layer per light.
     Lights,
 }
 
 impl LayerName {
-    /// Its name in a file; of light layers what their names begin with.
+    /// Its name in a file; of light layers and Cryptomatte what their names begin with.
     pub fn name(self) -> &'static str {
         match self {
             LayerName::Beauty => BEAUTY,
@@ -167,9 +171,11 @@ impl LayerName {
             LayerName::Indirect => "indirect",
             LayerName::Albedo => "albedo",
             LayerName::Normal => "normal",
-            LayerName::Depth => "depth",
+            LayerName::Depth => DEPTH,
             LayerName::CutSize => "cut_size",
             LayerName::Nodes => "nodes",
+            LayerName::Background => "background",
+            LayerName::Cryptomatte => "Crypto",
             LayerName::Lights => "light.",
         }
     }
@@ -306,7 +312,12 @@ impl PlayArgs {
 
     /// How to light frames.
     pub fn frame_settings(&self, seed: u64) -> FrameSettings {
-        let surface = [LayerName::Albedo, LayerName::Normal, LayerName::Depth];
+        let surface = [
+            LayerName::Albedo,
+            LayerName::Normal,
+            LayerName::Depth,
+            LayerName::Background,
+        ];
         let defaults = FrameSettings::default();
         FrameSettings {
             // By default 8 to 16 rays.

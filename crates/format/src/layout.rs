@@ -98,8 +98,19 @@ pub mod setting {
     /// Three numbers: what was taken away from all positions.
     pub const OFFSET: &str = "offset";
 
+    /// What the scene calls its instances, a line for each.
+    pub const OBJECTS: &str = "objects";
+
     /// All of these.
-    pub const ALL: [&str; 6] = [BOUNCES, SOLUTION, OWN_LIGHTS, EMISSION, CAMERAS_ONLY, OFFSET];
+    pub const ALL: [&str; 7] = [
+        BOUNCES,
+        SOLUTION,
+        OWN_LIGHTS,
+        EMISSION,
+        CAMERAS_ONLY,
+        OFFSET,
+        OBJECTS,
+    ];
 
     /// Value: as many bounces as change anything.
     pub const CONVERGED: &str = "converged";

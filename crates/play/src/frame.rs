@@ -13,6 +13,8 @@ mod emission;
 pub(crate) mod environment;
 mod indirect;
 pub mod light;
+pub mod points;
+pub mod probes;
 pub(crate) mod received;
 pub mod resolve;
 pub mod settings;

@@ -134,6 +134,7 @@ pub(crate) fn opened(mut asset: Asset, path: &Path, sections: Sections) -> Resul
     }
     let scene = Arc::new(Scene {
         meshes: convert::meshes(asset.geometry.meshes),
+        object_names: object_names(&asset.provenance, asset.geometry.instances.len()),
         instances: (asset.geometry.instances.iter()).map(convert::instance).collect(),
         materials,
         textures: (asset.textures.into_iter().enumerate())
@@ -159,6 +160,20 @@ pub(crate) fn opened(mut asset: Asset, path: &Path, sections: Sections) -> Resul
         provenance: asset.provenance,
         estimates: asset.estimates,
     })
+}
+
+/// What the scene calls its instances. SPEC 6.1.1.
+fn object_names(provenance: &Provenance, instances: usize) -> Vec<String> {
+    let lines = provenance.setting(setting::OBJECTS).into_iter();
+    let names: Vec<String> = lines
+        .flat_map(|text| text.split('\n'))
+        .map(str::to_owned)
+        .collect();
+    if names.len() == instances {
+        names
+    } else {
+        Vec::new()
+    }
 }
 
 /// The operators of an asset alone, which need no scene; `None` where it has no points.

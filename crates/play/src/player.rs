@@ -55,8 +55,8 @@ pub struct Player {
 
 /// One frame.
 pub struct Frame {
-    /// `beauty` = `emission` + `direct` + `indirect`, W/(m² sr), linear RGB; where asked for `light.NAME` for each light, and
-    /// `albedo`, `normal` and `depth`.
+    /// `beauty` = `emission` + `direct` + `indirect`, W/(m² sr), linear RGB, and `A`, the share of each pixel that shows scene; where asked
+    /// for `light.NAME` for each light, and `background`, `albedo`, `normal`, `depth` and `depth.ray`.
     pub layers: Layers,
     /// How its light was made, and why.
     pub choice: Choice,

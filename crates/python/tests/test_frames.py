@@ -39,15 +39,16 @@ def test_frames_are_those_of_play_bit_by_bit(asset, command_line, tmp_path):
 
 def test_a_frame_is_arrays_by_layer(shot):
     frame = shot.frame(lights=LAMPS)
-    assert list(frame) == ["beauty", "emission", "direct", "indirect"]
+    assert list(frame) == ["beauty", "emission", "direct", "indirect", "A"]
     for name, image in frame.items():
-        assert image.shape == (24, 32, 3) and image.dtype == np.float32 and image.flags.c_contiguous, name
+        assert image.shape == ((24, 32) if name == "A" else (24, 32, 3)) and image.dtype == np.float32 and image.flags.c_contiguous, name
         # The user's own, to be written to.
         assert image.flags.writeable
     np.testing.assert_allclose(frame["beauty"], frame["emission"] + frame["direct"] + frame["indirect"], rtol=1e-6)
     assert frame["indirect"].max() > 0
     layers = shot.frame(lights=LAMPS, light_layers=True, surface_layers=True)
-    assert {"light.lamp", "light.spot_1", "light.sphere_2", "albedo", "normal", "depth"} < set(layers)
+    surfaces = {"background", "albedo", "normal", "depth", "depth.ray"}
+    assert {"light.lamp", "light.spot_1", "light.sphere_2"} | surfaces < set(layers)
     assert layers["depth"].shape == (24, 32)
 
 

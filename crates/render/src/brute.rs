@@ -17,7 +17,7 @@ use relight_transport::random::mix;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Samples per pixel where none are asked for.
-const SPP: u32 = 16;
+pub const SPP: u32 = 16;
 /// Shadow rays per sample and light with extent; lights without extent get one.
 const LIGHT_SAMPLES: u32 = 4;
 

@@ -91,6 +91,7 @@ pub fn expose_watched(
     let bands: Vec<Exposure> = bands.collect::<Result<_, Cancelled>>()?;
     let mut whole = Exposure {
         eye: camera.position,
+        forward: camera.forward,
         ..exposing.empty(height)
     };
     for band in bands {
@@ -161,7 +162,7 @@ impl Exposing<'_> {
             let direction = self.camera.direction(corner + place, size);
             Sample {
                 direction,
-                seen: seen_along(self.scene, self.camera, direction),
+                seen: seen_along(self.scene, self.camera.position, direction),
                 group: 0,
             }
         };
@@ -195,6 +196,7 @@ fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: us
         offsets: (0..=count as u32).collect(),
         coverage: vec![1.0; count],
         eye: camera.position,
+        forward: camera.forward,
         ..Exposure::default()
     };
     (0..count)
@@ -207,14 +209,33 @@ fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: us
         .collect_into_vec(&mut whole.directions);
     (whole.directions.par_iter())
         .with_min_len(256)
-        .map(|&direction| seen_along(scene, camera, direction).unzip())
+        .map(|&direction| seen_along(scene, camera.position, direction).unzip())
         .unzip_into_vecs(&mut whole.hits, &mut whole.points);
     whole
 }
 
-/// What a camera's ray meets.
-fn seen_along(scene: &TracedScene, camera: &Camera, direction: Vec3) -> Seen {
-    let ray = Ray::endless(camera.position, direction);
+/// What is seen from a place along some unit directions: a row of pixels of one fragment each. It has no view direction.
+pub fn expose_around(scene: &TracedScene, eye: Vec3, directions: &[Vec3]) -> Exposure {
+    let (hits, points) = (directions.par_iter())
+        .with_min_len(256)
+        .map(|&direction| seen_along(scene, eye, direction).unzip())
+        .unzip();
+    Exposure {
+        width: directions.len(),
+        height: 1,
+        offsets: (0..=directions.len() as u32).collect(),
+        coverage: vec![1.0; directions.len()],
+        hits,
+        points,
+        directions: directions.to_vec(),
+        eye,
+        ..Exposure::default()
+    }
+}
+
+/// What a ray from an eye meets.
+fn seen_along(scene: &TracedScene, eye: Vec3, direction: Vec3) -> Seen {
+    let ray = Ray::endless(eye, direction);
     scene.closest_hit(&ray).map(|hit| {
         let mut point = scene.shading_point(&hit).facing(-direction);
         // As if what lies behind panes had their colour.

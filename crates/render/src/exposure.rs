@@ -33,6 +33,8 @@ pub struct Exposure {
     pub directions: Vec<Vec3>,
     /// Camera position.
     pub eye: Vec3,
+    /// The camera's unit view direction.
+    pub forward: Vec3,
     /// Where some of each fragment's rays end, fragment by fragment; [`Exposure::ends_of`].
     pub(crate) ends: Vec<RayEnd>,
     /// Start of each fragment's ends, and the end of the last; empty where pixels have one ray.

@@ -5,7 +5,7 @@
 use crate::watch::{Cancelled, Watch};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use relight_scene::image::{BEAUTY, Layers};
+use relight_scene::image::{ALPHA, BEAUTY, DEPTH, Layers, RAY_DEPTH};
 use relight_scene::light_set::LightSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -24,9 +24,12 @@ pub(crate) struct PixelSum {
     transported: [DVec3; 3],
     /// All of it by light; empty if light layers aren't wanted.
     lights: Vec<DVec3>,
+    /// Of `transported[0]` what comes from where nothing is.
+    background: DVec3,
     albedo: DVec3,
     normal: DVec3,
-    depth: f64,
+    /// Along the ray, and from the camera's plane.
+    depth: [f64; 2],
     hits: u32,
     /// Samples taken: what the sums of light are divided by.
     pub samples: u32,
@@ -37,9 +40,10 @@ impl PixelSum {
         PixelSum {
             transported: [DVec3::ZERO; 3],
             lights: vec![DVec3::ZERO; lights],
+            background: DVec3::ZERO,
             albedo: DVec3::ZERO,
             normal: DVec3::ZERO,
-            depth: 0.0,
+            depth: [0.0; 2],
             hits: 0,
             samples: 0,
         }
@@ -70,11 +74,18 @@ impl PixelSum {
         }
     }
 
-    /// Adds what an eye ray found first: total reflectance, shading normal, distance along the ray.
-    pub fn add_surface(&mut self, albedo: Vec3, normal: Vec3, depth: f32) {
+    /// Says of light that was added that it comes from where nothing is.
+    pub fn add_background(&mut self, radiance: Vec3) {
+        if radiance.is_finite() {
+            self.background += radiance.as_dvec3();
+        }
+    }
+
+    /// Adds what an eye ray found first: total reflectance, shading normal, distance along the ray and from the camera's plane.
+    pub fn add_surface(&mut self, albedo: Vec3, normal: Vec3, depth: [f32; 2]) {
         self.albedo += albedo.as_dvec3();
         self.normal += normal.as_dvec3();
-        self.depth += f64::from(depth);
+        (self.depth.iter_mut().zip(depth)).for_each(|(sum, depth)| *sum += f64::from(depth));
         self.hits += 1;
     }
 }
@@ -83,14 +94,17 @@ impl PixelSum {
 pub(crate) const TILE: usize = 16;
 
 /// Names and channels of the layers that every integrator makes, in order; light layers follow.
-const LAYERS: [(&str, usize); 7] = [
+const LAYERS: [(&str, usize); 10] = [
     (BEAUTY, 3),
+    (ALPHA, 1),
     ("emission", 3),
     ("direct", 3),
     ("indirect", 3),
+    ("background", 3),
     ("albedo", 3),
     ("normal", 3),
-    ("depth", 1),
+    (DEPTH, 1),
+    (RAY_DEPTH, 1),
 ];
 
 /// A rectangle of pixels, at most [`TILE`] wide and high.
@@ -122,8 +136,9 @@ impl Tile {
 }
 
 /// Calls `block` for every tile to fill the sums of its pixels, row by row, with the number of samples of each, and makes
-/// layers of their means: beauty = emission + direct + indirect, albedo, normal, depth (distance along the eye ray in
-/// metres), and `light.<name>` where `light_layers`. Albedo, normal and depth are means over the samples that met a surface,
+/// layers of their means: beauty = emission + direct + indirect, `A` (the share of samples that met a surface), background (what of emission
+/// others saw), albedo, normal, depth (distance from the camera's plane in metres), `depth.ray` (along the eye ray), and
+/// `light.<name>` where `light_layers`. Albedo, normal and depths are means over the samples that met a surface,
 /// 0 where none did. The state, made by `state` for every worker now and then, carries buffers, no light.
 pub(crate) fn render_blocks<S>(
     size: RenderSize,
@@ -188,17 +203,20 @@ fn finish(sums: &PixelSum, values: &mut Vec<f32>) {
     // Summed in f32, so that the layers of a file add up exactly.
     let beauty = emission + direct + indirect;
     let normal = mean(sums.normal, sums.hits).normalize_or_zero();
+    values.extend(beauty.to_array());
+    values.push((f64::from(sums.hits) / f64::from(samples.max(1))) as f32);
     for v in [
-        beauty,
         emission,
         direct,
         indirect,
+        mean(sums.background, samples),
         mean(sums.albedo, sums.hits),
         normal,
     ] {
         values.extend(v.to_array());
     }
-    values.push((sums.depth / f64::from(sums.hits.max(1))) as f32);
+    let [along, planar] = sums.depth.map(|sum| (sum / f64::from(sums.hits.max(1))) as f32);
+    values.extend([planar, along]);
     for light in &sums.lights {
         values.extend(mean(*light, samples).to_array());
     }

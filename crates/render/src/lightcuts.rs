@@ -98,7 +98,7 @@ pub fn diagonal(scene: &TracedScene) -> f32 {
 }
 
 /// Samples per pixel where none are asked for; a cut for each.
-const SPP: u32 = 4;
+pub const SPP: u32 = 4;
 
 /// Renders an image. `clusters` are the [`trees`] over `points` with the picture's light layers. Layers: see
 /// [`crate::layers`]; light by virtual lights is `indirect`, and so is what mirrors show, but for lights.

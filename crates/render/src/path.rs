@@ -23,7 +23,7 @@ use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::TracedScene;
 
 /// Samples per pixel where none are asked for.
-const SPP: u32 = 64;
+pub const SPP: u32 = 64;
 
 /// Up to this many lights are all sampled at every vertex: a shadow ray costs less than the variance of
 /// leaving a light out.

@@ -90,6 +90,9 @@ impl<'a> Picture<'a> {
             None,
             |light, radiance, _| {
                 sums.add(Some(light), 0, radiance);
+                if hit.is_none() {
+                    sums.add_background(radiance);
+                }
             },
         );
         if let Some(hit) = hit {
@@ -97,7 +100,8 @@ impl<'a> Picture<'a> {
             if scene.material(hit.primitive).unlit {
                 sums.add(None, 0, point.emission);
             }
-            sums.add_surface(scene.albedo(hit), point.shading_normal, hit.t);
+            let planar = hit.t * ray.direction.dot(self.camera.forward);
+            sums.add_surface(scene.albedo(hit), point.shading_normal, [hit.t, planar]);
         }
     }
 

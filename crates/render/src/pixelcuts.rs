@@ -76,6 +76,9 @@ impl Default for PixelcutsSettings {
     }
 }
 
+/// Samples per pixel where no number is asked for.
+pub const SPP: u32 = 1;
+
 /// The first pass, which finds what virtual lights are clamped by, has so many times fewer clusters.
 const COARSER: u32 = 8;
 /// Highest degree of its harmonics: it says how bright a place is, not more.
@@ -94,7 +97,7 @@ pub fn render(
     let scene = picture.scene;
     let mut stats = PixelcutsStats::default();
     let mut clock = Instant::now();
-    let spp = picture.spp.unwrap_or(1).max(1);
+    let spp = picture.spp.unwrap_or(SPP).max(1);
     let view = View::new(picture, spp);
     stats.points = view.points.len();
     lap(&mut clock, &mut stats.times.eye);

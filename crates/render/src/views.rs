@@ -1,5 +1,5 @@
-//! What an exposure shows besides light: reflectance, normals, depth. Means over what of a pixel is covered by
-//! surfaces; 0 where nothing is.
+//! What an exposure shows besides light: reflectance, normals, depths. Means over what of a pixel is covered by
+//! surfaces; 0 where nothing is. And how much of it is.
 
 use crate::exposure::Exposure;
 use glam::Vec3;
@@ -29,13 +29,32 @@ pub fn normals(seen: &Exposure) -> Vec<Vec3> {
     normals
 }
 
-/// Distance along the eye ray, metres.
-pub fn depth(seen: &Exposure) -> Vec<f32> {
-    let distance = |f: usize| seen.hits[f].as_ref().map_or(0.0, |hit| hit.t);
-    means(seen, |f| Vec3::splat(distance(f)))
-        .into_iter()
-        .map(|v| v.x)
+/// Distances from the camera's plane and along the eye ray, metres.
+pub fn depths(seen: &Exposure) -> (Vec<f32>, Vec<f32>) {
+    let distances = |f: usize| {
+        let along = seen.hits[f].as_ref().map_or(0.0, |hit| hit.t);
+        Vec3::new(along * seen.directions[f].dot(seen.forward), along, 0.0)
+    };
+    (means(seen, distances).into_iter()).map(|v| (v.x, v.y)).unzip()
+}
+
+/// Share of each pixel that is covered by surfaces, 0 to 1.
+pub fn alpha(seen: &Exposure) -> Vec<f32> {
+    (0..seen.width * seen.height)
+        .map(|pixel| {
+            let surfaces = seen.fragments_of(pixel).filter(|&f| seen.hits[f].is_some());
+            // Shares of what has several fragments are rounded.
+            surfaces.map(|f| seen.coverage[f]).sum::<f32>().min(1.0)
+        })
         .collect()
+}
+
+/// Of light at the fragments what comes from where nothing is.
+pub fn background(seen: &Exposure, fragments: &[Vec3]) -> Vec<Vec3> {
+    let beyond: Vec<Vec3> = (fragments.iter().zip(&seen.hits))
+        .map(|(light, hit)| if hit.is_none() { *light } else { Vec3::ZERO })
+        .collect();
+    seen.resolve(&beyond)
 }
 
 fn means(seen: &Exposure, value: impl Fn(usize) -> Vec3) -> Vec<Vec3> {

@@ -41,6 +41,8 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     /// Placed meshes, in the order of the source.
     pub instances: Vec<Instance>,
+    /// What the source calls each instance: its node, else its mesh; empty where it has no name. As many as instances, or none.
+    pub object_names: Vec<String>,
     /// At least one if there are meshes.
     pub materials: Vec<Material>,
     /// Referenced by the materials.

@@ -160,6 +160,10 @@ fn push(scene: &mut Scene, name: &str, albedo: Vec3, mesh: impl FnOnce(u32) -> M
         mesh: index,
         world_from_mesh: Affine3A::IDENTITY,
     });
+    scene
+        .object_names
+        .resize(scene.instances.len() - 1, String::new());
+    scene.object_names.push(name.to_owned());
     scene.materials.push(Material {
         name: name.to_owned(),
         base_color: albedo.extend(1.0),

@@ -6,9 +6,10 @@ use crate::exhibit::Maps;
 use crate::wish::{By, Eye, Wish};
 use relight_play::choice::CutUse;
 use relight_play::frame::stats::Figure;
+use relight_play::header::{FrameOrigin, sequence_hash};
 use relight_play::player::{FrameError, ShotError};
 use relight_play::render::watch::Watch;
-use relight_play::scene::image::Layers;
+use relight_play::scene::image::{ExrHeader, Layers};
 use relight_play::scene::sequence::{Sequence, parse_sequence_with};
 use relight_play::{Choice, CutSites, FrameSettings, Integrator, Lights, Player, Shot, ShotSettings, Tracer};
 use std::sync::Arc;
@@ -52,6 +53,8 @@ pub struct Painted {
     pub choice: Choice,
     /// Milliseconds by stage, of what was done for this picture.
     pub times: Vec<(&'static str, f64)>,
+    /// What its file says about it.
+    pub header: ExrHeader,
     /// Frames per second of its sequence.
     pub fps: f64,
     /// How far what the asset makes is from it, where it is the reference.
@@ -66,6 +69,7 @@ struct KeptLights {
     /// Materials that shine are those of then.
     edition: u64,
     fps: f64,
+    hash: String,
     lights: Lights,
 }
 
@@ -150,6 +154,15 @@ impl Painter {
             settings: shot_settings,
             edition: room.edition,
         };
+        let header = (room.player).header(&FrameOrigin {
+            camera: (&key.eye.camera(), ""),
+            shot: &key.settings,
+            choice: &choice,
+            seed: room.seed,
+            fps: kept.fps,
+            frame: wish.time as u32,
+            sequence_hash: &kept.hash,
+        });
         let slot = &mut self.shots[stage as usize];
         let turned = slot.as_ref().is_none_or(|(of, _)| *of != key);
         if turned {
@@ -190,6 +203,7 @@ impl Painter {
             layers: frame.layers,
             choice: frame.choice,
             times,
+            header,
             fps,
             apart: None,
             last: true,
@@ -256,6 +270,7 @@ impl Painter {
             text: wish.lights.clone(),
             edition: room.edition,
             fps: sequence.fps,
+            hash: sequence_hash(sequence),
             lights,
         });
         Ok(true)

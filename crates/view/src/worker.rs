@@ -10,7 +10,7 @@ use relight_play::glam::{Vec2, Vec3};
 use relight_play::near::near;
 use relight_play::render::watch::Watch;
 use relight_play::scene::image::preview::auto_exposure;
-use relight_play::scene::image::{ExrHeader, Layers, encode_exr};
+use relight_play::scene::image::{Layers, encode_exr};
 use relight_play::scene::material_edits::parse_material_edits;
 use relight_play::scene::rays::Ray;
 use relight_play::scene::surface::Surfaces;
@@ -21,7 +21,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// The layers that `relight play` writes by default.
-const SAVED: [&str; 3] = ["beauty", "direct", "indirect"];
+const SAVED: [&str; 4] = ["beauty", "A", "direct", "indirect"];
 
 /// Most links of a place that are told.
 const MOST_LINKS: usize = 400;
@@ -289,14 +289,7 @@ impl Worker {
         for name in SAVED {
             layers.layers.extend(painted.layers.layer(name).cloned());
         }
-        let header = ExrHeader {
-            asset_hash: Some(format!("{:016x}", self.exhibit.player.hash)),
-            seed: Some(self.exhibit.seed),
-            frames_per_second: Some(painted.fps),
-            frame: Some(wish.time as u32),
-            ..ExrHeader::new()
-        };
-        match encode_exr("the picture", &layers, &header, float) {
+        match encode_exr("the picture", &layers, &painted.header, float) {
             Ok((bytes, _)) => Ok(bytes),
             Err(error) => Err(error.to_string()),
         }

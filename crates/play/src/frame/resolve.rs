@@ -5,10 +5,11 @@ use glam::Vec3;
 use rayon::prelude::*;
 use relight_render::exposure::Exposure;
 use relight_render::views;
-use relight_scene::image::{BEAUTY, Layers};
+use relight_scene::image::{ALPHA, BEAUTY, DEPTH, Layers, RAY_DEPTH};
 
-/// The layers of a frame: `beauty` = `emission` + `direct` + `indirect`, `light.NAME`, with `surface_layers` `albedo`,
-/// `normal` and `depth`, and where they were counted `cut_size` and `nodes`, means over a pixel. Nothing is clamped, so that layers add up.
+/// The layers of a frame: `beauty` = `emission` + `direct` + `indirect`, `A`, `light.NAME`, with `surface_layers` `background`,
+/// `albedo`, `normal`, `depth` and `depth.ray`, and where they were counted `cut_size` and `nodes`, means over a pixel. Nothing is
+/// clamped, so that layers add up.
 pub fn resolve(seen: &Exposure, lit: &Lit, surface_layers: bool) -> Layers {
     let mut layers = Layers::new(seen.width, seen.height);
     let mut push = |name: &str, pixels: &[Vec3]| {
@@ -31,9 +32,12 @@ pub fn resolve(seen: &Exposure, lit: &Lit, surface_layers: bool) -> Layers {
         push(&format!("light.{name}"), &seen.resolve(fragments));
     }
     if surface_layers {
+        push("background", &views::background(seen, &lit.emission));
         push("albedo", &views::albedo(seen));
         push("normal", &views::normals(seen));
-        layers.push_scalar("depth", &views::depth(seen));
+        let (planar, along) = views::depths(seen);
+        layers.push_scalar(DEPTH, &planar);
+        layers.push_scalar(RAY_DEPTH, &along);
     }
     if let Some(cuts) = &lit.cuts {
         for (name, counts) in [("cut_size", &cuts.cut_size), ("nodes", &cuts.nodes)] {
@@ -42,5 +46,6 @@ pub fn resolve(seen: &Exposure, lit: &Lit, surface_layers: bool) -> Layers {
             layers.push_scalar(name, &means);
         }
     }
+    layers.push_scalar(ALPHA, &views::alpha(seen));
     layers
 }

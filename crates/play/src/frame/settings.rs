@@ -17,7 +17,7 @@ pub struct FrameSettings {
     pub seed: u64,
     /// Whether to make a layer per light, `light.NAME`.
     pub light_layers: bool,
-    /// Whether to make the layers `albedo`, `normal` and `depth` (integrators that trace every frame always do).
+    /// Whether to make the layers `background`, `albedo`, `normal`, `depth` and `depth.ray` (integrators that trace every frame always do).
     pub surface_layers: bool,
     /// Shadow rays per fragment for each light with extent.
     pub pixel_samples: u32,

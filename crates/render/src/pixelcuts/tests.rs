@@ -111,7 +111,16 @@ fn with_a_cluster_for_each_pixel_matt_surfaces_are_as_by_brute_force() {
             let (found, stats) = lit.by_pixelcuts(&tracks, spp, &every_pixel());
             let truth = lit.by_brute(&tracks, spp);
             for name in [
-                "beauty", "emission", "direct", "indirect", "albedo", "normal", "depth",
+                "beauty",
+                "A",
+                "emission",
+                "direct",
+                "indirect",
+                "background",
+                "albedo",
+                "normal",
+                "depth",
+                "depth.ray",
             ] {
                 let [found, truth] = [&found, &truth].map(|layers| data(layers, name));
                 let scale = truth.iter().fold(0.0f32, |m, v| m.max(v.abs()));

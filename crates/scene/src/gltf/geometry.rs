@@ -80,6 +80,8 @@ impl<'a> Shape<'a> {
 pub(super) struct Geometry {
     pub meshes: Vec<Mesh>,
     pub instances: Vec<Instance>,
+    /// One per instance.
+    pub names: Vec<String>,
 }
 
 /// Decodes what the scene's nodes show: each different primitive once, however often it is placed.
@@ -96,6 +98,7 @@ pub(super) fn build(
     let mut geometry = Geometry {
         meshes: Vec::new(),
         instances: Vec::new(),
+        names: Vec::new(),
     };
     let mut mesh_of: HashMap<Shape, Option<u32>> = HashMap::new();
     let mut poses: Vec<Option<SkinPose>> = (0..skins.len()).map(|_| None).collect();
@@ -156,6 +159,7 @@ pub(super) fn build(
                     notes.count("placed meshes beyond the reach of 32-bit numbers left out", 1);
                     continue;
                 }
+                let placed = geometry.instances.len();
                 match rank(world_from_mesh.matrix3) {
                     3 => geometry.instances.push(Instance {
                         mesh: index,
@@ -175,6 +179,10 @@ pub(super) fn build(
                         }
                     }
                     _ => notes.count("placed meshes scaled to nothing left out", 1),
+                }
+                if geometry.instances.len() > placed {
+                    let name = node.name.as_ref().or_else(|| graph.mesh_names.get(mesh));
+                    geometry.names.push(name.cloned().unwrap_or_default());
                 }
             }
         }

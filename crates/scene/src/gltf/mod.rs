@@ -243,6 +243,7 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
     Ok(Scene {
         meshes: geometry.meshes,
         instances: geometry.instances,
+        object_names: geometry.names,
         materials,
         textures,
         cameras: tracks.cameras,

@@ -145,6 +145,8 @@ pub(super) struct Graph {
     pub order: Vec<usize>,
     /// Taken away from all places in the world.
     pub offset: DVec3,
+    /// What the file calls its meshes; empty where it has no word.
+    pub mesh_names: Vec<String>,
 }
 
 impl Graph {
@@ -184,6 +186,9 @@ impl Graph {
             lights,
             order: graph.order,
             offset: DVec3::ZERO,
+            mesh_names: (root.items("meshes").iter())
+                .map(|mesh| mesh.text("name").unwrap_or_default().to_owned())
+                .collect(),
         }
     }
 

@@ -20,7 +20,7 @@ use std::path::Path;
 /// Reads all channels of a file, grouped into layers.
 ///
 /// Channels with a common prefix and the endings `R G B` or `X Y Z` become one layer of three, named by the prefix
-/// ([`super::BEAUTY`] without one); the only channel of a prefix becomes a layer named by it; every other channel
+/// ([`super::BEAUTY`] without one); the only channel of a prefix, or its `Z`, becomes a layer named by it; every other channel
 /// becomes a layer with its full name. In a file of many parts the part's name comes before the prefix, unless it is there
 /// already. Values come as the file has them, NaN and infinity included, but colours (`R G B`) in Rec. 709 where the file
 /// has other chromaticities. The image is the display window; where it has no data it is 0.
@@ -271,12 +271,13 @@ fn grouped(
             });
             break;
         }
-        let alone =
-            group.channels.len() == 1 && !group.prefix.is_empty() && layers.layer(&group.prefix).is_none();
+        // A distance goes by its prefix also beside others, as `depth.Z` beside `depth.ray`.
+        let unnamed = !group.prefix.is_empty() && layers.layer(&group.prefix).is_none();
+        let alone = unnamed && group.channels.len() == 1;
         for (ending, samples) in group.channels {
             let name = match group.prefix.as_str() {
                 "" => ending,
-                prefix if alone => prefix.to_string(),
+                prefix if alone || (unnamed && ending == "Z") => prefix.to_string(),
                 prefix => format!("{prefix}.{ending}"),
             };
             let data = group.placement.placed(samples.values_as_f32().collect(), 1);

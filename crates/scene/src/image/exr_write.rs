@@ -12,8 +12,8 @@
 
 use super::atomic::write_atomically;
 use super::error::ImageError;
-use super::exr_header::{ExrHeader, file_header};
-use super::layers::{BEAUTY, Layer, Layers};
+use super::exr_header::{ExrHeader, file_header, with_attributes};
+use super::layers::{ALPHA, BEAUTY, DEPTH, Layer, Layers, RAY_DEPTH};
 use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
 use exr::block::writer::ChunksWriter;
 use exr::meta::attribute::SampleType;
@@ -69,11 +69,14 @@ impl std::fmt::Display for ExrWarning {
     }
 }
 
-/// The names of a layer's channels: `R G B` for [`BEAUTY`], else `name.R` and so on; `X Y Z` for `normal`, `Z` for
-/// `depth`, `Y` (OpenEXR's luminance) for any other single channel.
+/// The names of a layer's channels: `R G B` for [`BEAUTY`], else `name.R` and so on; `X Y Z` for `normal`, `Z` for [`DEPTH`], nothing but
+/// their names for [`ALPHA`] and [`RAY_DEPTH`], `Y` (OpenEXR's luminance) for any other single channel; `r g b a` for four, in which
+/// Cryptomatte keeps what is no colour.
 pub fn channel_names(layer: &Layer) -> Vec<String> {
     let suffixes: &[&str] = match (layer.channels, layer.name.as_str()) {
-        (1, "depth") => &["Z"],
+        (1, ALPHA | RAY_DEPTH) => return vec![layer.name.clone()],
+        (4, _) => &["r", "g", "b", "a"],
+        (1, DEPTH) => &["Z"],
         (1, _) => &["Y"],
         (_, "normal") => &["X", "Y", "Z"],
         _ => &["R", "G", "B"],
@@ -86,6 +89,11 @@ pub fn channel_names(layer: &Layer) -> Vec<String> {
         }
     };
     suffixes.iter().map(name).collect()
+}
+
+/// Whether a layer has 32 bits whatever else has: half precision tells distances apart by 1 in 2000, and identifiers not at all.
+fn always_float(layer: &Layer) -> bool {
+    layer.channels == 4 || [DEPTH, RAY_DEPTH].contains(&layer.name.as_str())
 }
 
 /// Writes the layers as `path`, atomically ([`write_atomically`]): half precision, or 32 bits if `float`.
@@ -134,8 +142,9 @@ pub fn encode_exr(
     }
 
     let kinds = channels.iter().map(|(name, c)| (name.clone(), c.kind));
-    let header = file_header(layers.width, layers.height, kinds, header);
-    let chunks: Vec<Chunk> = (0..header.chunk_count)
+    let exr_header = file_header(layers.width, layers.height, kinds, header);
+    let chunk_count = exr_header.chunk_count;
+    let chunks: Vec<Chunk> = (0..chunk_count)
         .into_par_iter()
         .map(|i| {
             let first = i * LINES_PER_BLOCK;
@@ -152,11 +161,15 @@ pub fn encode_exr(
         .collect();
 
     let mut bytes = Cursor::new(Vec::new());
-    exr::block::write(&mut bytes, [header].into_iter().collect(), true, |_, writer| {
-        (chunks.into_iter().enumerate()).try_for_each(|(i, chunk)| writer.write_chunk(i, chunk))
-    })
+    exr::block::write(
+        &mut bytes,
+        [exr_header].into_iter().collect(),
+        true,
+        |_, writer| (chunks.into_iter().enumerate()).try_for_each(|(i, chunk)| writer.write_chunk(i, chunk)),
+    )
     .map_err(|e| ImageError::invalid(file, format!("cannot be an OpenEXR file: {e}")))?;
-    let mut bytes = bytes.into_inner();
+    let mut bytes = with_attributes(&bytes.into_inner(), chunk_count, header)
+        .ok_or_else(|| ImageError::invalid(file, "its attributes do not fit into an OpenEXR file"))?;
     if channels.iter().any(|(name, _)| name.len() > SHORT_NAME) {
         // Bit 10 of the version field, which follows the 4 bytes of the magic number.
         bytes[5] |= 1 << 2;
@@ -200,7 +213,7 @@ fn checked_channels<'a>(
                 format!("{name:?} is no name for a layer"),
             ));
         }
-        if !matches!(count, 1 | 3) || data.len() != width * height * count {
+        if !matches!(count, 1 | 3 | 4) || data.len() != width * height * count {
             let detail = format!(
                 "layer {name} has {} values in {count} channels for {width} × {height} pixels",
                 data.len()
@@ -220,6 +233,7 @@ fn checked_channels<'a>(
                 infinite,
             });
         }
+        let float = float || always_float(layer);
         let beyond = largest >= HALF_OVERFLOW || (largest > 0.0 && largest < HALF_NORMAL);
         if beyond && !float {
             warnings.push(ExrWarning::BeyondHalf {

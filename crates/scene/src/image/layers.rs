@@ -5,6 +5,12 @@ use std::collections::HashSet;
 
 /// The layer that OpenEXR files hold as plain `R`, `G`, `B`.
 pub const BEAUTY: &str = "beauty";
+/// The layer of the share of each pixel that shows scene, not background: OpenEXR's `A`.
+pub const ALPHA: &str = "A";
+/// The layer of the distance from the camera's plane, metres: `depth.Z`.
+pub const DEPTH: &str = "depth";
+/// The layer of the distance along the ray, metres.
+pub const RAY_DEPTH: &str = "depth.ray";
 
 /// A linear RGB image.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,7 +39,7 @@ impl FloatImage {
 pub struct Layer {
     /// What it is: [`BEAUTY`], `direct`, `light.sun`, `normal`, ….
     pub name: String,
-    /// Values per pixel: 1 or 3.
+    /// Values per pixel: 1, 3 or 4.
     pub channels: usize,
     /// `width · height · channels` values, the channels of a pixel side by side.
     pub data: Vec<f32>,
@@ -76,6 +82,15 @@ impl Layers {
         });
     }
 
+    /// Adds a layer of four channels that are no colour, such as identifiers; `pixels` holds `width · height` of them.
+    pub fn push_raw(&mut self, name: &str, pixels: &[[f32; 4]]) {
+        self.layers.push(Layer {
+            name: name.into(),
+            channels: 4,
+            data: pixels.as_flattened().to_vec(),
+        });
+    }
+
     /// Adds a layer of one channel; `values` holds `width · height` of them.
     pub fn push_scalar(&mut self, name: &str, values: &[f32]) {
         self.layers.push(Layer {
@@ -111,6 +126,9 @@ impl Layers {
         let layer = self.layer(name)?;
         let pixels = match layer.channels {
             3 => layer.data.as_chunks::<3>().0.to_vec(),
+            4 => (layer.data.as_chunks::<4>().0.iter())
+                .map(|&[r, g, b, _]| [r, g, b])
+                .collect(),
             _ => layer.data.iter().map(|&v| [v; 3]).collect(),
         };
         Some(FloatImage {
@@ -141,16 +159,18 @@ fn pass(name: &str) -> String {
 /// Longest name of a light, bytes: OpenEXR's names have at most 255, of which `light.` and `.R` take 8.
 const LONGEST_LIGHT: usize = 247;
 
-/// The names that lights have in their layers' names, `light.NAME`: their own where they fit. Longer ones are cut and, where
-/// another has that name, numbered; zero characters, which end names in OpenEXR, become `_`. All differ if `names` do.
+/// The names that lights have in their layers' names, `light.NAME`: their own where they can. Dots and slashes, by which programs divide
+/// layers' names, backslashes and control characters, line ends among them, become `_`; longer names are cut; and where another has
+/// that name, they are numbered. All differ if `names` do.
 pub fn light_layer_names(names: &[&str]) -> Vec<String> {
-    let fits = |name: &str| name.len() <= LONGEST_LIGHT && !name.contains('\0');
+    let breaks = |c: char| matches!(c, '.' | '/' | '\\') || c.is_control();
+    let fits = |name: &str| name.len() <= LONGEST_LIGHT && !name.contains(breaks);
     let mut taken: HashSet<String> = names.iter().filter(|n| fits(n)).map(|&n| n.to_owned()).collect();
     let name = |&name: &&str| {
         if fits(name) {
             return name.to_owned();
         }
-        let clean = name.replace('\0', "_");
+        let clean = name.replace(breaks, "_");
         let cut = |ending: &str| {
             let end = clean.floor_char_boundary(LONGEST_LIGHT - ending.len());
             format!("{}{ending}", &clean[..end])
@@ -203,9 +223,9 @@ mod tests {
         let wide = "\u{1f4a1}".repeat(80);
         let other = format!("{long}y");
         let cut = "x".repeat(247);
-        let names = ["lamp", "key/left", &long, &other, &wide, "a\0b", "a_b", &cut];
+        let names = ["lamp", "key left", &long, &other, &wide, "a\0b", "a_b", &cut];
         let layers = light_layer_names(&names);
-        assert_eq!(layers[..2], ["lamp", "key/left"]);
+        assert_eq!(layers[..2], ["lamp", "key left"]);
         assert_eq!(
             (layers[2].as_str(), layers[7].as_str()),
             (&*format!("{}~1", "x".repeat(245)), &*cut)
@@ -215,5 +235,29 @@ mod tests {
         assert_eq!(layers[5..7], ["a_b~1", "a_b"]);
         assert_eq!(layers.iter().collect::<HashSet<_>>().len(), names.len());
         assert!(layers.iter().all(|name| name.len() <= LONGEST_LIGHT));
+    }
+
+    #[test]
+    fn what_divides_names_of_layers_is_no_part_of_a_lights() {
+        let names = [
+            "key.left",
+            "key/left",
+            "key_left",
+            "a\nb",
+            "up\\down",
+            "Über lamp",
+        ];
+        let layers = light_layer_names(&names);
+        assert_eq!(
+            layers,
+            [
+                "key_left~1",
+                "key_left~2",
+                "key_left",
+                "a_b",
+                "up_down",
+                "Über lamp"
+            ]
+        );
     }
 }

@@ -15,9 +15,11 @@
 
 pub mod atomic;
 pub mod colormap;
+pub mod cryptomatte;
 mod cube;
 pub mod environment;
 pub mod error;
+pub mod exr_camera;
 pub mod exr_header;
 pub mod exr_read;
 mod exr_space;
@@ -34,10 +36,11 @@ pub use atomic::{write_atomically, write_atomically_with};
 pub use colormap::error_map;
 pub use environment::{EnvironmentMap, decode_environment, decode_hdr, read_environment, read_hdr};
 pub use error::{ImageError, Limits};
+pub use exr_camera::ExrCamera;
 pub use exr_header::ExrHeader;
 pub use exr_read::{decode_exr, read_exr};
 pub use exr_write::{ExrWarning, encode_exr, write_exr};
-pub use layers::{BEAUTY, FloatImage, Layer, Layers, light_layer_names};
+pub use layers::{ALPHA, BEAUTY, DEPTH, FloatImage, Layer, Layers, RAY_DEPTH, light_layer_names};
 pub use ldr::{Image8, decode_ldr, encode_png, write_png};
 pub use preview::{contact_sheet, display_encoded, tone_mapped};
 

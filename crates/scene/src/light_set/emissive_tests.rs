@@ -409,6 +409,7 @@ fn screen(width: u32, height: u32, pixels: &[[u8; 4]]) -> TracedScene {
             camera: None,
             lights: Vec::new(),
         },
+        object_names: Vec::new(),
         notes: Vec::new(),
         offset: Default::default(),
     };
