@@ -10,12 +10,13 @@
 
 mod direct;
 mod emission;
-pub(crate) mod environment;
+mod environment;
 mod indirect;
 pub mod light;
+pub(crate) mod parts;
 pub mod points;
 pub mod probes;
-pub(crate) mod received;
+mod received;
 pub mod resolve;
 pub mod settings;
 pub mod stats;

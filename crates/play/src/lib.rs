@@ -57,6 +57,7 @@ pub mod choice;
 mod convert;
 pub mod cuts;
 pub mod edited;
+mod edition;
 pub mod frame;
 pub mod header;
 pub mod kept;

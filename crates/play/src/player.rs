@@ -3,6 +3,7 @@
 use crate::camera::{CameraError, camera_of};
 use crate::choice::{Choice, ChoiceError, CutKind, CutUse, Integrator, MissingError, Tracer};
 use crate::edited::{EditError, Edited};
+use crate::edition::Edition;
 use crate::frame::light::{Lit, cut_use, light};
 use crate::frame::resolve::resolve;
 use crate::frame::settings::FrameSettings;
@@ -13,9 +14,7 @@ use crate::lights::Lights;
 use crate::open::{self, OpenError, Sections};
 use crate::prepared::PreparedScene;
 use crate::reflections::{FIXED_RAYS, MOVING_RAYS};
-use crate::shot::{
-    Edition, MOVING_SAMPLES, RelitShot, STANDING_SAMPLES, Shot, ShotSettings, ShotTimes, TracedShot,
-};
+use crate::shot::{MOVING_SAMPLES, RelitShot, STANDING_SAMPLES, Shot, ShotSettings, ShotTimes, TracedShot};
 use relight_format::{Asset, Estimates, Provenance};
 use relight_render::expose::expose_watched;
 use relight_render::exposure::Exposure;
@@ -434,6 +433,16 @@ impl Player {
             return Err(FrameError::Stale);
         }
         Ok(light(&self.prepared, shot, lights, time, settings, watch)?)
+    }
+
+    /// Forgets the light of lamps that stand still: the next frame of the shot takes as long as if all of them had moved, which is what
+    /// measuring frames wants.
+    pub fn forget(&self, shot: &Shot) {
+        if let Shot::Relit(shot) = shot {
+            self.prepared.received.forget();
+            shot.reflected.forget();
+            shot.even.forget();
+        }
     }
 
     /// Edits materials, as a file says, in place of what was edited before; from now on they are those of `time`.

@@ -1,7 +1,7 @@
 //! A scene with its transport, ready to be lit.
 
 use crate::cuts::VisibilityCuts;
-use crate::frame::received::Received;
+use crate::frame::parts::Received;
 use crate::shadow_edges::ShadowEdges;
 use crate::snap::snapped;
 use crate::spread::PointPlaces;

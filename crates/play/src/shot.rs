@@ -3,7 +3,8 @@
 use crate::choice::{Integrator, Tracer};
 use crate::cuts::own_sites;
 use crate::cuts::sites::FragmentSites;
-use crate::frame::environment::EvenLight;
+use crate::edition::Edition;
+use crate::frame::parts::EvenLight;
 use crate::prepared::PreparedScene;
 use crate::reconstruct;
 use crate::reflections::{self, Reflections};
@@ -116,13 +117,6 @@ pub struct ShotTimes {
     pub expose: f64,
     /// Functions, lobes and sites of the fragments.
     pub weigh: f64,
-}
-
-/// Which materials a player has: how often they were replaced, and how often they moved.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Edition {
-    pub edits: u64,
-    pub moves: u64,
 }
 
 /// Functions of the finest points at fragments.

@@ -3,9 +3,8 @@
 //! Light adds up, so that a lamp that shines as it did in the last frame need not be computed again, whatever the others do. Its
 //! random numbers depend on its place in the sequence alone: what is kept is what would be found again, to the bit.
 
-use crate::choice::CutUse;
+use crate::edition::Edition;
 use crate::frame::settings::FrameSettings;
-use crate::shot::Edition;
 use glam::Vec3;
 use relight_scene::light_state::LightState;
 use std::sync::{Mutex, PoisonError};
@@ -19,9 +18,10 @@ const MOST_BYTES: usize = 256 << 20;
 pub(crate) struct Cause {
     pub light: LightState,
     pub settings: FrameSettings,
-    pub cuts: CutUse,
-    /// Whether transfer makes indirect light.
-    pub transfers: bool,
+    /// Whether visibility cuts take what of it comes from even directions.
+    pub by_directions: bool,
+    /// Whether it is wanted at points, and at surface samples.
+    pub starts: [bool; 2],
     /// Materials.
     pub edition: Edition,
 }
@@ -104,6 +104,13 @@ impl<K> Default for Still<K> {
     }
 }
 
+impl<K> Still<K> {
+    /// Forgets all of it.
+    pub fn forget(&self) {
+        self.lamps.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+}
+
 impl<K: Kept> Still<K> {
     /// The light of a lamp: what is kept, if its cause is as it was, else what `make` makes, which is kept unless the lamp has just
     /// moved. And whether it was kept.
@@ -156,8 +163,8 @@ mod tests {
         Cause {
             light: lamp.state_at(0.0),
             settings: FrameSettings::default(),
-            cuts: CutUse::Nothing,
-            transfers: true,
+            by_directions: false,
+            starts: [true, false],
             edition: Edition::default(),
         }
     }

@@ -205,6 +205,7 @@ fn relit(trial: &mut Trial, player: &Player, lights: &Lights, camera: &Camera) -
     };
     // The first pays for what is done once.
     frame()?;
+    player.forget(&shot);
     let start = Instant::now();
     let layers = frame()?.layers;
     trial.frame_ms = milliseconds(start);

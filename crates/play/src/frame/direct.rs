@@ -1,7 +1,8 @@
 //! Direct light at fragments, finest points and surface samples: light by light with shadow rays, or, of very many, by
 //! lightcuts.
 
-use super::received::{Received, Receiving, Starts};
+use super::parts::Received;
+use super::received::{Receiving, Starts};
 use super::stats::{DirectLightcuts, FrameTimes, milliseconds};
 use super::task::Task;
 use glam::Vec3;

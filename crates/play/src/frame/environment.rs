@@ -1,31 +1,12 @@
 //! Light of even directions, environments and skies, by visibility cuts.
 
+use super::parts::EvenLight;
 use super::stats::{CutStats, FrameTimes, milliseconds};
 use super::task::Task;
 use crate::cuts::illumination::Illumination;
 use crate::cuts::shade::{Fragments, Shaded, irradiance_at_sites, shade};
-use crate::still::Kept;
-use glam::Vec3;
 use relight_scene::light_set::DistantLight;
 use std::time::Instant;
-
-/// Light of even directions.
-#[derive(Clone, Debug)]
-pub(crate) struct EvenLight {
-    /// Reflected by each fragment.
-    pub radiance: Vec<Vec3>,
-    /// At each finest point, if transfer takes it on.
-    pub irradiance: Option<Vec<Vec3>>,
-    /// Nodes that each fragment was shaded with, where somebody wants to know; else empty.
-    pub nodes: Vec<u32>,
-    pub stats: CutStats,
-}
-
-impl Kept for EvenLight {
-    fn bytes(&self) -> usize {
-        self.radiance.bytes() + self.irradiance.bytes() + size_of_val(self.nodes.as_slice())
-    }
-}
 
 impl Task<'_> {
     /// Light of one environment's or sky's even directions at fragments and points; `None` without cuts that know of them.

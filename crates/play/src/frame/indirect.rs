@@ -1,7 +1,7 @@
 //! Indirect light at the pixels: T and the bounces carry what the points receive to all others, and each fragment takes what
 //! its points' functions say, or what its lobe sees.
 
-use super::received::Received;
+use super::parts::Received;
 use super::stats::{CutStats, FrameTimes, milliseconds};
 use super::task::{Task, add};
 use crate::cuts::illumination::Illumination;

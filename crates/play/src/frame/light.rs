@@ -2,8 +2,8 @@
 
 use super::direct::Sums;
 use super::emission::emission_at;
-use super::environment::EvenLight;
-use super::received::{Received, Starts};
+use super::parts::{EvenLight, Received};
+use super::received::Starts;
 use super::settings::FrameSettings;
 use super::stats::{FrameTimes, RelitStats, milliseconds};
 use super::task::{NodeCounts, Task, add};
@@ -84,8 +84,8 @@ pub fn light(
         .map(|track| Cause {
             light: track.state_at(time),
             settings: *settings,
-            cuts: by_cuts,
-            transfers: starts.points.is_some(),
+            by_directions: even.is_some(),
+            starts: [starts.points.is_some(), starts.samples.is_some()],
             edition: shot.edition,
         })
         .collect();

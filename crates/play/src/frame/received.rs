@@ -1,10 +1,10 @@
 //! What a light lets arrive where indirect light starts.
 
+use super::parts::Received;
 use super::settings::FrameSettings;
 use crate::prepared::PreparedScene;
 use crate::shadow_edges::Places;
 use crate::spread::PointPlaces;
-use crate::still::Kept;
 use glam::Vec3;
 use relight_render::irradiance::{irradiance_around, irradiance_at};
 use relight_render::lightcuts::{LightcutStats, ManyLights};
@@ -19,21 +19,6 @@ pub(super) struct Starts<'a> {
     pub points: Option<&'a PointPlaces>,
     /// Surface samples, if visibility cuts make the first bounce.
     pub samples: Option<&'a [Option<SurfaceHit>]>,
-}
-
-/// Direct irradiance from which indirect light starts.
-#[derive(Clone, Debug)]
-pub(crate) struct Received {
-    /// At the finest points, for transfer; `None` where it makes no light.
-    pub points: Option<Vec<Vec3>>,
-    /// At surface samples, for visibility cuts; `None` where these make no first bounce.
-    pub samples: Option<Vec<Vec3>>,
-}
-
-impl Kept for Received {
-    fn bytes(&self) -> usize {
-        self.points.bytes() + self.samples.bytes()
-    }
 }
 
 /// A scene whose points and samples are lit.

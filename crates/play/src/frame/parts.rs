@@ -1,0 +1,38 @@
+//! What is found of each lamp by itself.
+
+use super::stats::CutStats;
+use crate::still::Kept;
+use glam::Vec3;
+
+/// Direct irradiance from which indirect light starts.
+#[derive(Clone, Debug)]
+pub(crate) struct Received {
+    /// At the finest points, for transfer; `None` where it makes no light.
+    pub points: Option<Vec<Vec3>>,
+    /// At surface samples, for visibility cuts; `None` where these make no first bounce.
+    pub samples: Option<Vec<Vec3>>,
+}
+
+impl Kept for Received {
+    fn bytes(&self) -> usize {
+        self.points.bytes() + self.samples.bytes()
+    }
+}
+
+/// Light of even directions.
+#[derive(Clone, Debug)]
+pub(crate) struct EvenLight {
+    /// Reflected by each fragment.
+    pub radiance: Vec<Vec3>,
+    /// At each finest point, if transfer takes it on.
+    pub irradiance: Option<Vec<Vec3>>,
+    /// Nodes that each fragment was shaded with, where somebody wants to know; else empty.
+    pub nodes: Vec<u32>,
+    pub stats: CutStats,
+}
+
+impl Kept for EvenLight {
+    fn bytes(&self) -> usize {
+        self.radiance.bytes() + self.irradiance.bytes() + size_of_val(self.nodes.as_slice())
+    }
+}
