@@ -49,8 +49,9 @@ const RADIUS_LEVELS: usize = 6;
 pub fn coarse_radius(request: &Request, progress: &dyn Progress) -> Result<(TracedScene, f32), BakeError> {
     let traced = load(request, progress)?;
     check_memory(&traced, request)?;
-    let places = chosen_viewpoints(&traced, request)?.places;
-    let relevance = Relevance::of(&traced, &places, known_cameras(request), request.params.seed);
+    let OpenSpace { places, within, .. } = chosen_viewpoints(&traced, request)?;
+    let cameras = known_cameras(request);
+    let relevance = Relevance::of(&traced, &places, within, cameras, request.params.seed);
     let radius = radius(&traced, request, &relevance, Units::none())?.0;
     Ok((traced, radius))
 }
@@ -141,8 +142,8 @@ fn check_memory(traced: &TracedScene, request: &Request) -> Result<f64, BakeErro
         return Ok(points);
     }
     // Not all of it may be reached.
-    let places = chosen_viewpoints(traced, request)?.places;
-    let relevance = Relevance::of(traced, &places, known_cameras(request), params.seed);
+    let OpenSpace { places, within, .. } = chosen_viewpoints(traced, request)?;
+    let relevance = Relevance::of(traced, &places, within, known_cameras(request), params.seed);
     let (own, _) = poisson::coarse_radius_for(traced, &relevance, RADIUS_LEVELS, params.seed, Units::none())?;
     memory::check(automatic * (f64::from(own) / f64::from(radius)).powi(2), request)
 }
@@ -220,10 +221,11 @@ fn spread(
     let OpenSpace {
         viewpoints: found,
         places,
+        within,
         mut rays,
     } = chosen_viewpoints(surfaces, request)?;
     watch.go_on()?;
-    let relevance = Relevance::of(surfaces, &places, known_cameras(request), params.seed);
+    let relevance = Relevance::of(surfaces, &places, within, known_cameras(request), params.seed);
     let (radius, cast) = radius(surfaces, request, &relevance, units)?;
     rays += cast + relevance.rays;
     // Radii of our own make give about as many points as were wanted.

@@ -73,7 +73,14 @@ type Landing = (Vec3, f32);
 
 impl Relevance {
     /// Of what is seen from `viewpoints`, of which there must be one, and in the images of `cameras`. Where nothing is, all is as relevant.
-    pub fn of(surfaces: &dyn Surfaces, viewpoints: &[Vec3], cameras: Vec<Camera>, seed: u64) -> Relevance {
+    /// `within`: bounds of what is looked at, if not all that is seen is: a dark room in a bright dome has little of the importance.
+    pub fn of(
+        surfaces: &dyn Surfaces,
+        viewpoints: &[Vec3],
+        within: Option<(Vec3, Vec3)>,
+        cameras: Vec<Camera>,
+        seed: u64,
+    ) -> Relevance {
         let even = Relevance {
             cameras,
             ..Relevance::even(viewpoints)
@@ -84,7 +91,7 @@ impl Relevance {
             .flat_map_iter(|i| even.particle(surfaces, i, seed))
             .collect();
         let rays = u64::from(PARTICLES) + landings.len() as u64;
-        Relevance { rays, ..even }.with(&landings)
+        Relevance { rays, ..even }.with(&landings, within)
     }
 
     /// All is as relevant.
@@ -100,7 +107,7 @@ impl Relevance {
         }
     }
 
-    fn with(self, landings: &[Landing]) -> Relevance {
+    fn with(self, landings: &[Landing], within: Option<(Vec3, Vec3)>) -> Relevance {
         let total: f64 = landings.iter().map(|l| f64::from(l.1)).sum();
         let (low, high) = (landings.iter()).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), l| {
             (low.min(l.0), high.max(l.0))
@@ -129,24 +136,33 @@ impl Relevance {
         let narrow = relevance.cells.iter().position(holds).unwrap_or(0);
         relevance.cells.drain(..narrow);
         relevance.first += narrow as i32;
-        relevance.usual = relevance.usual_of(landings, total);
+        relevance.usual = relevance.usual_of(landings, within, total);
         let sampled = landings.par_iter().step_by(SAMPLED);
         let wide = sampled.filter(|landing| relevance.widening(landing.0) > 0);
         relevance.is_even = wide.count() * SAMPLED <= landings.len() / 100;
         relevance
     }
 
-    /// The radius of disks where particles land closely, [`CLOSE`] of all importance: a ground that most of it falls on does not change
-    /// the room's.
-    fn usual_of(&self, landings: &[Landing], total: f64) -> f32 {
+    /// The radius of disks where particles land closely, [`CLOSE`] of all importance `within` what is looked at: a ground that most of it
+    /// falls on does not change the room's.
+    fn usual_of(&self, landings: &[Landing], within: Option<(Vec3, Vec3)>, total: f64) -> f32 {
+        let is_within = |position: Vec3| {
+            within.is_none_or(|(low, high)| position.cmpge(low).all() && position.cmple(high).all())
+        };
         let mut radii: Vec<(f32, f32)> = (landings.par_iter().step_by(SAMPLED))
+            .filter(|landing| is_within(landing.0))
             .map(|&(position, carried)| (self.radius(position), carried))
             .collect();
+        let total = match within {
+            Some(_) if radii.is_empty() => return self.usual_of(landings, None, total),
+            Some(_) => radii.iter().map(|disk| f64::from(disk.1)).sum(),
+            None => total / SAMPLED as f64,
+        };
         radii.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut below = 0.0;
         let close = radii.iter().find(|&&(_, carried)| {
             below += f64::from(carried);
-            below >= CLOSE * total / SAMPLED as f64
+            below >= CLOSE * total
         });
         close.map_or(f32::INFINITY, |disk| disk.0)
     }
@@ -315,7 +331,7 @@ mod tests {
 
     /// The finest points' distance of a default bake, and its number of finest points in the room, at that radius on two levels.
     fn in_room(surfaces: &TracedScene) -> (f32, usize) {
-        let relevance = Relevance::of(surfaces, &[EYE], Vec::new(), 0);
+        let relevance = Relevance::of(surfaces, &[EYE], None, Vec::new(), 0);
         let (radius, _) = coarse_radius_for(surfaces, &relevance, 6, 0, Units::none()).unwrap();
         let points = distribute(
             surfaces,
@@ -359,7 +375,7 @@ mod tests {
         let wide = |v: Vec3| (v - Vec3::Y * 1.5) * 1e4;
         let dome: Vec<[Vec3; 4]> = room().into_iter().map(|quad| quad.map(wide)).collect();
         let scene = scene(&[room(), vec![ground(10.0)], dome].concat());
-        let relevance = Relevance::of(&scene, &[Vec3::new(0.0, 1.0, 8.0)], Vec::new(), 0);
+        let relevance = Relevance::of(&scene, &[Vec3::new(0.0, 1.0, 8.0)], None, Vec::new(), 0);
         let points = distribute(
             &scene,
             &relevance,
@@ -382,7 +398,7 @@ mod tests {
     #[test]
     fn points_are_as_wide_as_their_surroundings_are_far() {
         let scene = scene(&[room(), vec![ground(1e3)]].concat());
-        let relevance = Relevance::of(&scene, &[EYE], Vec::new(), 0);
+        let relevance = Relevance::of(&scene, &[EYE], None, Vec::new(), 0);
         assert!(!relevance.is_even);
         for inside in [
             Vec3::new(0.3, 0.0, 0.1),
@@ -395,13 +411,29 @@ mod tests {
         assert!(0 < far[0] && far.is_sorted() && far[2] >= far[0] + 3, "{far:?}");
     }
 
+    /// Of twenty places one is in the room, the others look at the ground far away: a twentieth of the importance is the room's.
+    #[test]
+    fn points_are_as_close_as_what_is_looked_at_asks_for_however_little_of_all_that_is_seen_it_is() {
+        let scene = scene(&[room(), vec![ground(400.0)]].concat());
+        let far = (1..20).map(|i| Vec3::new(100.0, 3.0, 10.0 * i as f32 - 100.0));
+        let places: Vec<Vec3> = [EYE].into_iter().chain(far).collect();
+        let within = Some((Vec3::new(-3.0, -1.0, -3.0), Vec3::new(3.0, 4.0, 3.0)));
+        let usual = |within| Relevance::of(&scene, &places, within, Vec::new(), 0).usual;
+        let alone = Relevance::of(&scene, &[EYE], None, Vec::new(), 0).usual;
+        assert!(usual(within) < 8.0 * alone, "{} {alone}", usual(within));
+        assert!(usual(None) > 16.0 * alone, "{} {alone}", usual(None));
+        // Where nothing of it is seen, all that is seen is as good.
+        let nowhere = Some((Vec3::splat(1e6), Vec3::splat(2e6)));
+        assert_eq!(usual(nowhere), usual(None));
+    }
+
     #[test]
     fn a_closed_scene_is_even_and_nothing_seen_is_no_matter() {
         let (ball, _) = crate::test_scenes::hollow(0.5);
-        let inside = Relevance::of(&ball, &[Vec3::ZERO], Vec::new(), 0);
+        let inside = Relevance::of(&ball, &[Vec3::ZERO], None, Vec::new(), 0);
         assert!(inside.is_even && inside.trial_radius().is_finite());
         assert_eq!(inside.widening(Vec3::X), 0);
-        let away = Relevance::of(&scene(&[]), &[Vec3::ZERO], Vec::new(), 0);
+        let away = Relevance::of(&scene(&[]), &[Vec3::ZERO], None, Vec::new(), 0);
         assert!(away.is_even && away.widening(Vec3::X) == 0);
     }
 }

@@ -157,6 +157,8 @@ pub struct OpenSpace {
     /// Those and all other places tried that one of them sees. A single viewpoint near a surface makes it matter more than all else; over
     /// many such nearness cancels out.
     pub places: Vec<Vec3>,
+    /// Bounds of what is looked at; `None`: all that is seen.
+    pub within: Option<(Vec3, Vec3)>,
     /// Rays cast to find them.
     pub rays: u64,
 }
@@ -226,6 +228,7 @@ pub fn in_open_space(surfaces: &dyn Surfaces, (min, max): (Vec3, Vec3), seed: u6
     OpenSpace {
         rays: rays + (eyes.len() * viewpoints.len()) as u64,
         places: [&viewpoints[..], &others].concat(),
+        within: any_within.then_some((min, min + size)),
         viewpoints,
     }
 }
