@@ -1,7 +1,8 @@
 //! `relight export`: other tools read what an asset holds.
 
 use crate::stage::{
-    TINY, bake_json, complaint, cornell, data, folder, json, names, relight, with_broken_links,
+    SQUARE, TINY, bake_json, complaint, cornell, data, folder, gltf, json, names, relight, sequence,
+    with_broken_links,
 };
 use glam::Vec3;
 use relight_format::{Asset, LightSamples, Limits, read_file};
@@ -686,6 +687,67 @@ fn an_irradiance_volume_holds_the_light_of_a_furnace() {
             "{texel:?} {light:?}"
         );
     }
+}
+
+/// Truth: in the Cornell box light comes from the lamp above, and from the red wall at large X and the green one at small X.
+#[test]
+fn an_irradiance_volume_tells_where_light_comes_from() {
+    let folder = folder();
+    let (asset, out) = (
+        folder.path().join("cornell.relight"),
+        folder.path().join("volume"),
+    );
+    bake_json(
+        &data("cornell.glb"),
+        &asset,
+        &["--preset", "draft", "--levels", "3"],
+    );
+    let mut run = relight();
+    run.arg("export")
+        .arg(&asset)
+        .args(["--what", "irradiance-volume", "--grid", "3,3,3", "-o"]);
+    run.arg(&out).arg("--lights").arg(data("cornell.lights.json"));
+    run.assert().success();
+    let cubes = floats(&out.join("ambient_cubes.npy"));
+    // Axis, then behind or ahead of the place along it: +x, -x, +y, -y, +z, -z of 27 places, the 14th of which is in the middle.
+    let face = |axis: usize, negative: usize| {
+        let (nx, ny, nz) = (3, 3, 3);
+        let (x, y, z) = (1, 1, 1);
+        let texel = ((axis * nz + z) * 2 * ny + negative * ny + y) * nx + x;
+        [0, 1, 2].map(|channel| cubes[3 * texel + channel])
+    };
+    let [up, down] = [face(1, 0), face(1, 1)];
+    assert!(up[1] > 2.0 * down[1] && down[1] > 0.0, "{up:?} {down:?}");
+    let redness = |light: [f32; 3]| light[0] / light[1];
+    let [to_red, to_green] = [face(0, 0), face(0, 1)];
+    assert!(
+        redness(to_red) > 1.5 * redness(to_green),
+        "{to_red:?} {to_green:?}"
+    );
+}
+
+/// A square alone has no depth: its box is given some.
+#[test]
+fn an_irradiance_volume_of_a_square_has_places_before_it() {
+    let folder = folder();
+    let (asset, out) = (folder.path().join("square.relight"), folder.path().join("volume"));
+    bake_json(
+        &gltf(folder.path(), &SQUARE),
+        &asset,
+        &["--preset", "draft", "--levels", "2"],
+    );
+    let sun = r#"{ "relight_sequence": 1, "frames": 1, "lights": [
+        { "name": "sun", "type": "directional", "direction": [0, 0, -1], "irradiance": [3, 3, 3] } ] }"#;
+    let lights = sequence(folder.path(), "sun.json", sun);
+    let mut run = relight();
+    run.arg("export")
+        .arg(&asset)
+        .args(["--what", "irradiance-volume", "--grid", "1,1,2", "-o"]);
+    run.arg(&out).arg("--lights").arg(&lights).assert().success();
+    let cubes = floats(&out.join("ambient_cubes.npy"));
+    // Three axes of two places of two faces; of the place before the square the face that looks at it.
+    let lit = cubes[3 * ((2 * 2 + 1) * 2 + 1)];
+    assert!(lit > 0.1, "{cubes:?}");
 }
 
 /// A normal number of half precision.

@@ -15,6 +15,9 @@ use std::f32::consts::FRAC_1_PI;
 
 /// Places along the longest side, if nobody says how many.
 const LONGEST: f32 = 16.0;
+/// Least extent of the box along any axis, as a share of its longest side: places over a plain floor are to have somewhere to be.
+const FLATTEST: f32 = 0.25;
+
 /// Bounds of the finest points, metres.
 fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
     let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -27,9 +30,17 @@ fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
 pub fn write(args: &ExportArgs, seed: u64, folder: &mut Folder, console: &Console) -> Result<Facts, Failure> {
     let stage = Stage::read(args, seed, console)?;
     let (low, high) = bounds(&stage.transfer()?.finest.positions);
+    let longest = (high - low).max_element();
+    if !(longest > 0.0 && longest.is_finite()) {
+        return Err(Failure::Usage(format!(
+            "{}: all of its points are at one place: there is no box for a grid of places",
+            args.asset.display()
+        )));
+    }
+    let wider = 0.5 * (Vec3::splat(FLATTEST * longest) - (high - low)).max(Vec3::ZERO);
+    let (low, high) = (low - wider, high + wider);
     let size = high - low;
     let grid = args.grid.unwrap_or_else(|| {
-        let longest = size.max_element().max(f32::MIN_POSITIVE);
         (size / longest * LONGEST)
             .round()
             .max(Vec3::splat(2.0))
