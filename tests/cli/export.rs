@@ -491,7 +491,7 @@ fn points_are_exported_from_a_file_whose_links_are_damaged() {
 #[test]
 fn a_point_cloud_and_its_example_make_a_pixel_again() {
     let folder = folder();
-    let lights = crate::stage::sequence(folder.path(), "lamp.json", crate::stage::TINY_LIGHT);
+    let lights = sequence(folder.path(), "lamp.json", crate::stage::TINY_LIGHT);
     let out = folder.path().join("cloud");
     let mut run = relight();
     run.arg("export")
@@ -626,7 +626,7 @@ fn lights_are_for_point_clouds_alone() {
         assert!(String::from_utf8(said).unwrap().contains("16,8,16"), "{grid}");
     }
     let mut run = relight();
-    let lights = crate::stage::sequence(folder.path(), "lamp.json", crate::stage::TINY_LIGHT);
+    let lights = sequence(folder.path(), "lamp.json", crate::stage::TINY_LIGHT);
     run.arg("export")
         .arg(cornell())
         .args(["--what", "point-cloud", "--frame", "3", "--lights"])
