@@ -78,7 +78,9 @@ fn under(panes: &[(Vec3, f32)]) -> Scene {
 fn panes(stage: &Stage) -> Measured {
     let noon = [sun(Vec3::NEG_Y, 2.0)];
     let direct = |scene: Scene| -> Result<_, String> {
-        let player = stage.player(scene, &coarse())?;
+        // As Lambert, panes would be walls.
+        let asset = (stage.asset(scene, Shading::Full, &coarse())).map_err(|e| e.to_string())?;
+        let player = stage.through_file(&asset)?;
         let shot = stage.shot(&player, SIZE)?;
         let lit = stage.lit(&player, &shot, &noon)?;
         Ok((mean(&lit.direct), sane(&lit)))
