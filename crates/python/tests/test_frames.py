@@ -110,14 +110,14 @@ def test_materials_are_edited_as_play_edits_them(asset, command_line, tmp_path):
 
 
 def test_weather_shines_by_the_hour(asset, command_line, tmp_path):
-    """Truth: the command line, bit by bit; and at noon more arrives than in the evening, at night nothing."""
+    """Truth: the command line, bit by bit; the zenith is brighter at noon, when the sun is near it, than in the evening, and dark at night."""
     hours = "\n".join(f"6 21 {h + 0.5} {500 if 5 < h < 19 else 0} {100 if 5 < h < 19 else 0}" for h in range(24))
     file = tmp_path / "june.wea"
     file.write_text(
         "place Nowhere\nlatitude 47.4\nlongitude -8.5\ntime_zone -15\nsite_elevation 400\nweather_data_file_units 1\n" + hours
     )
-    # From the opening of the box, looking at the sky.
-    shot = asset.shot(relight.Camera(position=(0.28, 0.28, -0.7), look_at=(0.28, 0.6, -2)), size=(32, 24))
+    # Before the opening of the box, looking up.
+    shot = asset.shot(relight.Camera(position=(0.28, 0.28, -0.7), look_at=(0.28, 5.0, -0.8)), size=(32, 24))
     lit = {hour: shot.frame(relight.Weather(file, hours=hour, day="06-21"))["beauty"].sum() for hour in (2, 12, 18)}
     assert lit[12] > 1.2 * lit[18] > 0 and lit[2] == 0
     keys = relight.Weather(file, hours=relight.Keys([(0, 11), (10, 13)]), day="06-21")
