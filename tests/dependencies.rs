@@ -1,13 +1,13 @@
-//! Which crate may use which: `cli` → `bake`, `play` → `render` → `scene`, `transport`; `bake` and `play` also → `format`; `cli` → `view` → `play`;
-//! `python` → `bake`, `play`.
-//! The last three and `data/generate`, which `cli` alone uses, use none of ours; neither `play` nor `render` uses `bake`, nor the glTF importer.
+//! Which crate may use which: `cli`, `python` → `probes` → `bake`, `play`; `bake`, `play` → `render` → `scene`, `transport`; `bake` and
+//! `play` also → `format`; `cli` → `view` → `play`.
+//! `scene`, `transport`, `format` and `data/generate`, which `cli` alone uses, use none of ours; neither `play` nor `render` uses `bake`, nor the glTF importer.
 
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// What each crate of the product may use of ours. Whoever adds a line here changes the architecture.
-const ALLOWED: [(&str, &[&str]); 10] = [
+const ALLOWED: [(&str, &[&str]); 11] = [
     (
         "relight",
         &[
@@ -15,6 +15,7 @@ const ALLOWED: [(&str, &[&str]); 10] = [
             // Random scenes for `check`.
             "relight-data-generate",
             "relight-play",
+            "relight-probes",
             "relight-render",
             "relight-scene",
             "relight-transport",
@@ -25,7 +26,24 @@ const ALLOWED: [(&str, &[&str]); 10] = [
     ("relight-view", &["relight-play"]),
     (
         "relight-python",
-        &["relight-bake", "relight-format", "relight-play", "relight-scene"],
+        &[
+            "relight-bake",
+            "relight-format",
+            "relight-play",
+            "relight-probes",
+            "relight-scene",
+        ],
+    ),
+    (
+        "relight-probes",
+        &[
+            "relight-bake",
+            "relight-play",
+            "relight-render",
+            "relight-scene",
+            "relight-transport",
+            "relight-format",
+        ],
     ),
     (
         "relight-bake",
@@ -115,7 +133,11 @@ fn the_player_builds_without_an_importer() {
 const BYTES: [(&str, &[&str]); 4] = [
     ("bincode", &["relight-format"]),
     ("zstd", &["relight-format"]),
-    ("serde", &["relight", "relight-scene", "relight-view"]),
+    // `probes`: what they found is a part of what commands print.
+    (
+        "serde",
+        &["relight", "relight-probes", "relight-scene", "relight-view"],
+    ),
     (
         "serde_json",
         &[

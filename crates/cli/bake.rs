@@ -6,7 +6,6 @@ mod farm;
 pub mod job;
 mod kept;
 mod lock;
-mod memory;
 mod plan;
 mod slurm;
 

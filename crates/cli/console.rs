@@ -1,11 +1,11 @@
 //! What people see while a command runs: bars with rate and time left on a terminal, plain lines elsewhere,
 //! nothing with --quiet but what nobody may miss.
 
-use crate::disk;
 use crate::failure::Failure;
 use crate::signals::{self, Until};
 use crate::words;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use relight_bake::disk;
 use relight_bake::error::BakeError;
 use relight_render::watch::Watch;
 use serde::Serialize;
@@ -260,8 +260,6 @@ pub struct BakeProgress<'a> {
     told: AtomicU64,
 }
 
-/// Bytes of an asset for each of its points: 20 to 90 with their links (docs/results.md).
-const LEAST_BYTES_OF_POINT: f64 = 30.0;
 /// Milliseconds between two looks at the console: it has a lock, and workers report every receiver.
 const TOLD_EVERY: u64 = 50;
 
@@ -315,8 +313,7 @@ impl<'a> BakeProgress<'a> {
 impl relight_bake::Progress for BakeProgress<'_> {
     fn expects_points(&self, points: f64) {
         let Some(target) = self.target else { return };
-        let bytes = (points * LEAST_BYTES_OF_POINT) as u64;
-        match disk::lacks(target, bytes) {
+        match disk::lacks_for(target, points) {
             Some(text) if self.force => self.console.warn(format!("warning: {text}")),
             Some(text) => {
                 // Told once a bake.

@@ -1,11 +1,11 @@
 //! What is known of an asset from its file, and of its bake from the log beside it.
 
-use crate::estimates::{self, Expected};
 use crate::failure::Failure;
 use crate::output::{SCHEMA, log_path};
 use relight_format::layout::Kind;
 use relight_format::{self as format, Asset, Content, CutContent, Estimates, Summary};
 use relight_play::frame::settings::ILLUMINATION_ERROR;
+use relight_probes::expected::{self, Expected};
 use relight_scene::sequence::stage_from_json;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -338,7 +338,7 @@ impl Inspection {
             left_out: left_out.collect(),
             estimates: known,
             expected: Expected::of(estimates),
-            expected_error: estimates::line(estimates),
+            expected_error: expected::line(estimates),
             notes: provenance.notes.clone(),
             run: None,
         })

@@ -9,7 +9,6 @@ pub use args::{IntegratorName, PlayArgs};
 pub use report::{FrameReport, PlayReport};
 
 use crate::console::Console;
-use crate::estimates;
 use crate::failure::{Failure, Outcome};
 use crate::frames::FrameRange;
 use crate::guard::Guard;
@@ -25,6 +24,7 @@ use relight_play::header::{FrameOrigin, sequence_hash};
 use relight_play::mattes::ShotMattes;
 use relight_play::player::{FrameError, ShotError};
 use relight_play::{CutSites, Player, Shot, ShotSettings};
+use relight_probes::expected::{self, Expected};
 use relight_render::watch::{Cancelled, Watch};
 use relight_scene::camera::CameraTrack;
 use relight_scene::image::preview::{auto_exposure, tone_mapped};
@@ -122,7 +122,7 @@ pub fn play_watched(
 
     notes.into_iter().for_each(|note| console.note(note));
     console.note(choice.to_string());
-    if let Some(line) = estimates::line(player.estimates.as_ref()) {
+    if let Some(line) = expected::line(player.estimates.as_ref()) {
         console.note(format!("Error: {line}."));
     }
     let moving = !track.is_fixed();
@@ -143,7 +143,7 @@ pub fn play_watched(
         command: "play",
         asset: args.asset.display().to_string(),
         asset_hash: format!("{:016x}", player.hash),
-        expected: estimates::Expected::of(player.estimates.as_ref()),
+        expected: Expected::of(player.estimates.as_ref()),
         integrator: choice.integrator.name(),
         width,
         height,

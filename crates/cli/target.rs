@@ -5,17 +5,18 @@
 //! no pixel that anyone plays decides. The settings of [`LADDER`] are baked from the coarsest on until one will do;
 //! that bake is the asset.
 
-use crate::bake::job::{Job, bake_job};
+use crate::bake::job::{Job, bake_job, unjudged};
 use crate::console::Console;
-use crate::estimates::{CLOSE_ENOUGH, DOUBT, Expected, Verdict, percent};
 use crate::failure::Failure;
-use crate::probes::lit::lit;
-use crate::probes::traced::{Effort, Probes};
-use crate::probes::viewpoints::{SEARCH, Viewpoints};
-use crate::signals;
+use crate::signals::{self, Signals};
 use crate::words;
 use relight_bake::Baked;
 use relight_bake::params::{BakeParams, Preset};
+use relight_probes::expected::{CLOSE_ENOUGH, DOUBT, percent};
+use relight_probes::lights::lights;
+use relight_probes::traced::{Effort, Probes};
+use relight_probes::viewpoints::{SEARCH, Viewpoints};
+use relight_probes::{Expected, Verdict};
 use relight_scene::scene::Scene;
 use std::path::Path;
 use std::sync::Arc;
@@ -81,16 +82,12 @@ pub struct Order<'a> {
 /// # Errors
 /// A bake fails, a signal asks to stop, or nothing can be seen.
 pub fn search(order: &Order, scene: &Arc<Scene>, console: &Console) -> Result<Baked, Failure> {
-    let Job {
-        params: given,
-        shading,
-        lights,
-        ..
-    } = *order.job;
-    let Some(viewpoints) = Viewpoints::new(scene, shading, lights, given, SEARCH)? else {
+    let given = order.job.params;
+    let request = order.job.request(given, scene.clone());
+    let Some(viewpoints) = Viewpoints::new(&request, SEARCH).map_err(unjudged)? else {
         return Err(anyhow::anyhow!("no camera sees anything by which --target-error could judge").into());
     };
-    let sequence = lit(scene, lights, &viewpoints)?;
+    let sequence = lights(scene, request.lights, &viewpoints);
     console.begin("Path tracing probes", None);
     let effort = Effort {
         noise: order.target,
@@ -98,7 +95,9 @@ pub fn search(order: &Order, scene: &Arc<Scene>, console: &Console) -> Result<Ba
         // the more they are of what is sought.
         most: (MOST * viewpoints.seen.recip().sqrt()) as u32,
     };
-    let probes = Probes::trace(viewpoints, &sequence, given, effort, console)?;
+    let told = |words| console.detail(words);
+    let traced = Probes::trace(viewpoints, &sequence, given, effort, &Signals, &told);
+    let probes = traced.map_err(unjudged)?;
     let mut best: Option<(Baked, Expected)> = None;
     let mut idle = 0;
     let mut last = LADDER[0];
@@ -160,7 +159,7 @@ fn tried(
     let baked = bake_job(order.job, &params, scene.clone(), None, target, console)?;
     signals::go_on()?;
     console.begin("Comparing with the probes", None);
-    let estimate = probes.estimate(&baked.asset)?;
+    let estimate = probes.estimate(&baked.asset, &Signals).map_err(unjudged)?;
     console.note(format!(
         "{}: indirect light is expected to err by {} (asked for: {}).",
         words_of(step),

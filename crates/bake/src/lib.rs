@@ -44,6 +44,7 @@ extern crate self as relight_bake;
 mod bake;
 pub mod convert;
 pub mod cuts;
+pub mod disk;
 pub mod error;
 pub mod left_out;
 pub mod links;

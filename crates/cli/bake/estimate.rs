@@ -5,16 +5,14 @@
 //! fitted on the scenes of docs/notebook/reliability.md.
 
 use super::job::Inputs;
-use super::memory;
 use crate::console::{BakeProgress, Console};
-use crate::disk;
 use crate::failure::{Failure, Outcome};
 use crate::output::{self, SCHEMA};
 use crate::words;
 use relight_bake::links::operators::bounce_levels;
-use relight_bake::memory::of_points;
+use relight_bake::memory::{self, of_points};
 use relight_bake::params::BakeParams;
-use relight_bake::{Baked, Request, bake, coarse_radius, point_counts};
+use relight_bake::{Baked, Request, bake, coarse_radius, disk, point_counts};
 use relight_format as format;
 use relight_scene::traced::Shading;
 use serde::Serialize;

@@ -2,23 +2,21 @@
 
 use super::args::{BakeArgs, LightUnitsName};
 use super::kept::{Kept, this_program};
-use super::memory;
 use crate::console::{BakeProgress, Console};
-use crate::estimates::{Expected, Verdict};
 use crate::failure::{Failure, Outcome};
 use crate::guard::Guard;
 use crate::inspect;
 use crate::inspection::{BakeLog, BakeRun, Inspection, Seconds};
 use crate::kinds::{self, Kind, Wanted};
 use crate::output::{self, SCHEMA, log_path};
-use crate::probes::check::check;
-use crate::signals;
+use crate::signals::{self, Signals};
 use crate::words;
 use anyhow::Context;
 use relight_bake::params::BakeParams;
 use relight_bake::units::Ledger;
-use relight_bake::{BakeStats, Baked, Request, bake};
+use relight_bake::{BakeStats, Baked, Request, bake, memory};
 use relight_format as format;
+use relight_probes::{Expected, ProbeError, Verdict, check};
 use relight_scene::gltf::{ImportOptions, LightUnits, import};
 use relight_scene::image::write_atomically;
 use relight_scene::scene::Scene;
@@ -138,6 +136,20 @@ pub struct Job<'a> {
     pub until: Option<Instant>,
 }
 
+impl<'a> Job<'a> {
+    /// What it asks of the library, with parameters of the caller's.
+    pub fn request(&self, params: &'a BakeParams, scene: Arc<Scene>) -> Request<'a> {
+        Request {
+            scene,
+            shading: self.shading,
+            params,
+            lights: self.lights,
+            source_hash: self.source_hash,
+            memory: memory::of_this_machine(),
+        }
+    }
+}
+
 /// What a bake tells.
 pub struct JobResult {
     /// The fixed summary.
@@ -197,7 +209,7 @@ pub fn run_job(
     })?;
     if job.checked {
         signals::go_on()?;
-        let checked = timed(|| check(&mut baked, &scene, job.shading, job.lights, job.params, console))?;
+        let checked = timed(|| checked(&mut baked, &job.request(job.params, scene), console))?;
         baked.stats.seconds.push(("check", checked.1));
         seconds += checked.1;
     }
@@ -219,6 +231,28 @@ pub fn run_job(
         kept.done(folder, &ledger.used());
     }
     Ok(result)
+}
+
+/// Lets a bake measure itself; says so where nothing can be told.
+fn checked(baked: &mut Baked, request: &Request, console: &Console) -> Result<(), Failure> {
+    console.begin("Checking with probes", None);
+    let told = |words| console.detail(words);
+    if check(baked, request, &Signals, &told)
+        .map_err(unjudged)?
+        .is_none()
+    {
+        console.note("note: no camera sees anything, so that this bake cannot measure itself.");
+    }
+    console.close();
+    Ok(())
+}
+
+/// Why an asset could not be judged, as the command's failure.
+pub fn unjudged(error: ProbeError) -> Failure {
+    match error {
+        ProbeError::Stopped => signals::failure(),
+        other => other.into(),
+    }
 }
 
 /// Runs something and says how many seconds it took.
@@ -243,14 +277,7 @@ pub fn bake_job(
     target: Option<&Path>,
     console: &Console,
 ) -> Result<Baked, Failure> {
-    let request = Request {
-        scene,
-        shading: job.shading,
-        params,
-        lights: job.lights,
-        source_hash: job.source_hash,
-        memory: memory::of_this_machine(),
-    };
+    let request = job.request(params, scene);
     let progress = BakeProgress::new(console).until(job.until);
     let progress = match target {
         Some(target) => progress.towards(target, job.force),

@@ -1,8 +1,8 @@
 //! What a play did, for people, other commands and --json.
 
-use crate::estimates::Expected;
 use relight_play::frame::stats::{Figure, FrameStats};
 use relight_play::shot::ShotTimes;
+use relight_probes::Expected;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 

@@ -2,9 +2,9 @@
 
 use super::measured::{Measured, SURE};
 use super::reference::Reference;
-use crate::estimates::{Expected, percent};
 use crate::words;
 use relight_format::Estimates;
+use relight_probes::expected::{Expected, percent};
 use relight_scene::image::BEAUTY;
 
 /// Errors that a report speaks of.

@@ -7,7 +7,7 @@ use crate::edition::Edition;
 use crate::frame::settings::FrameSettings;
 use glam::Vec3;
 use relight_scene::light_state::LightState;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Most memory that what is kept of one kind takes, bytes: direct light of some forty lamps at the fragments of 640 × 360 pixels. Further
 /// lamps are found anew in every frame.
@@ -16,7 +16,7 @@ const MOST_BYTES: usize = 256 << 20;
 /// What light of a lamp follows from.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Cause {
-    pub light: LightState,
+    pub light: Arc<LightState>,
     pub settings: FrameSettings,
     /// Whether visibility cuts take what of it comes from even directions.
     pub by_directions: bool,
@@ -47,19 +47,6 @@ impl Cause {
                 ..self.settings.of_light()
             },
             ..self.clone()
-        }
-    }
-}
-
-impl FrameSettings {
-    /// Those that light depends on: the same layers for all.
-    fn of_light(self) -> FrameSettings {
-        FrameSettings {
-            light_layers: false,
-            surface_layers: false,
-            cut_layers: false,
-            levels: None,
-            ..self
         }
     }
 }
@@ -137,9 +124,10 @@ impl<K: Kept> Still<K> {
         if !moved {
             let mut lamps = self.lamps.lock().unwrap_or_else(PoisonError::into_inner);
             let kept: usize = lamps.iter().map(|lamp| lamp.light.bytes()).sum();
-            // Another frame may have moved the lamp meanwhile.
-            if lamps[lamp].cause.as_ref() == Some(cause) && kept + light.bytes() <= MOST_BYTES {
-                lamps[lamp].light = Some(light.clone());
+            // Meanwhile another frame may have moved the lamp, or all been forgotten.
+            let known = (lamps.get_mut(lamp)).filter(|known| known.cause.as_ref() == Some(cause));
+            if let Some(known) = known.filter(|_| kept + light.bytes() <= MOST_BYTES) {
+                known.light = Some(light.clone());
             }
         }
         (light, false)
@@ -161,7 +149,7 @@ mod tests {
             },
         };
         Cause {
-            light: lamp.state_at(0.0),
+            light: Arc::new(lamp.state_at(0.0)),
             settings: FrameSettings::default(),
             by_directions: false,
             starts: [true, false],
@@ -218,6 +206,25 @@ mod tests {
         assert_ne!(more.at_points(), seed.at_points());
         let edition = Edition { edits: 1, moves: 0 };
         assert!(!make(&Cause { edition, ..seed }));
+    }
+
+    #[test]
+    fn light_may_be_forgotten_while_it_is_made() {
+        let still = Still::default();
+        let light_of = |forgets: bool| {
+            still.light_of(3, &cause(1.0), || {
+                if forgets {
+                    still.forget();
+                }
+                vec![Vec3::ONE]
+            })
+        };
+        assert_eq!(light_of(true), (vec![Vec3::ONE], false));
+        assert_eq!(
+            [light_of(false).1, light_of(false).1],
+            [false, true],
+            "nothing was kept"
+        );
     }
 
     #[test]

@@ -17,6 +17,7 @@ use relight_play::render::pixelcuts::PixelcutsSettings;
 use relight_play::scene::material_edits::parse_material_edits;
 use relight_play::scene::sequence::{Sequence, SequenceCamera};
 use relight_play::{Integrator, Player, ShotSettings, Tracer};
+use relight_probes::expected::{Expected, line};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -94,6 +95,31 @@ impl Asset {
     fn materials(&self) -> Vec<String> {
         let materials = &self.player.scene().materials;
         materials.iter().map(|material| material.name.clone()).collect()
+    }
+
+    /// What its bake found out of its error, by path-traced probes; `None` if it has not looked. `error` is the root of relMSE of indirect
+    /// light, `bias` the relative error of its mean, each with its standard error (`error_noise`, `bias_noise`); `without_points`, `wide` and
+    /// `without_light` are shares of what the probes see; `text` says it in a line.
+    #[getter]
+    fn expected(&self, py: Python<'_>) -> PyResult<Option<Py<PyDict>>> {
+        let estimates = self.player.estimates.as_ref();
+        let Some(expected) = Expected::of(estimates) else {
+            return Ok(None);
+        };
+        let all = PyDict::new(py);
+        for (name, value) in [
+            ("error", expected.error),
+            ("error_noise", expected.error_noise),
+            ("bias", expected.bias),
+            ("bias_noise", expected.bias_noise),
+            ("without_points", expected.without_points),
+            ("without_light", expected.without_light),
+            ("wide", expected.wide),
+        ] {
+            all.set_item(name, value)?;
+        }
+        all.set_item("text", line(estimates))?;
+        Ok(Some(all.unbind()))
     }
 
     /// Points of all levels.

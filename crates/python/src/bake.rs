@@ -1,29 +1,33 @@
 //! `relight.bake`: a scene's file to an asset's.
 
 use crate::asset::{Asset, open};
-use crate::error::{failed, misused};
+use crate::error::{Warning, failed, misused};
 use crate::lights;
 use crate::work::{self, Watched};
 use pyo3::prelude::*;
 use relight_bake::error::BakeError;
+use relight_bake::memory;
 use relight_bake::params::{BakeParams, CutMode, CutParams, Omittable, Preset};
 use relight_bake::settings::validate;
 use relight_bake::{Progress, Request, bake as baked};
 use relight_format as format;
 use relight_play::glam::DVec3;
+use relight_probes::{ProbeError, check};
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::scene::Scene;
 use relight_scene::surface_scene::read_meshed;
 use relight_scene::traced::Shading;
+use std::ffi::CString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Bakes a scene (`.glb`, `.gltf` or `.scene.json`) and opens the asset; options mean what those of `relight bake` mean. The file is
-/// written whole or not at all. Unlike the command it does not path-trace probes to say what error to expect.
+/// written whole or not at all. It measures itself by path-traced probes: `asset.expected`, and a `relight.Warning` where the asset is
+/// wrong.
 ///
 /// # Errors
-/// `relight.Error`: the scene cannot be read or baked, the asset not be written, or another file is in its place. `ValueError`: an option is
-/// out of range.
+/// `relight.Error`: the scene cannot be read or baked, needs more memory or room on its disk than there is, the asset not be written, or
+/// another file is in its place. `ValueError`: an option is out of range.
 #[pyfunction]
 #[pyo3(signature = (scene, out, *, preset="standard", lights=None, levels=None, sender_levels=None, coarse_radius=None, epsilon=None,
     rays=None, bounces=None, solution=false, cuts=None, viewpoints=Vec::new(), cameras_only=false, keep=Vec::new(), lambert=false,
@@ -87,17 +91,39 @@ pub fn bake(
         shading: if lambert { Shading::Lambert } else { Shading::Full },
         lights: lights.as_ref(),
         source_hash: hash,
+        memory: memory::of_this_machine(),
         ..Request::new(Arc::new(imported), &params)
     };
-    work::done(py, progress.as_ref(), |watch: &Watched| {
-        let baked = baked(&request, None, watch).map_err(failed)?;
+    let complaint = work::done(py, progress.as_ref(), |watch: &Watched| {
+        watch.writes(&out);
+        let mut baked =
+            baked(&request, None, watch).map_err(|error| watch.refused().unwrap_or_else(|| failed(error)))?;
+        Progress::stage(watch, "check", None);
+        let expected = match check(&mut baked, &request, watch, &|_| {}) {
+            Err(ProbeError::Stopped) => return Err(failed(BakeError::Stopped)),
+            expected => expected.map_err(failed)?,
+        };
         if Progress::stopped(watch) {
             return Err(failed(BakeError::Stopped));
         }
         forget_log(&out);
-        format::write_file(&out, &baked.asset).map_err(failed)
+        format::write_file(&out, &baked.asset).map_err(failed)?;
+        Ok(expected.and_then(|expected| expected.complaint(coarse_radius)))
     })?;
+    if let Some(complaint) = complaint {
+        warn(py, &complaint)?;
+    }
     open(py, out)
+}
+
+/// Says that an asset is wrong, or that nobody can tell: at who called `bake`.
+fn warn(py: Python<'_>, complaint: &str) -> PyResult<()> {
+    let said = CString::new(
+        complaint
+            .trim_start_matches("WARNING: ")
+            .trim_start_matches("note: "),
+    )?;
+    PyErr::warn(py, &py.get_type::<Warning>(), &said, 1)
 }
 
 fn cut_params(cuts: Option<&str>) -> PyResult<Option<CutParams>> {

@@ -1,6 +1,6 @@
 //! Errors as Python's exceptions, in the words of the command line.
 
-use pyo3::exceptions::{PyException, PyValueError};
+use pyo3::exceptions::{PyException, PyUserWarning, PyValueError};
 use pyo3::{PyErr, create_exception};
 use std::fmt::Display;
 
@@ -9,6 +9,13 @@ create_exception!(
     Error,
     PyException,
     "What relight cannot do, in the words of its command line: which file, what was found, what to do."
+);
+
+create_exception!(
+    relight,
+    Warning,
+    PyUserWarning,
+    "An asset's own check says that it is wrong, why, and what mends it."
 );
 
 /// Something failed.

@@ -26,7 +26,7 @@ mod _relight {
     #[pymodule_export]
     use super::bake::bake;
     #[pymodule_export]
-    use super::error::Error;
+    use super::error::{Error, Warning};
     #[pymodule_export]
     use super::images::{read_exr, write_exr};
     #[pymodule_export]

@@ -1,11 +1,13 @@
 //! What takes long runs without Python's lock, in a thread of its own: the caller's thread looks for signals and tells how far it is.
 
+use crate::error::failed;
 use pyo3::prelude::*;
-use relight_bake::Progress;
+use relight_bake::{Progress, disk};
 use relight_play::render::watch::Watch;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 /// How often signals are looked for: a hand on Ctrl-C notices no less.
@@ -19,12 +21,27 @@ pub struct Watched {
     done: AtomicU64,
     /// 0: not known.
     total: AtomicU64,
+    /// Where a bake's asset will be.
+    target: OnceLock<PathBuf>,
+    /// Why its disk won't do.
+    refused: OnceLock<String>,
 }
 
 /// What is being done, how many of its steps are done, and of how many, where that is known.
 type Status = (&'static str, u64, Option<u64>);
 
 impl Watched {
+    /// Says where a bake's asset will be: the bake is stopped before any point is spread where the disk is too full.
+    pub fn writes(&self, target: &Path) {
+        // Said once a bake.
+        let _ = self.target.set(target.to_owned());
+    }
+
+    /// Why the bake was stopped, if its disk is too full.
+    pub fn refused(&self) -> Option<PyErr> {
+        self.refused.get().map(failed)
+    }
+
     fn status(&self) -> Status {
         let stage = *self.stage.lock().unwrap_or_else(PoisonError::into_inner);
         let total = Some(self.total.load(Ordering::Relaxed)).filter(|total| *total > 0);
@@ -43,6 +60,15 @@ impl Watch for Watched {
 }
 
 impl Progress for Watched {
+    fn expects_points(&self, points: f64) {
+        if let Some(text) = self
+            .target
+            .get()
+            .and_then(|target| disk::lacks_for(target, points))
+        {
+            let _ = self.refused.set(text);
+        }
+    }
     fn stage(&self, name: &'static str, total: Option<u64>) {
         let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
         *stage = name;
@@ -56,7 +82,7 @@ impl Progress for Watched {
         self.total.store(total, Ordering::Relaxed);
     }
     fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
+        self.stop.load(Ordering::Relaxed) || self.refused.get().is_some()
     }
 }
 

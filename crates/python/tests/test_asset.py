@@ -74,6 +74,18 @@ def test_a_bake_makes_what_the_command_makes(asset, command_line, tmp_path):
             np.testing.assert_array_equal(ours, theirs)
     np.testing.assert_array_equal(asset.points.positions, other.points.positions)
     assert asset.statistics()["settings"] == other.statistics()["settings"]
+    assert asset.path.read_bytes() == other.path.read_bytes()
+
+
+def test_a_bake_measures_itself_and_says_so_where_it_is_wrong(asset, command_line, tmp_path):
+    said = json.loads(command_line("inspect", asset.path, "--json").stdout)
+    ours = dict(asset.expected)
+    assert ours.pop("text") == said["expected_error"]
+    assert {**ours, "target": None} == pytest.approx(said["expected"])
+    assert 0 < ours["error"] < 0.25
+    with pytest.warns(relight.Warning, match="this asset is wrong.*--preset fine"):
+        bare = relight.bake(DATA / "cornell.glb", tmp_path / "bare.relight", **{**SMALL, "bounces": 0, "epsilon": 0.9})
+    assert bare.expected["error"] > 0.25
 
 
 def test_progress_is_told_and_what_it_raises_stops_the_bake(tmp_path):

@@ -86,6 +86,21 @@ def test_nothing_is_replaced_but_assets(asset, tmp_path):
         assert out.read_bytes() == before
 
 
+def test_what_has_no_room_is_not_begun(tmp_path, monkeypatch):
+    out = tmp_path / "a.relight"
+    with pytest.raises(relight.Error, match="MB of memory"):
+        relight.bake(DATA / "cornell.glb", out, **{**SMALL, "coarse_radius": 1e-4})
+    # A system whose disk is nearly full.
+    df = tmp_path / "bin" / "df"
+    df.parent.mkdir()
+    df.write_text("#!/bin/sh\necho head\necho /dev/a 1000 999 1 99% /\n")
+    df.chmod(0o755)
+    monkeypatch.setenv("PATH", str(df.parent), prepend=os.pathsep)
+    with pytest.raises(relight.Error, match="its disk has 0 MB left"):
+        relight.bake(DATA / "cornell.glb", out, preset="draft")
+    assert not out.exists()
+
+
 def test_lights_of_another_asset_are_refused(asset):
     lights = relight.open(asset.path).lights()
     with pytest.raises(ValueError, match="another asset"):

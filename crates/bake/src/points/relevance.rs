@@ -136,28 +136,28 @@ impl Relevance {
         let narrow = relevance.cells.iter().position(holds).unwrap_or(0);
         relevance.cells.drain(..narrow);
         relevance.first += narrow as i32;
-        relevance.usual = relevance.usual_of(landings, within, total);
+        relevance.usual = relevance.usual_of(landings, within);
         let sampled = landings.par_iter().step_by(SAMPLED);
         let wide = sampled.filter(|landing| relevance.widening(landing.0) > 0);
         relevance.is_even = wide.count() * SAMPLED <= landings.len() / 100;
         relevance
     }
 
-    /// The radius of disks where particles land closely, [`CLOSE`] of all importance `within` what is looked at: a ground that most of it
-    /// falls on does not change the room's.
-    fn usual_of(&self, landings: &[Landing], within: Option<(Vec3, Vec3)>, total: f64) -> f32 {
-        let is_within = |position: Vec3| {
-            within.is_none_or(|(low, high)| position.cmpge(low).all() && position.cmple(high).all())
+    /// The radius of disks where particles land closely, [`CLOSE`] of all importance `within` what is looked at, or of all there is where none
+    /// lands there: a ground that most of it falls on does not change the room's.
+    fn usual_of(&self, landings: &[Landing], within: Option<(Vec3, Vec3)>) -> f32 {
+        let is_within = |(low, high): (Vec3, Vec3)| {
+            let held =
+                move |&(position, _): &Landing| position.cmpge(low).all() && position.cmple(high).all();
+            let inside: Vec<Landing> = landings.iter().step_by(SAMPLED).copied().filter(held).collect();
+            (!inside.is_empty()).then_some(inside)
         };
-        let mut radii: Vec<(f32, f32)> = (landings.par_iter().step_by(SAMPLED))
-            .filter(|landing| is_within(landing.0))
+        let looked_at = (within.and_then(is_within))
+            .unwrap_or_else(|| landings.iter().step_by(SAMPLED).copied().collect());
+        let mut radii: Vec<(f32, f32)> = (looked_at.par_iter())
             .map(|&(position, carried)| (self.radius(position), carried))
             .collect();
-        let total = match within {
-            Some(_) if radii.is_empty() => return self.usual_of(landings, None, total),
-            Some(_) => radii.iter().map(|disk| f64::from(disk.1)).sum(),
-            None => total / SAMPLED as f64,
-        };
+        let total: f64 = radii.iter().map(|disk| f64::from(disk.1)).sum();
         radii.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut below = 0.0;
         let close = radii.iter().find(|&&(_, carried)| {

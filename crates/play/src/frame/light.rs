@@ -16,6 +16,7 @@ use glam::Vec3;
 use relight_render::sum::Sum;
 use relight_render::watch::{Cancelled, Watch, go_on};
 use relight_scene::light_set::LightSet;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Radiance per fragment of a shot, W/(m² sr).
@@ -82,7 +83,7 @@ pub fn light(
     let even = (by_cuts == CutUse::Environments).then(|| lights.distant_at(time));
     let causes: Vec<Cause> = (lights.tracks().iter())
         .map(|track| Cause {
-            light: track.state_at(time),
+            light: Arc::new(track.state_at(time)),
             settings: *settings,
             by_directions: even.is_some(),
             starts: [starts.points.is_some(), starts.samples.is_some()],

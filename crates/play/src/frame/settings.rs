@@ -36,6 +36,19 @@ pub struct FrameSettings {
     pub levels: Option<LevelPart>,
 }
 
+impl FrameSettings {
+    /// Those that light depends on: the same layers for all.
+    pub(crate) fn of_light(self) -> FrameSettings {
+        FrameSettings {
+            light_layers: false,
+            surface_layers: false,
+            cut_layers: false,
+            levels: None,
+            ..self
+        }
+    }
+}
+
 impl Default for FrameSettings {
     fn default() -> FrameSettings {
         FrameSettings {

@@ -9,7 +9,7 @@ Radiance is in W/(m² sr), linear RGB (Rec. 709 primaries); lengths are in metre
 """
 
 from ._csr import CSR
-from ._relight import Asset, Error, Lights, Points, Shot, __version__, bake, open, read_exr, write_exr
+from ._relight import Asset, Error, Lights, Points, Shot, Warning, __version__, bake, open, read_exr, write_exr
 from ._sequence import (
     Camera,
     Directional,
@@ -45,6 +45,7 @@ __all__ = [
     "Sphere",
     "Spot",
     "SunSky",
+    "Warning",
     "Weather",
     "__version__",
     "bake",

@@ -1,8 +1,15 @@
 //! Room on disks.
 
-use crate::words;
 use std::path::Path;
 use std::process::Command;
+
+/// Bytes of an asset for each of its points: 20 to 90 with their links (docs/results.md).
+const LEAST_BYTES_OF_POINT: f64 = 30.0;
+
+/// What to say where the disk of an asset, or a folder of units, that is not there yet is too full for so many points.
+pub fn lacks_for(file: &Path, points: f64) -> Option<String> {
+    lacks(file, (points * LEAST_BYTES_OF_POINT) as u64)
+}
 
 /// What to say where the disk of a file that is not there yet has less room than so many bytes; `None` where it has enough, or nobody
 /// knows.
@@ -10,10 +17,10 @@ pub fn lacks(file: &Path, bytes: u64) -> Option<String> {
     let free = free(file)?;
     (free < bytes).then(|| {
         format!(
-            "{}: about {} will be written, but its disk has {} left: free some space, or write elsewhere",
+            "{}: about {:.0} MB will be written, but its disk has {:.0} MB left: free some space, or write elsewhere",
             file.display(),
-            words::bytes(bytes),
-            words::bytes(free)
+            bytes as f64 / 1e6,
+            free as f64 / 1e6
         )
     })
 }

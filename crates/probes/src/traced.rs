@@ -3,11 +3,9 @@
 //! relMSE is estimated from pairs of quarters, (x − a)(x − b) / c² with independent a, b and c: what is noise in them cancels, and a bake
 //! without error has an estimate of 0 on average, however noisy they are.
 
-use super::viewpoints::Viewpoints;
-use crate::console::Console;
-use crate::estimates::Expected;
-use crate::failure::Failure;
-use crate::signals::{self, Signals};
+use crate::error::ProbeError;
+use crate::expected::Expected;
+use crate::viewpoints::Viewpoints;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_bake::params::BakeParams;
@@ -20,6 +18,7 @@ use relight_render::expose::expose;
 use relight_render::exposure::Exposure;
 use relight_render::path;
 use relight_render::picture::Picture;
+use relight_render::watch::{Cancelled, Watch, go_on};
 use relight_scene::image::metrics::RELMSE_EPSILON;
 use relight_scene::sequence::Sequence;
 use relight_transport::sparse::row;
@@ -43,6 +42,9 @@ pub struct Probes {
     noise: f64,
 }
 
+/// Who hears what the probes find out, in words.
+pub type Told<'a> = &'a dyn Fn(String);
+
 /// How far to go with a reference.
 #[derive(Clone, Copy, Debug)]
 pub struct Effort {
@@ -56,21 +58,22 @@ impl Probes {
     /// Path-traces the windows until their noise will do, or they had the most samples.
     ///
     /// # Errors
-    /// A signal asks to stop; a light cannot be sampled.
+    /// [`ProbeError::Stopped`], [`ProbeError::Lights`].
     pub fn trace(
         viewpoints: Viewpoints,
         sequence: &Sequence,
         params: &BakeParams,
         effort: Effort,
-        console: &Console,
-    ) -> Result<Probes, Failure> {
+        watch: &dyn Watch,
+        told: Told,
+    ) -> Result<Probes, ProbeError> {
         let mut sums: [Vec<[f64; 3]>; PARTS] = Default::default();
         let mut spp = 0;
         loop {
             let more = spp.max(FIRST_PASS);
             for (part, sum) in sums.iter_mut().enumerate() {
                 let seed = format::content_hash(format!("probes {} {part} {spp}", params.seed).as_bytes());
-                let image = path_traced(&viewpoints, sequence, more, params.bounces, seed)?;
+                let image = path_traced(&viewpoints, sequence, more, params.bounces, seed, watch)?;
                 sum.resize(image.len(), [0.0; 3]);
                 for (sum, pixel) in sum.iter_mut().zip(image) {
                     *sum = std::array::from_fn(|k| sum[k] + f64::from(pixel[k]) * f64::from(more));
@@ -84,7 +87,7 @@ impl Probes {
             });
             let noise = noise(&parts);
             let all = spp * PARTS as u32;
-            console.detail(format!(
+            told(format!(
                 "{all} samples a pixel: the probes' own error is {:.2} %",
                 100.0 * noise
             ));
@@ -112,11 +115,11 @@ impl Probes {
     /// How an asset errs.
     ///
     /// # Errors
-    /// It cannot be played.
-    pub fn estimate(&self, asset: &Asset) -> Result<Expected, Failure> {
+    /// [`ProbeError`].
+    pub fn estimate(&self, asset: &Asset, watch: &dyn Watch) -> Result<Expected, ProbeError> {
         // As a reader will see it.
         let asset = format::read_asset(&format::write_asset(asset)?, &Limits::default())?;
-        let relit = self.relit(asset)?;
+        let relit = self.relit(asset, watch)?;
         let mean = mean(&self.parts);
         let all = mean.iter().map(grey).sum::<f64>() / mean.len().max(1) as f64;
         if all <= 0.0 {
@@ -174,7 +177,7 @@ impl Probes {
     }
 
     /// Indirect light of all windows.
-    fn relit(&self, asset: Asset) -> Result<Relit, Failure> {
+    fn relit(&self, asset: Asset, watch: &dyn Watch) -> Result<Relit, ProbeError> {
         let player = Player::of_asset(asset, 0, "the new asset", Sections::All)?;
         // Emission may have been left out: what shines does so in the scene as it was.
         let directions = player.prepared.directions();
@@ -189,7 +192,7 @@ impl Probes {
             ..Relit::default()
         };
         for frame in self.viewpoints.frames() {
-            signals::go_on()?;
+            go_on(watch)?;
             let of_frame: Vec<usize> = (0..self.viewpoints.windows.len())
                 .filter(|&i| self.viewpoints.windows[i].0 == frame)
                 .collect();
@@ -201,9 +204,7 @@ impl Probes {
             }
             let shot = player.shot_of(seen, &shot_settings);
             let settings = FrameSettings::default();
-            let (lit, _) = player
-                .light(&shot, &lights, frame.into(), &settings, &Signals)
-                .map_err(|error| signals::go_on().err().unwrap_or_else(|| error.into()))?;
+            let (lit, _) = player.light(&shot, &lights, frame.into(), &settings, watch)?;
             let light = shot.seen.resolve(&lit.indirect);
             for (at, &i) in of_frame.iter().enumerate() {
                 for k in 0..count {
@@ -307,7 +308,8 @@ fn path_traced(
     spp: u32,
     bounces: Option<u32>,
     seed: u64,
-) -> Result<Vec<[f32; 3]>, Failure> {
+    watch: &dyn Watch,
+) -> Result<Vec<[f32; 3]>, ProbeError> {
     let lights = Lights::new(&viewpoints.scene, &sequence.lights, 0)?;
     // T to the N is N + 1 reflections.
     let reflections = bounces.map(|n| n.saturating_add(1));
@@ -318,13 +320,12 @@ fn path_traced(
                 spp: Some(spp),
                 // Windows share pixel numbers.
                 seed: format::content_hash(format!("{seed} {i}").as_bytes()),
-                watch: &Signals,
+                watch,
                 ..Picture::new(&viewpoints.scene, &lights, camera, viewpoints.size)
             };
             let layers = path::render(&picture, reflections)?;
             Ok(layers.rgb("indirect").unwrap_or_default().pixels)
         })
-        .collect::<Result<_, relight_render::watch::Cancelled>>()
-        .map_err(|_| signals::failure())?;
+        .collect::<Result<_, Cancelled>>()?;
     Ok(images.concat())
 }

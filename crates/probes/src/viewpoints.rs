@@ -1,20 +1,17 @@
 //! Where probes look: windows of images from other viewpoints than the cameras'.
 
-use crate::failure::Failure;
+use crate::error::ProbeError;
 use glam::{Vec2, Vec3};
-use relight_bake::params::BakeParams;
+use relight_bake::Request;
 use relight_bake::points::viewpoints::{focus, in_open_space};
 use relight_format as format;
 use relight_play::camera::camera_of;
 use relight_render::layers::RenderSize;
 use relight_scene::camera::Camera;
 use relight_scene::rays::Ray;
-use relight_scene::scene::Scene;
-use relight_scene::sequence::Sequence;
 use relight_scene::surface::Surfaces;
-use relight_scene::traced::{Shading, TracedScene};
+use relight_scene::traced::TracedScene;
 use relight_transport::random::Stream;
-use std::sync::Arc;
 
 /// How many windows, and how large.
 #[derive(Clone, Copy, Debug)]
@@ -80,17 +77,12 @@ impl Viewpoints {
     /// or in open space; `None` where they see nothing.
     ///
     /// # Errors
-    /// The scene cannot be traced.
-    pub fn new(
-        scene: &Arc<Scene>,
-        shading: Shading,
-        lights: Option<&Sequence>,
-        params: &BakeParams,
-        detail: Detail,
-    ) -> Result<Option<Viewpoints>, Failure> {
+    /// [`ProbeError::Scene`].
+    pub fn new(request: &Request, detail: Detail) -> Result<Option<Viewpoints>, ProbeError> {
+        let (scene, lights, params) = (&request.scene, request.lights, request.params);
         // Not the seed of what is judged.
         let seed = format::content_hash(format!("probes {}", params.seed).as_bytes());
-        let traced = TracedScene::new(scene.clone(), shading)?;
+        let traced = TracedScene::new(scene.clone(), request.shading)?;
         let frames = lights.map_or(scene.sequence.frames, |s| s.frames).max(1);
         // That which `play` takes by itself: errors of several cameras together would be those of the darkest room that any sees.
         let track = camera_of(scene, lights.unwrap_or(&scene.sequence), None).ok();

@@ -13,8 +13,9 @@ const WITHOUT_POINTS: &str = "share_without_points";
 const WITHOUT_LIGHT: &str = "share_without_light";
 const WIDE: &str = "share_wide";
 
-/// Bias and error beyond which a bake is called wrong.
+/// Bias beyond which a bake is called wrong.
 pub const MOST_BIAS: f64 = 0.05;
+/// Error beyond which a bake is called wrong.
 pub const MOST_ERROR: f64 = 0.25;
 /// A setting will do for an error that was asked for if it is expected to err by up to so much more: estimates are no better, and the
 /// next step of a search may err by much less.
