@@ -109,7 +109,7 @@ fn a_disk_that_is_too_full_refuses_the_bake_before_its_work() {
         }
         let text = complaint(run.current_dir(room.path()), 1);
         assert!(
-            text.contains("has 2.0 KiB left") && text.contains("--force"),
+            text.contains("has 2 kB left") && text.contains("--force"),
             "{more:?}: {text}"
         );
         assert!(
@@ -124,7 +124,7 @@ fn a_disk_that_is_too_full_refuses_the_bake_before_its_work() {
         .get_output()
         .stderr
         .clone();
-    assert!(String::from_utf8(said).unwrap().contains("has 2.0 KiB left"));
+    assert!(String::from_utf8(said).unwrap().contains("has 2 kB left"));
     // Who knows better goes on, and is told.
     let said = bake(&["--force"]).assert().success().get_output().stderr.clone();
     assert!(String::from_utf8(said).unwrap().contains("warning: "));

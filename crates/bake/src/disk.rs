@@ -17,12 +17,19 @@ pub fn lacks(file: &Path, bytes: u64) -> Option<String> {
     let free = free(file)?;
     (free < bytes).then(|| {
         format!(
-            "{}: about {:.0} MB will be written, but its disk has {:.0} MB left: free some space, or write elsewhere",
+            "{}: about {} will be written, but its disk has {} left: free some space, or write elsewhere",
             file.display(),
-            bytes as f64 / 1e6,
-            free as f64 / 1e6
+            in_words(bytes),
+            in_words(free)
         )
     })
+}
+
+fn in_words(bytes: u64) -> String {
+    match bytes {
+        0..10_000_000 => format!("{} kB", bytes / 1000),
+        _ => format!("{} MB", bytes / 1_000_000),
+    }
 }
 
 /// Bytes that can be written beside a file, as `df` of POSIX says.

@@ -13,6 +13,7 @@ mod emission;
 mod environment;
 mod indirect;
 pub mod light;
+pub mod light_cut;
 pub(crate) mod parts;
 pub mod points;
 pub mod probes;

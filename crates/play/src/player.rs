@@ -5,6 +5,7 @@ use crate::choice::{Choice, ChoiceError, CutKind, CutUse, Integrator, MissingErr
 use crate::edited::{EditError, Edited};
 use crate::edition::Edition;
 use crate::frame::light::{Lit, cut_use, light};
+use crate::frame::light_cut::{LightCut, light_cut};
 use crate::frame::resolve::resolve;
 use crate::frame::settings::FrameSettings;
 use crate::frame::stats::{FrameStats, RelitStats, milliseconds};
@@ -15,6 +16,7 @@ use crate::open::{self, OpenError, Sections};
 use crate::prepared::PreparedScene;
 use crate::reflections::{FIXED_RAYS, MOVING_RAYS};
 use crate::shot::{MOVING_SAMPLES, RelitShot, STANDING_SAMPLES, Shot, ShotSettings, ShotTimes, TracedShot};
+use glam::Vec3;
 use relight_format::{Asset, Estimates, Provenance};
 use relight_render::expose::expose_watched;
 use relight_render::exposure::Exposure;
@@ -28,6 +30,7 @@ use relight_scene::light_set::LightSetError;
 use relight_scene::material_edits::{MaterialEdits, read_material_edits};
 use relight_scene::scene::Scene;
 use relight_scene::sequence::Sequence;
+use relight_scene::surface::SurfaceHit;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -433,6 +436,22 @@ impl Player {
             return Err(FrameError::Stale);
         }
         Ok(light(&self.prepared, shot, lights, time, settings, watch)?)
+    }
+
+    /// The clusters of lights, and of the asset's points as virtual lights, that light a place which is looked at from `towards`, a unit
+    /// vector: a lightcut by the defaults of that integrator.
+    ///
+    /// # Errors
+    /// [`Cancelled`] if `watch` says so.
+    pub fn light_cut(
+        &self,
+        lights: &Lights,
+        time: f64,
+        hit: &SurfaceHit,
+        towards: Vec3,
+        watch: &dyn Watch,
+    ) -> Result<LightCut, Cancelled> {
+        light_cut(&self.prepared, &lights.at(time), hit, towards, watch)
     }
 
     /// Forgets the light of lamps that stand still: the next frame of the shot takes as long as if all of them had moved, which is what

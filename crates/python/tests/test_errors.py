@@ -96,7 +96,7 @@ def test_what_has_no_room_is_not_begun(tmp_path, monkeypatch):
     df.write_text("#!/bin/sh\necho head\necho /dev/a 1000 999 1 99% /\n")
     df.chmod(0o755)
     monkeypatch.setenv("PATH", str(df.parent), prepend=os.pathsep)
-    with pytest.raises(relight.Error, match="its disk has 0 MB left"):
+    with pytest.raises(relight.Error, match="its disk has 1 kB left"):
         relight.bake(DATA / "cornell.glb", out, preset="draft")
     assert not out.exists()
 

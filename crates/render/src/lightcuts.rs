@@ -19,6 +19,7 @@ mod hidden;
 mod lit;
 mod sample;
 mod sights;
+mod told;
 
 use crate::direct::light_met;
 use crate::layers::PixelSum;
@@ -43,6 +44,7 @@ use std::ops::AddAssign;
 pub use gather::{AT_PIXELS, AT_POINTS, Crossover, ManyLights, has_profiles, worthwhile};
 pub use lit::LightcutSettings;
 pub use sample::ReconstructionStats;
+pub use told::{CutCluster, cut_at};
 
 /// What an image took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -125,6 +125,81 @@ fn another_image_of_the_texture_is_taken() {
     assert_eq!(doc.scene().textures[0].encoded, gltf_support::PNG);
 }
 
+/// A KTX 2.0 file of one level: the header after the specification's section 3, no description of the format, and the level.
+fn plain(format: u32, [width, height]: [u32; 2], scheme: u32, level: &[u8], size: u64) -> Vec<u8> {
+    let mut file = b"\xabKTX 20\xbb\r\n\x1a\n".to_vec();
+    for word in [format, 1, width, height, 0, 0, 1, 1, scheme, 0, 0, 0, 0] {
+        file.extend(word.to_le_bytes());
+    }
+    for long in [0, 0, 104, level.len() as u64, size] {
+        file.extend(long.to_le_bytes());
+    }
+    assert_eq!(file.len(), 104);
+    file.extend(level);
+    file
+}
+
+/// Truth: the texels. `zlib` and `zstd` are those of 2 × 2 texels of red and green, as Python's `zlib` and the program `zstd` write them.
+#[test]
+fn plain_texels_are_read_with_a_note() {
+    let texels = [10u8, 20, 30, 40, 50, 60, 70, 80];
+    let zstd = [
+        0x28, 0xb5, 0x2f, 0xfd, 0x20, 0x08, 0x41, 0x00, 0x00, 10, 20, 30, 40, 50, 60, 70, 80,
+    ];
+    let zlib = [
+        0x78, 0x01, 0x01, 0x08, 0x00, 0xf7, 0xff, 10, 20, 30, 40, 50, 60, 70, 80, 0x04, 0xb8, 0x01, 0x69,
+    ];
+    for (format, scheme, level) in [
+        (16, 0, &texels[..]),
+        (16, 2, &zstd),
+        (16, 3, &zlib),
+        (22, 0, &texels),
+    ] {
+        let scene = textured(&plain(format, [2, 2], scheme, level, 8)).scene();
+        assert!(
+            scene.notes[0].contains("not Basis Universal's"),
+            "{:?}",
+            scene.notes
+        );
+        let found = picture(&scene).rgba8;
+        assert_eq!(
+            found,
+            [
+                [10, 20, 0, 255],
+                [30, 40, 0, 255],
+                [50, 60, 0, 255],
+                [70, 80, 0, 255]
+            ]
+        );
+    }
+    let scene = textured(&plain(44, [2, 1], 0, &texels, 8)).scene();
+    assert_eq!(
+        picture(&scene).rgba8,
+        [[30, 20, 10, 40], [70, 60, 50, 80]],
+        "blue first"
+    );
+    for (file, what) in [
+        (plain(16, [2, 1], 2, &zstd, 8), "images[0]: "),
+        (plain(16, [2, 1], 3, &zlib, 8), "images[0]: can't be decompressed"),
+        (
+            plain(16, [3, 2], 2, &zstd, 8),
+            "holds 8 bytes of 3 × 2 texels, which have 12",
+        ),
+        (
+            plain(16, [2, 2], 0, &texels[..7], 8),
+            "holds 7 bytes of 2 × 2 texels, which have 8",
+        ),
+        (
+            plain(131, [4, 4], 0, &texels, 8),
+            "texels of BC1_RGB_UNORM_BLOCK, where KHR_texture_basisu has ETC1S and UASTC",
+        ),
+        (plain(37, [1 << 20, 1 << 20], 2, &zstd, 8), "over the limit"),
+    ] {
+        let error = textured(&file).import().unwrap_err().to_string();
+        assert!(error.contains(what), "{what}: {error}");
+    }
+}
+
 /// Fields of the header: at 20 the width, at 36 the faces, at 44 the supercompression, at 96 what level 0 decompresses to.
 #[test]
 fn files_of_another_kind_and_bombs_are_refused_by_place() {
@@ -141,7 +216,7 @@ fn files_of_another_kind_and_bombs_are_refused_by_place() {
             "declares 4294967295 bytes for 10 × 6 texels, which have 96",
         ),
         (UASTC, 100, u32::MAX, "bytes for 10 × 6 texels, which have 96"),
-        (UASTC, 12, 37, "where KHR_texture_basisu has ETC1S and UASTC"),
+        (UASTC, 12, 131, "where KHR_texture_basisu has ETC1S and UASTC"),
         (ETC1S, 64, 1, "images[0]: "),
     ] {
         let mut bytes = bytes(file);
@@ -156,8 +231,12 @@ fn files_of_another_kind_and_bombs_are_refused_by_place() {
 
 #[test]
 fn damaged_files_are_refused_or_give_a_picture() {
-    for file in [ETC1S, ETC1S_ALPHA, UASTC_ALPHA, UASTC] {
-        let whole = bytes(file);
+    let plain = plain(16, [2, 2], 0, &[10, 20, 30, 40, 50, 60, 70, 80], 8);
+    for whole in [ETC1S, ETC1S_ALPHA, UASTC_ALPHA, UASTC]
+        .map(bytes)
+        .into_iter()
+        .chain([plain])
+    {
         for at in (0..whole.len()).step_by(5) {
             let mut damaged = whole.clone();
             damaged[at] = damaged[at].wrapping_mul(37).wrapping_add(11);

@@ -82,9 +82,9 @@ export class Link {
     this.socket.send(JSON.stringify({ show }));
   }
 
-  // Asks what a place of the picture shows; links: and what brings indirect light there.
-  pick(x, y, links) {
-    if (this.ready) this.socket.send(JSON.stringify({ pick: { id: ++this.id, x, y, links } }));
+  // Asks what a place of the picture shows; links: and what brings indirect light there; clusters: and which clusters of lights light it.
+  pick(x, y, { links, clusters }) {
+    if (this.ready) this.socket.send(JSON.stringify({ pick: { id: ++this.id, x, y, links, clusters } }));
   }
 }
 

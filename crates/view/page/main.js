@@ -26,7 +26,7 @@ stage.placed.push((box) => beside.place(box), (box) => {
 function pick(x, y) {
   state.pickedAt = { x, y };
   if (state.row !== null) state.view({ row: Math.min(state.size[1] - 1, Math.floor(y * state.size[1])) }, { overlay: true });
-  link.pick(x, y, state.links);
+  link.pick(x, y, state);
 }
 
 // ---- what goes out
@@ -57,7 +57,7 @@ state.on((what) => {
   if (!state.hello) return;
   // The same picture, with something else drawn over it.
   if (what.overlay) return;
-  if (what.links && state.links && state.pickedAt) link.pick(state.pickedAt.x, state.pickedAt.y, true);
+  if (what.links && (state.links || state.clusters) && state.pickedAt) link.pick(state.pickedAt.x, state.pickedAt.y, state);
   if (what.moving) $("hint").classList.add("gone");
   want(Boolean(what.moving));
   refresh(what);
@@ -99,7 +99,7 @@ const link = new Link({
     if (name === "hello") hello(value);
     if (name === "refused") say(value.what, true);
     if (name === "picked") {
-      state.view({ picked: value.hit && { ...value.hit, transport: value.hit.transport ?? undefined } }, { structure: true });
+      state.view({ picked: value.hit && { ...value.hit, transport: value.hit.transport ?? undefined, clusters: value.hit.clusters ?? undefined } }, { structure: true });
       say(value.hit ? `${value.hit.name || "Unnamed material"}, ${value.hit.distance.toFixed(2)} m away` : "Nothing is there");
     }
   },

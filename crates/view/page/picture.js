@@ -1,6 +1,7 @@
-// How the picture is shown, and what it is made of: tone mapping, waveform, points and links of the picked place, expected error.
+// How the picture is shown, and what it is made of: tone mapping, waveform, points and links and lightcut of the picked place, expected error.
 
 import { make } from "./make.js";
+import { clustersInWords } from "./clusters.js";
 import { inWords } from "./transport.js";
 import { drawWaveform } from "./waveform.js";
 
@@ -19,16 +20,19 @@ export class PictureCard {
       ...Object.entries(TONES).map(([value, label]) => make("option", { value }, label)));
     const links = this.toggle("Points and links", "Draws what brings indirect light to the picked place: points whose functions cover it, and senders of their links",
       () => state.links, () => state.view({ links: !state.links }, { structure: true, links: true }));
+    const clusters = this.toggle("Light clusters", "Draws the lightcut of the picked place: which clusters of lights, and of points that pass light on, stand for all of them there",
+      () => state.clusters, () => state.view({ clusters: !state.clusters }, { structure: true, links: true }));
     const wave = this.toggle("Waveform", "Red, green and blue along the row of the picked place, in per cent of the screen's white",
       () => state.row !== null, () => state.view({ row: state.row === null ? this.pickedRow() : null }, { structure: true }));
     panel.fills.push(() => (tone.value = state.tone));
-    const rows = [make("label", { class: "row wide" }, make("span", {}, "Tones"), tone), make("div", { class: "buttons" }, links, wave)];
+    const rows = [make("label", { class: "row wide" }, make("span", {}, "Tones"), tone), make("div", { class: "buttons" }, links, clusters, wave)];
     if (state.row !== null) {
       rows.push(panel.row("Row", { low: 0, high: state.size[1] - 1, step: 1, title: "Row of the picture, from its top" }, () => state.row, (value) =>
         state.view({ row: Math.round(Math.max(0, Math.min(state.size[1] - 1, value))) }, { overlay: true })), this.waveform);
       panel.fills.push(() => this.draw());
     }
     if (state.links) rows.push(make("p", { class: "note" }, state.picked?.transport ? inWords(state.picked.transport) : "Click on a surface in the picture."));
+    if (state.clusters) rows.push(make("p", { class: "note" }, state.picked?.clusters ? clustersInWords(state.picked.clusters) : "Click on a surface in the picture."));
     rows.push(make("p", { class: "note" }, this.expected()));
     return [make("h2", {}, "Picture"), make("section", { class: "card" }, make("div", { class: "body" }, ...rows))];
   }

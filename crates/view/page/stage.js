@@ -2,6 +2,7 @@
 
 import { add, axes, clamp, cross, degrees, direction, dot, length, onLine, onPlane, project, radians, scale, sub, unit } from "./math.js";
 import { kind, place, strength, withPlace } from "./lights.js";
+import { Clusters } from "./clusters.js";
 import { Transport } from "./transport.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -25,6 +26,7 @@ export class Stage {
     this.canvas = frame.querySelector("#picture");
     this.svg = frame.querySelector("svg");
     this.transport = new Transport(state, this.svg);
+    this.clusters = new Clusters(state, this.svg);
     this.rowline = element("line", { class: "rowline" }, this.svg);
     // Called with the picture's box whenever that is placed.
     this.placed = [];
@@ -284,6 +286,7 @@ export class Stage {
     }
     for (const placed of this.placed) placed(box);
     this.transport.draw(box);
+    this.clusters.draw(box);
     this.rowline.style.display = state.row === null ? "none" : "";
     const y = ((state.row ?? 0) + 0.5) * (box.height / state.size[1]);
     for (const [name, value] of Object.entries({ x1: 0, x2: box.width, y1: y, y2: y })) this.rowline.setAttribute(name, value);

@@ -25,8 +25,8 @@ export class State {
       by: "asset", size: [640, 360], selected: null, picked: null,
       // Where suns stand by date and place, by the lights' names.
       suns: {},
-      // Whether points and links of the picked place are drawn, and the row whose waveform is.
-      links: false, row: null,
+      // Whether points and links of the picked place are drawn, whether its lightcut is, and the row whose waveform is.
+      links: false, clusters: false, row: null,
     });
   }
 

@@ -128,6 +128,8 @@ pub enum Task {
     },
     /// What a pixel of a tab shows.
     Pick {
+        /// Whose.
+        tab: u64,
         /// What the tab sees.
         wish: Arc<Wish>,
         /// Which pixel.
@@ -387,8 +389,9 @@ impl State {
     }
 
     fn picked(&mut self) -> Option<Task> {
-        self.tabs.values_mut().find_map(|tab| {
+        self.tabs.iter_mut().find_map(|(id, tab)| {
             Some(Task::Pick {
+                tab: *id,
                 wish: tab.wish.clone()?,
                 pick: tab.pick.take()?,
                 outbox: tab.outbox.clone(),

@@ -1,7 +1,7 @@
 //! The page, held by the program: no file of the machine is read for it.
 
 /// Name, media type and content of each file.
-const FILES: [(&str, &str, &str); 17] = [
+const FILES: [(&str, &str, &str); 18] = [
     ("", "text/html; charset=utf-8", include_str!("../page/index.html")),
     (
         "style.css",
@@ -13,6 +13,7 @@ const FILES: [(&str, &str, &str); 17] = [
     ("link.js", JAVASCRIPT, include_str!("../page/link.js")),
     ("math.js", JAVASCRIPT, include_str!("../page/math.js")),
     ("state.js", JAVASCRIPT, include_str!("../page/state.js")),
+    ("clusters.js", JAVASCRIPT, include_str!("../page/clusters.js")),
     ("lights.js", JAVASCRIPT, include_str!("../page/lights.js")),
     ("panel.js", JAVASCRIPT, include_str!("../page/panel.js")),
     ("stage.js", JAVASCRIPT, include_str!("../page/stage.js")),

@@ -276,6 +276,15 @@ impl Painter {
         Ok(true)
     }
 
+    /// The wish's lights, ready to shine.
+    ///
+    /// # Errors
+    /// [`NoPicture::Refused`]: they can't.
+    pub fn lights_of(&mut self, room: &Room<'_>, wish: &Wish) -> Result<Option<&Lights>, NoPicture> {
+        self.light(room, wish)?;
+        Ok(self.lights.as_ref().map(|kept| &kept.lights))
+    }
+
     fn shot_settings(
         &self,
         wish: &Wish,

@@ -98,6 +98,9 @@ pub struct Pick {
     /// Whether to tell, too, which points and links bring indirect light there.
     #[serde(default)]
     pub links: bool,
+    /// Whether to tell, too, which clusters of lights light it.
+    #[serde(default)]
+    pub clusters: bool,
 }
 
 /// A camera as a lighting sequence has its own, standing still.

@@ -13,7 +13,7 @@ use relight_play::scene::image::preview::auto_exposure;
 use relight_play::scene::image::{Layers, encode_exr};
 use relight_play::scene::material_edits::parse_material_edits;
 use relight_play::scene::rays::Ray;
-use relight_play::scene::surface::Surfaces;
+use relight_play::scene::surface::{SurfaceHit, Surfaces};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -23,8 +23,9 @@ use std::time::Instant;
 /// The layers that `relight play` writes by default.
 const SAVED: [&str; 4] = ["beauty", "A", "direct", "indirect"];
 
-/// Most links of a place that are told.
+/// Most links of a place that are told, and most clusters.
 const MOST_LINKS: usize = 400;
+const MOST_CLUSTERS: usize = 1000;
 
 /// Materials as they were baked.
 const NO_EDITS: &str = r#"{ "relight_materials": 1, "edits": [] }"#;
@@ -105,7 +106,16 @@ impl Worker {
                     }
                 }
             }
-            Task::Pick { wish, pick, outbox } => outbox.say(self.picked(&wish, pick)),
+            Task::Pick {
+                tab,
+                wish,
+                pick,
+                outbox,
+            } => {
+                let mut painter = self.painters.remove(&tab).unwrap_or_default();
+                outbox.say(self.picked(&mut painter, &wish, pick, desk));
+                self.painters.insert(tab, painter);
+            }
             Task::Save(Save { wish, float, answer }) => {
                 // Whoever asked may have gone.
                 let _ = answer.send(self.saved(&wish, float, desk));
@@ -159,14 +169,17 @@ impl Worker {
         firm: bool,
     ) -> Result<Painted, NoPicture> {
         self.dress(wish)?;
-        let room = Room {
+        painter.paint(&self.room(desk), wish, stage, &Patience { desk, firm })
+    }
+
+    fn room(&self, desk: &Desk) -> Room<'_> {
+        Room {
             player: &self.exhibit.player,
             sequence: &self.exhibit.sequence,
             maps: desk.maps(),
             seed: self.exhibit.seed,
             edition: self.edition,
-        };
-        painter.paint(&room, wish, stage, &Patience { desk, firm })
+        }
     }
 
     /// A picture as it is sent, and what follows it: the length of its JSON head in four bytes (little endian), the head, the file.
@@ -225,7 +238,11 @@ impl Worker {
         Ok((message, next))
     }
 
-    fn picked(&self, wish: &Wish, pick: Pick) -> String {
+    fn picked(&mut self, painter: &mut Painter, wish: &Wish, pick: Pick, desk: &Desk) -> String {
+        if pick.clusters {
+            // What can't be dressed is refused where it is painted.
+            let _ = self.dress(wish);
+        }
         let scene = &self.exhibit.player.prepared.scene;
         let size = Vec2::new(wish.size.0 as f32, wish.size.1 as f32);
         let camera = wish.eye.camera();
@@ -248,9 +265,35 @@ impl Worker {
                 "material": material,
                 "name": scene.material(hit.primitive).name,
                 "transport": pick.links.then(|| self.transport_at((hit.position, hit.normal))).flatten(),
+                "clusters": pick.clusters.then(|| self.clusters_at(painter, wish, &hit, -direction, desk)).flatten(),
             })
         });
         json!({ "picked": { "id": pick.id, "hit": found } }).to_string()
+    }
+
+    /// The clusters of lights that light a place, as JSON; `None` where the wish's lights can't be prepared, which is told where they are
+    /// painted.
+    fn clusters_at(
+        &self,
+        painter: &mut Painter,
+        wish: &Wish,
+        hit: &SurfaceHit,
+        towards: Vec3,
+        desk: &Desk,
+    ) -> Option<Value> {
+        let lights = painter.lights_of(&self.room(desk), wish).ok()??;
+        let watch = Patience { desk, firm: true };
+        let cut = (self.exhibit.player).light_cut(lights, wish.time, hit, towards, &watch);
+        let cut = cut.ok()?;
+        let all: f32 = cut.clusters.iter().map(|c| c.radiance.element_sum()).sum();
+        let rows = cut.clusters.iter().take(MOST_CLUSTERS).map(|cluster| {
+            let share = cluster.radiance.element_sum() / all.max(f32::MIN_POSITIVE);
+            json!({
+                "low": cluster.low.to_array(), "high": cluster.high.to_array(), "distant": cluster.distant,
+                "indirect": cluster.indirect, "lights": cluster.lights, "share": share,
+            })
+        });
+        Some(json!({ "of": cut.clusters.len(), "lights": cut.lights, "cut": rows.collect::<Vec<_>>() }))
     }
 
     /// Points and links of a place, as JSON: `docs/view.md` has the fields.

@@ -220,6 +220,11 @@ fn suns_stand_by_date_and_pictures_are_compared_and_taken_apart_in_a_browser() {
     page.click_button("Waveform");
     page.click_at("#picture", [0.5, 0.6]);
     page.wait("document.querySelectorAll('.transport .point').length > 2 && document.querySelectorAll('.transport .gives').length > 5");
+    page.click_button("Light clusters");
+    page.wait("document.querySelectorAll('.clusters polygon.indirect').length > 5 && document.querySelector('.clusters .direct') !== null");
+    page.screenshot("clusters");
+    page.click_button("Light clusters");
+    page.wait("document.querySelector('.clusters polygon') === null");
     let painted = page.evaluate(
         "const c = document.getElementById('waveform');
          return c.getContext('2d').getImageData(0, 0, c.width, c.height).data.filter((v, i) => i % 4 < 3 && v > 200).length",
@@ -288,6 +293,25 @@ fn suns_stand_by_date_and_pictures_are_compared_and_taken_apart_in_a_browser() {
     page.screenshot("small");
     let wide = page.evaluate("return document.documentElement.scrollWidth <= innerWidth");
     assert_eq!(wide, true);
+    // Zoomed, nothing is cut off, and all that can be pressed is within reach.
+    for percent in [125, 150] {
+        page.zoom(1280, 800, percent);
+        page.rest();
+        page.screenshot(&format!("zoomed_{percent}"));
+        let cut_off = page.evaluate(
+            "const seen = (e) => e.getClientRects().length && getComputedStyle(e).visibility !== 'hidden';
+             return [...document.querySelectorAll('button, select, input, output')].filter(seen).filter((e) => {
+               const r = e.getBoundingClientRect();
+               const scrolls = e.closest('#panel') !== null;
+               return r.left < -0.5 || r.right > innerWidth + 0.5 || (!scrolls && (r.top < -0.5 || r.bottom > innerHeight + 0.5))
+                 || (e.tagName === 'BUTTON' && e.scrollWidth > e.clientWidth + 1);
+             }).map((e) => e.outerHTML.slice(0, 90))",
+        );
+        assert_eq!(cut_off, serde_json::json!([]), "{percent} %");
+        let stage = page.evaluate("const r = document.getElementById('stage').getBoundingClientRect(); return Math.min(r.width, r.height)");
+        assert!(stage.as_f64().unwrap() > 250.0, "{percent} %: {stage}");
+    }
+    page.screen(1024, 700, false);
     let eye = "return decodeURIComponent(location.hash)";
     let before = page.evaluate(eye);
     page.pinch("#stage", 60.0);

@@ -448,6 +448,40 @@ fn a_place_tells_its_points_and_links() {
     assert_eq!(tab.words("picked")["hit"]["transport"], Value::Null);
 }
 
+/// Truth: shares of all light sum to 1, the cut's clusters hold every light that shines there once, and lamps light a wall that they see.
+#[test]
+fn a_place_tells_its_lightcut() {
+    let served = Served::new();
+    let mut tab = Tab::open(&served.url);
+    tab.send(&json!({ "show": show(1, false) }));
+    tab.send(&json!({ "pick": { "id": 2, "x": 0.5, "y": 0.5, "clusters": true } }));
+    let hit = tab.words("picked")["hit"].clone();
+    assert_eq!(hit["transport"], Value::Null);
+    let clusters = &hit["clusters"];
+    let cut = clusters["cut"].as_array().unwrap();
+    assert_eq!(clusters["of"].as_u64().unwrap() as usize, cut.len());
+    let shares: Vec<f64> = cut.iter().map(|c| c["share"].as_f64().unwrap()).collect();
+    assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-4, "{clusters}");
+    assert!(shares.is_sorted_by(|a, b| a >= b));
+    let held: u64 = cut.iter().map(|c| c["lights"].as_u64().unwrap()).sum();
+    let all = clusters["lights"].as_u64().unwrap();
+    assert!(
+        held <= all && (cut.len() as u64) < all,
+        "{} of {held} of {all}",
+        cut.len()
+    );
+    let is_indirect = |c: &&Value| c["indirect"] == true;
+    let (virtuals, lamps): (Vec<&Value>, Vec<&Value>) = cut.iter().partition(is_indirect);
+    assert!(!virtuals.is_empty() && !lamps.is_empty(), "{clusters}");
+    // Whoever shines nothing has no cut.
+    let mut dark = show(3, false);
+    dark["lights"] = lights(0.0);
+    tab.send(&json!({ "show": dark }));
+    tab.send(&json!({ "pick": { "id": 4, "x": 0.5, "y": 0.5, "clusters": true } }));
+    let hit = tab.words("picked")["hit"].clone();
+    assert_eq!(hit["clusters"]["of"], 0, "{hit}");
+}
+
 /// Truth: the asset that stands in the file, whole or not.
 #[test]
 fn an_asset_that_is_replaced_is_shown_anew() {

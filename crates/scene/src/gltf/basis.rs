@@ -1,9 +1,12 @@
-//! KHR_texture_basisu: KTX 2.0 textures of ETC1S or UASTC, read by the `ktx2` crate and transcoded by `basisu`.
+//! KHR_texture_basisu: KTX 2.0 textures of ETC1S or UASTC, read by the `ktx2` crate and transcoded by `basisu`. Those of plain texels are
+//! read, too ([`super::ktx`]).
 //!
 //! The level of full size becomes a PNG, so that players need no transcoder. Whether colours are sRGB says the place in
 //! the material where the texture is used, as for other images; the file's own word for it is not needed.
 
 use super::guard::guarded;
+use super::ktx::texels;
+use super::notes::Notes;
 use crate::image::{Image8, Limits, encode_png};
 use basisu::{DecodeFlags, SourceFormat, TargetFormat, Transcoder};
 use ktx2::{Header, LevelIndex, SupercompressionScheme};
@@ -18,12 +21,18 @@ const BLOCK_BYTES: u64 = 16;
 ///
 /// # Errors
 /// What is wrong with the file and what to do, as the rest of a sentence about it.
-pub(super) fn png(name: &str, bytes: &[u8]) -> Result<Vec<u8>, String> {
-    let image = guarded(|| decode(name, bytes)).map_err(|why| format!("{why}; write the texture again"))?;
+pub(super) fn png(name: &str, bytes: &[u8], notes: &mut Notes) -> Result<Vec<u8>, String> {
+    let read = guarded(|| decode(name, bytes)).map_err(|why| format!("{why}; write the texture again"))?;
+    let (image, is_plain) = read;
+    notes.count(
+        "KTX2 textures that are not Basis Universal's, which glTF has not, read as they are",
+        is_plain.into(),
+    );
     encode_png(name, &image).map_err(|e| e.to_string())
 }
 
-fn decode(name: &str, bytes: &[u8]) -> Result<Image8, String> {
+/// The picture, and whether the file has its texels as they are.
+fn decode(name: &str, bytes: &[u8]) -> Result<(Image8, bool), String> {
     // Of the container only what says how much there is: the whole reader adds up bytes of the format's description
     // that may overflow, and the transcoder checks all that it reads.
     let (Some(head), Some(level)) = (
@@ -39,15 +48,19 @@ fn decode(name: &str, bytes: &[u8]) -> Result<Image8, String> {
     {
         return Err("is not one two-dimensional picture".into());
     }
-    if let Some(format) = header.format {
-        return Err(format!(
-            "holds texels of {format:?}, where KHR_texture_basisu has ETC1S and UASTC"
-        ));
-    }
     // As much again for the PNG.
     Limits::default()
         .check(name, width.into(), height.into(), 8)
         .map_err(|e| e.to_string())?;
+    if let Some(format) = header.format {
+        let place = usize::try_from(level.byte_offset)
+            .ok()
+            .zip(usize::try_from(level.byte_length).ok());
+        let stored = place.and_then(|(start, length)| bytes.get(start..start.checked_add(length)?));
+        let stored = stored.ok_or("says that texels lie beyond its end")?;
+        let image = texels(format, (width, height), header.supercompression_scheme, stored)?;
+        return Ok((image, true));
+    }
     let blocks = u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4));
     let declared = match header.supercompression_scheme {
         None => level.byte_length,
@@ -71,12 +84,13 @@ fn decode(name: &str, bytes: &[u8]) -> Result<Image8, String> {
             ));
         }
     }
-    let texels = transcoder
+    let transcoded = transcoder
         .transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE)
         .map_err(|e| format!("can't be transcoded ({e:?})"))?;
-    Ok(Image8 {
+    let image = Image8 {
         width: width as usize,
         height: height as usize,
-        rgba8: texels.as_chunks().0.to_vec(),
-    })
+        rgba8: transcoded.as_chunks().0.to_vec(),
+    };
+    Ok((image, false))
 }

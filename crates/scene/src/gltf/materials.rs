@@ -281,9 +281,11 @@ pub(super) fn load_textures(
             };
             let index = index_of.entry(key).or_insert_with(|| {
                 let encoded =
-                    load_image(source, key.image, data, folder, &mut total).map_err(|message| Fault {
-                        path: format!("images[{}]", key.image),
-                        message,
+                    load_image(source, key.image, data, folder, &mut total, notes).map_err(|message| {
+                        Fault {
+                            path: format!("images[{}]", key.image),
+                            message,
+                        }
                     })?;
                 textures.push(Texture {
                     name: source
@@ -318,6 +320,7 @@ pub(super) fn load_image(
     data: &Data,
     folder: &Path,
     total: &mut u64,
+    notes: &mut Notes,
 ) -> Result<Vec<u8>, String> {
     let (_, image_source) = source.images.peek(image).ok_or("cannot be read")?;
     let left = MAX_BYTES - *total;
@@ -341,7 +344,7 @@ pub(super) fn load_image(
         return Err(too_big());
     }
     if bytes.starts_with(basis::MAGIC) {
-        return basis::png(&format!("images[{image}]"), &bytes);
+        return basis::png(&format!("images[{image}]"), &bytes, notes);
     }
     check_image_type(&bytes)?;
     Ok(bytes)

@@ -85,7 +85,7 @@ const UNORDERED: &[&str] = &[
 /// Properties that are true or false.
 const FLAGS: &[&str] = &["doubleSided", "normalized", "visible"];
 
-/// Takes `null` for absent wherever it stands, and 0 and 1 for false and true. Numbers in lists stay: a `null`
+/// Takes `null` for absent wherever it stands, 0 and 1 for false and true, and a backslash in a file's name for a slash. Numbers in lists stay: a `null`
 /// among them may have been NaN.
 pub(super) fn document(root: &mut Value, notes: &mut Notes) {
     let mut counts = Counts::default();
@@ -116,12 +116,17 @@ pub(super) fn document(root: &mut Value, notes: &mut Notes) {
     mend(root, &mut counts);
     notes.count("null written for what is absent, read as absent", counts.nulls);
     notes.count("0 or 1 written for false or true", counts.flags);
+    notes.count(
+        "file names with backslashes, taken for the slashes between folders",
+        counts.backslashes,
+    );
 }
 
 #[derive(Default)]
 struct Counts {
     nulls: u64,
     flags: u64,
+    backslashes: u64,
 }
 
 /// The parser bounds how deep values nest.
@@ -141,6 +146,11 @@ fn mend(value: &mut Value, counts: &mut Counts) {
                             *member = Value::Bool(flag == 1);
                             counts.flags += 1;
                         }
+                    }
+                    // Programs of Windows write them.
+                    Value::String(uri) if key == "uri" && uri.contains('\\') => {
+                        *uri = uri.replace('\\', "/");
+                        counts.backslashes += 1;
                     }
                     Value::Array(list) if UNORDERED.contains(&key.as_str()) => {
                         drop_nulls(list, counts);
@@ -205,6 +215,19 @@ mod tests {
         assert_eq!(root, expected);
         let notes = notes.into_sentences();
         assert_eq!(notes[0], "null written for what is absent, read as absent: 7");
+    }
+
+    #[test]
+    fn backslashes_of_file_names_are_slashes() {
+        let mut root =
+            json!({ "images": [{ "uri": "maps\\a.png", "name": "a\\b" }], "extras": { "uri": "a\\b" } });
+        let mut notes = Notes::default();
+        document(&mut root, &mut notes);
+        assert_eq!(
+            root,
+            json!({ "images": [{ "uri": "maps/a.png", "name": "a\\b" }], "extras": { "uri": "a\\b" } })
+        );
+        assert!(notes.into_sentences()[0].starts_with("file names with backslashes"));
     }
 
     #[test]

@@ -42,6 +42,7 @@ mod guard;
 mod ies;
 mod instancing;
 mod json;
+mod ktx;
 mod layout;
 mod list;
 mod materials;

@@ -151,7 +151,7 @@ pub(super) fn convert(
         let pair = *made.entry((diffuse, specular, factors)).or_insert_with(|| {
             let mut read = |key: Option<TextureSource>| {
                 let Some(key) = key else { return Some(None) };
-                let bytes = load_image(source, key.image, data, folder, &mut total);
+                let bytes = load_image(source, key.image, data, folder, &mut total, notes);
                 let name = format!("images[{}]", key.image);
                 let image = bytes.and_then(|bytes| {
                     decode_ldr(&name, &bytes, &Limits::default()).map_err(|e| e.to_string())

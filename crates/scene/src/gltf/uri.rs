@@ -76,22 +76,23 @@ pub(super) fn relative_path(uri: &str) -> Result<PathBuf, String> {
             ));
         }
     }
-    if uri.starts_with('/') {
+    // Decoded first: Godot writes %2F between folders, and nothing in a name could be a slash.
+    let path = String::from_utf8(percent_decode(uri)?)
+        .map_err(|_| "is not UTF-8 after percent-decoding; rename the file".to_owned())?;
+    if path.starts_with('/') {
         return Err("is an absolute path; put the file beside the scene and name it relative to it".into());
     }
-    let mut parts: Vec<String> = Vec::new();
-    for part in uri.split('/') {
-        let part = String::from_utf8(percent_decode(part)?)
-            .map_err(|_| "is not UTF-8 after percent-decoding; rename the file".to_owned())?;
-        match part.as_str() {
+    let mut parts: Vec<&str> = Vec::new();
+    for part in path.split('/') {
+        match part {
             "" | "." => {}
             ".." => {
                 if parts.pop().is_none() {
                     return Err("leads out of the scene's folder; put the file inside it".into());
                 }
             }
-            name if name.contains(['/', '\\', '\0']) => {
-                return Err("has a slash, backslash or zero inside a name; rename the file".into());
+            name if name.contains(['\\', '\0']) => {
+                return Err("has a backslash or zero inside a name; rename the file".into());
             }
             _ => parts.push(part),
         }
@@ -150,6 +151,8 @@ mod tests {
             ("100%25.png", "100%.png"),
             ("gr%C3%BCn.png", "grün.png"),
             ("%252e%252e/x", "%2e%2e/x"),
+            ("maps%2Fa.png", "maps/a.png"),
+            ("a%2F..%2Fb", "b"),
         ] {
             assert_eq!(relative_path(uri).as_deref(), Ok(Path::new(path)), "{uri}");
         }
@@ -164,7 +167,8 @@ mod tests {
             "file:///etc/passwd",
             "http://a/b",
             "C:/a",
-            "a%2Fb",
+            "%2Fetc/passwd",
+            "a%2F..%2F..%2Fb",
             "a\\b",
             "%5c%5chost",
             "a%00",

@@ -130,6 +130,19 @@ impl LightClusters {
         (first != LEAF).then(|| [first, first + 1])
     }
 
+    /// Number of lights below a node.
+    pub fn lights(&self, node: u32) -> usize {
+        let mut open = vec![node];
+        let mut lights = 0;
+        while let Some(node) = open.pop() {
+            match self.children(node) {
+                Some(children) => open.extend(children),
+                None => lights += 1,
+            }
+        }
+        lights
+    }
+
     /// How the lights of a node shine.
     #[inline]
     pub fn emission(&self, node: u32) -> ClusterEmission {

@@ -186,6 +186,17 @@ impl Chromium {
         );
     }
 
+    /// A window of so many pixels of the screen, of which the page's are `percent` of a hundred wide.
+    pub fn zoom(&mut self, width: u32, height: u32, percent: u32) {
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            json!({
+                "width": width * 100 / percent, "height": height * 100 / percent,
+                "deviceScaleFactor": f64::from(percent) / 100.0, "mobile": false,
+            }),
+        );
+    }
+
     /// Presses a key by its name.
     pub fn press(&mut self, key: &str) {
         let code = match key {
