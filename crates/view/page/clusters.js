@@ -1,4 +1,4 @@
-// The lightcut of the picked place, drawn over the picture: a box around each cluster of lights, the brighter the more it lights the place.
+// The lightcut of the picked place, drawn over the picture: a box around each cluster of lights, the fuller the more it lights the place.
 
 import { project } from "./math.js";
 
@@ -23,14 +23,16 @@ export class Clusters {
       if (this.group.childNodes.length) this.group.replaceChildren();
       return;
     }
-    const most = Math.max(...cut.map((cluster) => cluster.share), 1e-30);
+    // A lamp gives more than any wall: each kind by its own brightest.
+    const most = (indirect) => Math.max(...cut.filter((cluster) => cluster.indirect === indirect).map((cluster) => cluster.share), 1e-30);
+    const brightest = new Map([[true, most(true)], [false, most(false)]]);
     const nodes = [];
     for (const cluster of cut.filter((cluster) => !cluster.distant).slice(0, BOXES)) {
       const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => [0, 1, 2].map((k) => ((i >> k) & 1 ? cluster.high[k] : cluster.low[k])));
       const seen = corners.map((corner) => project(eye, corner, box.width, box.height));
       // What reaches behind the eye has no outline.
       if (seen.includes(null)) continue;
-      const share = Math.sqrt(cluster.share / most);
+      const share = Math.sqrt(cluster.share / brightest.get(cluster.indirect));
       const node = document.createElementNS(SVG, cluster.lights > 1 ? "polygon" : "circle");
       if (cluster.lights > 1) node.setAttribute("points", outline(seen).map(({ x, y }) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" "));
       else for (const [name, value] of [["cx", seen[0].x], ["cy", seen[0].y], ["r", 2 + 4 * share]]) node.setAttribute(name, value);
