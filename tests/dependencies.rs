@@ -163,3 +163,39 @@ fn only_format_knows_bytes() {
         }
     }
 }
+
+/// Who builds the module for Python after the workspace builds none of its dependencies again.
+#[test]
+fn the_module_for_python_has_the_features_of_the_workspace() {
+    let packages = |what: &[&str]| -> BTreeSet<String> {
+        let output = Command::new(env!("CARGO"))
+            .args([
+                "tree",
+                "--locked",
+                "--offline",
+                "--prefix",
+                "none",
+                "--format",
+                "{p} [{f}]",
+            ])
+            .args(what)
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .unwrap();
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        let lines = String::from_utf8(output.stdout).unwrap();
+        let lines = lines.lines().map(|line| line.trim_end_matches(" (*)").to_owned());
+        lines.filter(|line| !line.is_empty()).collect()
+    };
+    let module = packages(&["--edges", "normal,build", "--package", "relight-python"]);
+    let all = packages(&["--edges", "normal,build,dev", "--workspace"]);
+    let alone: Vec<_> = module.difference(&all).collect();
+    assert!(
+        module.len() > 50 && alone.is_empty(),
+        "name these features in crates/python/Cargo.toml: {alone:?}"
+    );
+}
