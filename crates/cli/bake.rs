@@ -16,7 +16,7 @@ use glam::DVec3;
 use job::{prepare, read, store, tell, timed};
 use std::time::Instant;
 
-pub use args::{BakeArgs, LightUnitsName, params};
+pub use args::{BakeArgs, params};
 pub use job::{Job, read_scene, run_job};
 pub use kept::{Kept, this_program};
 

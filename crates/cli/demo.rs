@@ -1,12 +1,13 @@
 //! `relight demo`: the main job on a scene of `data/`, from glTF to frames.
 
-use crate::bake::{self, Job, LightUnitsName};
+use crate::bake::{self, Job};
 use crate::compare::results_table;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames;
 use crate::guard::Guard;
 use crate::kinds::Kind;
+use crate::options::LightUnitsName;
 use crate::options::ReplaceArgs;
 use crate::output::{self, log_path};
 use crate::play::{self, IntegratorName, Pace, PlayArgs, PlayReport};

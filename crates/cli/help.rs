@@ -155,7 +155,7 @@ const EXAMPLES: [(&str, [&str; 3]); 13] = [
         [
             "relight inspect hall.relight",
             "relight inspect hall.relight --verify --json",
-            "relight inspect hall.relight --images points",
+            "relight inspect hall.relight --lights evening.json --lux 0,0.8,0",
         ],
     ),
     (

@@ -6,10 +6,12 @@ use crate::guard::Guard;
 use crate::images;
 use crate::inspection::{BakeLog, BakeRun, Inspection, Names};
 use crate::kinds::{self, Wanted};
-use crate::options::ReplaceArgs;
+use crate::options::{LightUnitsName, ReplaceArgs, parse_point};
 use crate::output;
+use crate::photometric::{self, Photometric};
 use crate::words::{self, bytes, count};
 use clap::Args;
+use glam::DVec3;
 use relight_format::layout::{Kind, setting};
 use relight_format::{self as format, Content, FormatError, Limits};
 use serde::Serialize;
@@ -18,7 +20,8 @@ use std::path::PathBuf;
 
 /// Show what an asset holds: how big, how sparse, how deep, what was left out and why.
 ///
-/// Reads the first and last few kilobytes of a file of any size and trusts the rest; --verify reads all of it.
+/// Reads the first and last few kilobytes of a file of any size and trusts the rest; --verify reads all of it, --lights and --lux what it takes to
+/// light the scene.
 ///
 /// Times, memory and threads of its bake are shown when ASSET.relight.log.json lies beside it.
 #[derive(Args)]
@@ -35,6 +38,20 @@ pub struct InspectArgs {
     /// Draw the points of every level, seen from the scene's first camera, into this folder as level_N.png.
     #[arg(long, value_name = "DIR")]
     pub images: Option<PathBuf>,
+    /// Say what the lights of this sequence give, instead of the scene's own: lumens, candela at most, lux.
+    #[arg(long, value_name = "SEQ.json")]
+    pub lights: Option<PathBuf>,
+    /// The frame of the sequence.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub frame: u32,
+    /// A place of which the lux are told, in the coordinates of the scene's file, on a small surface that faces up: of each light with its
+    /// shadows, and of what the scene reflects there.
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
+    pub lux: Option<DVec3>,
+    /// How the scene's file had the intensities of its own lights, as for bake: those of spec are candela and lux themselves, others are
+    /// watts, of which each makes 683 lm.
+    #[arg(long, value_enum, default_value_t = LightUnitsName::Spec)]
+    pub light_units: LightUnitsName,
     #[command(flatten)]
     pub replace: ReplaceArgs,
 }
@@ -85,11 +102,26 @@ pub fn run(args: &InspectArgs, console: &Console) -> Result<Outcome, Failure> {
         Ok(None) => {}
         Err(complaint) => console.note(format!("note: {complaint}")),
     }
+    let photometry = photometric::of(
+        path,
+        &photometric::Wanted {
+            lights: args.lights.as_deref(),
+            frame: args.frame,
+            place: args.lux,
+            own_in_candela: args.light_units == LightUnitsName::Spec,
+        },
+        console,
+    )?;
     if args.verify {
         console.note("Every byte is as its checksum says, and what it says is valid.");
     }
     if !args.json {
-        output::print_text(&(describe(&inspection) + "\n"))?;
+        let mut text = describe(&inspection) + "\n";
+        for line in photometric::lines(&photometry) {
+            text += &line;
+            text.push('\n');
+        }
+        output::print_text(&text)?;
         return Ok(Outcome::Done);
     }
     let images = args.images.as_ref().map(|folder| {
@@ -99,6 +131,7 @@ pub fn run(args: &InspectArgs, console: &Console) -> Result<Outcome, Failure> {
     output::print_json(&InspectReport {
         command: "inspect",
         inspection,
+        photometry,
         verified: args.verify.then_some(true),
         images,
     })?;
@@ -111,6 +144,8 @@ struct InspectReport {
     command: &'static str,
     #[serde(flatten)]
     inspection: Inspection,
+    /// What its lights, or those of --lights, give.
+    photometry: Photometric,
     /// Whether every byte was checked.
     #[serde(skip_serializing_if = "Option::is_none")]
     verified: Option<bool>,

@@ -22,6 +22,7 @@ mod mix;
 mod movie;
 mod options;
 mod output;
+mod photometric;
 mod play;
 mod report;
 mod schema;

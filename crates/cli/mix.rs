@@ -3,11 +3,11 @@
 mod document;
 mod file;
 
-use crate::bake::LightUnitsName;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::guard::Guard;
 use crate::kinds::{self, Kind, Wanted};
+use crate::options::LightUnitsName;
 use crate::options::ReplaceArgs;
 use crate::output::{self, SCHEMA};
 use crate::signals;

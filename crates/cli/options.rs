@@ -1,7 +1,8 @@
 //! Values of options, and options of one command that another one gives.
 
 use crate::failure::Failure;
-use clap::Args;
+use clap::{Args, ValueEnum};
+use glam::DVec3;
 use std::fmt::Display;
 use std::str::FromStr;
 
@@ -69,5 +70,36 @@ pub fn relative_error(text: &str) -> Result<f64, String> {
     match number.parse::<f64>() {
         Ok(value) if value > 0.0 && value * scale <= 1.0 => Ok(value * scale),
         _ => Err("expected a relative error above 0 and at most 1 (100%), such as 0.05 or 5%".into()),
+    }
+}
+
+/// Units in which an exporter wrote light intensities.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LightUnitsName {
+    /// Candela and lux.
+    Spec,
+    /// W/sr and W/m².
+    Unitless,
+    /// Watts and W/m².
+    Raw,
+}
+
+/// Beyond this no scene lies; squares of distances are within 32-bit numbers.
+const FARTHEST: f64 = 1e12;
+
+/// Reads a point of the scene's file.
+///
+/// # Errors
+/// It is none.
+pub fn parse_point(text: &str) -> Result<DVec3, String> {
+    let numbers: Option<Vec<f64>> = text
+        .split(',')
+        .map(|part| part.trim().parse().ok().filter(|x: &f64| x.abs() <= FARTHEST))
+        .collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
+        _ => Err(format!(
+            "expected three numbers from -{FARTHEST:e} to {FARTHEST:e} with commas between them, such as 1.5,2,-3"
+        )),
     }
 }

@@ -1,6 +1,8 @@
 //! `relight inspect`.
 
-use crate::stage::{complaint, cornell, folder, inspect_json, json, relight, with_broken_links};
+use crate::stage::{
+    SQUARE, TINY, complaint, cornell, folder, gltf, inspect_json, json, relight, sequence, with_broken_links,
+};
 
 #[test]
 fn what_inspect_says_agrees_with_what_bake_said() {
@@ -25,6 +27,91 @@ fn what_inspect_says_agrees_with_what_bake_said() {
     );
     assert!(said["left_out"].is_array());
     assert!(said["rays"].as_u64().unwrap() > 0);
+}
+
+/// Truth: closed forms. 1 W/sr of white light is 683 cd and 4π × 683 lm; I cos θ / d² of it arrives on a floor.
+#[test]
+fn lights_are_told_in_lumens_candela_and_lux() {
+    let folder = folder();
+    let square = gltf(folder.path(), &SQUARE);
+    let asset = folder.path().join("a.relight");
+    relight()
+        .arg("bake")
+        .arg(&square)
+        .arg("-o")
+        .arg(&asset)
+        .args(TINY)
+        .assert()
+        .success();
+    let lights = sequence(
+        folder.path(),
+        "l.json",
+        r#"{ "relight_sequence": 1, "frames": 2, "lights": [
+            { "name": "bulb", "type": "point", "position": [0, 3, 5], "intensity": {"keys": [[0, [1, 1, 1]], [1, [2, 2, 2]]]} },
+            { "name": "panel", "type": "rect", "center": [0, 30, 5], "edge_u": [1, 0, 0], "edge_v": [0, 0, 2], "radiance": [1, 1, 1] },
+            { "name": "sun", "type": "directional", "direction": [0, -1, -1], "irradiance": [0, 1, 0] },
+            { "name": "lamp", "type": "ies", "file": "TILT=NONE\n1 -1 1 2 1 1 2 0 0 0\n1 1 9\n0 180\n0\n10 10", "position": [0, 3, 5] } ] }"#,
+    );
+    let mut command = relight();
+    command
+        .arg("inspect")
+        .arg(&asset)
+        .args(["--json", "--lux", "0,1,5", "--frame", "1", "--lights"])
+        .arg(&lights);
+    let said = json(&command.assert().success().get_output().stdout);
+    let of = |i: usize, field: &str| said["photometry"]["lights"][i][field].as_f64();
+    let close = |found: Option<f64>, truth: f64| {
+        let found = found.unwrap();
+        assert!((found / truth - 1.0).abs() < 1e-3, "{found}, not {truth}");
+    };
+    let pi = std::f64::consts::PI;
+    close(of(0, "candela"), 2.0 * 683.0);
+    close(of(0, "lumens"), 4.0 * pi * 2.0 * 683.0);
+    // 2 m above.
+    close(of(0, "lux_at_place"), 2.0 * 683.0 / 4.0);
+    close(of(1, "candela"), 2.0 * 683.0);
+    close(of(1, "lumens"), 2.0 * pi * 683.0);
+    // It shines up.
+    assert_eq!(of(1, "lux_at_place"), Some(0.0));
+    close(of(2, "lux"), 0.7152 * 683.0);
+    close(of(2, "lux_at_place"), 0.7152 * 683.0 * 0.5f64.sqrt());
+    assert_eq!(of(2, "lumens"), None);
+    close(of(3, "file_lumens"), 40.0 * pi);
+    close(of(3, "lux_at_place"), 10.0 * 683.0 / 4.0);
+    let place = &said["photometry"]["place"];
+    let direct: f64 = (0..4).map(|i| of(i, "lux_at_place").unwrap()).sum();
+    close(place["lux_direct"].as_f64(), direct);
+    assert!(place["lux_reflected"].as_f64().unwrap() >= 0.0);
+    // The scene's own: candela of the file, unless it was written in others.
+    for (units, factor) in [("spec", 1.0), ("raw", 683.0)] {
+        let mut command = relight();
+        command
+            .arg("inspect")
+            .arg(&asset)
+            .args(["--json", "--light-units", units]);
+        let own = json(&command.assert().success().get_output().stdout);
+        let own = &own["photometry"]["lights"][0];
+        assert_eq!(own["lumens_per_watt"].as_f64(), Some(factor), "{own}");
+    }
+    let mut command = relight();
+    command
+        .arg("inspect")
+        .arg(&asset)
+        .args(["--lux", "0,1,5", "--lights"])
+        .arg(&lights);
+    let text = String::from_utf8(command.assert().success().get_output().stdout.clone()).unwrap();
+    assert!(
+        text.contains("photometry \"bulb\": 8,583 lm, 683 cd at most, 171 lx at the place (683 lm/W)"),
+        "{text}"
+    );
+    assert!(text.contains("lx at 0, 1, 5, facing up: "), "{text}");
+    let mut command = relight();
+    command
+        .arg("inspect")
+        .arg(&asset)
+        .args(["--frame", "2", "--lights"])
+        .arg(&lights);
+    assert!(complaint(&mut command, 2).contains("the sequence has frames 0 to 1"));
 }
 
 #[test]

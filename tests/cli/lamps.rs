@@ -34,6 +34,26 @@ fn lamp(fields: &str) -> String {
     )
 }
 
+/// Truth: `brute`, a shadow ray to every lamp; with an asset's points as virtual lights, indirect light is there, too.
+#[test]
+fn many_light_methods_know_measured_lamps() {
+    let folder = folder();
+    std::fs::write(folder.path().join("down.ies"), DOWN).unwrap();
+    let fields = r#""type": "ies", "file": "down.ies", "direction": [0.3, -2, 0.1], "scale": 0.01"#;
+    let lights = sequence(folder.path(), "down.json", &lamp(fields));
+    let truth = play(cornell(), &lights, "brute").rgb("direct").unwrap();
+    for integrator in ["lightcuts", "pixelcuts"] {
+        let found = play(cornell(), &lights, integrator).rgb("direct").unwrap();
+        let (mut off, mut sum) = (0.0, 0.0);
+        for (a, b) in found.pixels.iter().flatten().zip(truth.pixels.iter().flatten()) {
+            off += f64::from((a - b).abs());
+            sum += f64::from(*b);
+        }
+        // Other rays through the pixels.
+        assert!(sum > 0.0 && off < 0.05 * sum, "{integrator}: {off} of {sum}");
+    }
+}
+
 /// Truth: point and spot lights, whose intensities are those of the files by the factor.
 #[test]
 fn lamps_shine_as_the_lights_that_they_were_measured_like() {
@@ -70,7 +90,7 @@ fn lamps_shine_as_the_lights_that_they_were_measured_like() {
 }
 
 #[test]
-fn wrong_files_are_told_and_points_do_not_stand_for_lamps() {
+fn wrong_files_are_told() {
     let folder = folder();
     let frame = folder.path().join("f.exr");
     let run = |text: &str, more: &[&str]| {
@@ -91,7 +111,7 @@ fn wrong_files_are_told_and_points_do_not_stand_for_lamps() {
         "{text}"
     );
     for (from, to, said) in [
-        ("100 100", "100 -100", "lamp.ies: a candela value is -100"),
+        ("100 100", "100 -100", "lamp.ies: line 7: a candela value is -100"),
         (" 2 1 1 2 ", " 0 1 1 2 ", "the number of vertical angles is 0"),
         ("100 100", "100", "the file is cut off"),
         ("TILT=NONE", "", "is it one?"),
@@ -103,18 +123,37 @@ fn wrong_files_are_told_and_points_do_not_stand_for_lamps() {
             "{text}"
         );
     }
-    std::fs::write(folder.path().join("lamp.ies"), EVEN).unwrap();
-    for more in [
-        &["--integrator", "lightcuts"][..],
-        &["--integrator", "pixelcuts"],
-        &["--integrator", "brute", "--vpls", "10"],
-    ] {
-        let text = complaint(&mut run(&lamp(fields), more), 1);
-        assert!(
-            text.contains("\"ies\"") && text.contains("--integrator transfer"),
-            "{text}"
+    let tilted = EVEN.replace("TILT=NONE", "TILT=lamp.tlt");
+    std::fs::write(folder.path().join("lamp.ies"), tilted).unwrap();
+    let text = complaint(&mut run(&lamp(fields), &[]), 1);
+    assert!(
+        text.contains("lamp.ies: TILT=lamp.tlt: ") && text.contains("put the file beside this one"),
+        "{text}"
+    );
+}
+
+/// Truth: the same lamp, darkened by `scale`.
+#[test]
+fn lamps_that_burn_darker_as_they_are_tilted() {
+    let folder = folder();
+    std::fs::write(folder.path().join("even.ies"), EVEN).unwrap();
+    std::fs::write(folder.path().join("TILT.TXT"), "1\n3\n0 60 90\n1 0.8 0.7\n").unwrap();
+    let tilted = EVEN.replace("TILT=NONE", "TILT=TILT.TXT");
+    std::fs::write(folder.path().join("tilted.ies"), tilted).unwrap();
+    let aimed = |file: &str, scale: f64| {
+        let fields = format!(
+            r#""type": "ies", "file": "{file}.ies", "direction": [0, -1, -1.7320508], "scale": {scale}"#
         );
+        let lights = sequence(folder.path(), &format!("{file}.json"), &lamp(&fields));
+        play(cornell(), &lights, "brute").rgb("direct").unwrap()
+    };
+    let [tilted, darker] = [aimed("tilted", 0.01), aimed("even", 0.008)];
+    let mut sum = 0.0;
+    for (a, b) in tilted.pixels.iter().flatten().zip(darker.pixels.iter().flatten()) {
+        assert!((a - b).abs() <= 1e-5 * b, "{a} {b}");
+        sum += b;
     }
+    assert!(sum > 0.0);
 }
 
 /// A lamp of a scene is kept in the asset, whatever became of its file. Truth: the same lamp in a sequence.

@@ -1,7 +1,7 @@
 //! Options of `relight bake`, and what they mean.
 
 use crate::failure::Failure;
-use crate::options::{ReplaceArgs, above_0, real, relative_error, whole};
+use crate::options::{LightUnitsName, ReplaceArgs, above_0, parse_point, real, relative_error, whole};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use relight_bake::params::{BakeParams, CutMode, CutParams, Omittable, Preset};
@@ -213,33 +213,6 @@ impl KeepName {
             KeepName::All => Omittable::ALL.to_vec(),
             _ => Omittable::ALL.into_iter().filter(named).collect(),
         }
-    }
-}
-
-/// Units in which an exporter wrote light intensities.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum LightUnitsName {
-    /// Candela and lux.
-    Spec,
-    /// W/sr and W/m².
-    Unitless,
-    /// Watts and W/m².
-    Raw,
-}
-
-/// Beyond this no scene lies; squares of distances are within 32-bit numbers.
-const FARTHEST: f64 = 1e12;
-
-fn parse_point(text: &str) -> Result<DVec3, String> {
-    let numbers: Option<Vec<f64>> = text
-        .split(',')
-        .map(|part| part.trim().parse().ok().filter(|x: &f64| x.abs() <= FARTHEST))
-        .collect();
-    match numbers.as_deref() {
-        Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
-        _ => Err(format!(
-            "expected three numbers from -{FARTHEST:e} to {FARTHEST:e} with commas between them, such as 1.5,2,-3"
-        )),
     }
 }
 

@@ -1,6 +1,6 @@
 //! A bake that is settled: its files read, baked, written and told of.
 
-use super::args::{BakeArgs, LightUnitsName};
+use super::args::BakeArgs;
 use super::kept::{Kept, this_program};
 use crate::console::{BakeProgress, Console};
 use crate::failure::{Failure, Outcome};
@@ -8,6 +8,7 @@ use crate::guard::Guard;
 use crate::inspect;
 use crate::inspection::{BakeLog, BakeRun, Inspection, Seconds};
 use crate::kinds::{self, Kind, Wanted};
+use crate::options::LightUnitsName;
 use crate::output::{self, SCHEMA, log_path};
 use crate::signals::{self, Signals};
 use crate::words;

@@ -276,7 +276,7 @@ pub fn sky(radiance: f32) -> LightTrack {
     };
     let kind = LightKind::Environment {
         maps: std::sync::Arc::new(map).into(),
-        file: String::new(),
+        file: String::new().into(),
         scale: Animated::Constant(Vec3::splat(radiance)),
         rotation_deg: Animated::Constant(0.0),
     };

@@ -225,7 +225,7 @@ fn visibility_cuts(stage: &Stage) -> Measured {
     let sky = |strength: f32, degrees: f32| {
         let kind = LightKind::Environment {
             maps: map.clone().into(),
-            file: String::new(),
+            file: String::new().into(),
             scale: Animated::Constant(Vec3::splat(strength)),
             rotation_deg: Animated::Constant(degrees),
         };

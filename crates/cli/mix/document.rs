@@ -3,7 +3,7 @@
 //! Names are those that the importer gives: a light's node's, else its own, else "light"; of equal ones the second is `NAME.1`, in the
 //! order in which the scene lists its nodes.
 
-use crate::bake::LightUnitsName;
+use crate::options::LightUnitsName;
 use anyhow::{Result, bail};
 use glam::Vec3;
 use relight_scene::gltf::EMISSIVE;

@@ -128,12 +128,6 @@ pub enum MissingError {
          --keep cuts), or use --integrator transfer"
     )]
     Cuts,
-    /// Nothing: lights that stand for others can't shine as photometric files say.
-    #[error(
-        "is lit by lamps of type \"ies\", which points that stand for lights can't shine as: use --integrator transfer, cuts, path, or brute \
-         without numbers of points"
-    )]
-    Profiles,
 }
 
 /// An asset can't be played as was asked.

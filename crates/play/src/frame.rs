@@ -11,6 +11,7 @@
 mod direct;
 mod emission;
 mod environment;
+pub mod illuminance;
 mod indirect;
 pub mod light;
 pub mod light_cut;

@@ -1,7 +1,7 @@
 //! The front door: an asset, lights and a camera to frames.
 
 use crate::camera::{CameraError, camera_of};
-use crate::choice::{Choice, ChoiceError, CutKind, CutUse, Integrator, MissingError, Tracer};
+use crate::choice::{Choice, ChoiceError, CutKind, CutUse, Integrator};
 use crate::edited::{EditError, Edited};
 use crate::edition::Edition;
 use crate::frame::light::{Lit, cut_use, light};
@@ -21,7 +21,7 @@ use relight_format::{Asset, Estimates, Provenance};
 use relight_render::expose::expose_watched;
 use relight_render::exposure::Exposure;
 use relight_render::layers::RenderSize;
-use relight_render::lightcuts::{AT_PIXELS, has_profiles, worthwhile};
+use relight_render::lightcuts::{AT_PIXELS, worthwhile};
 use relight_render::watch::{Cancelled, Watch, go_on};
 use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::image::Layers;
@@ -237,16 +237,6 @@ impl Player {
             _ => CutUse::Nothing,
         };
         let decided = self.decided(integrator)?;
-        let by_points = matches!(
-            decided,
-            Integrator::Traced(Tracer::BrutePoints(_) | Tracer::Lightcuts { .. } | Tracer::Pixelcuts { .. })
-        );
-        if by_points && has_profiles(&lights.at(time)) {
-            return Err(ChoiceError {
-                file: self.file.clone(),
-                missing: MissingError::Profiles,
-            });
-        }
         Ok(self.choice(decided, cuts, lights, time, settings))
     }
 

@@ -41,7 +41,7 @@ use relight_transport::light_clusters::{BuildSettings, LightClusters, build};
 use sights::Sights;
 use std::ops::AddAssign;
 
-pub use gather::{AT_PIXELS, AT_POINTS, Crossover, ManyLights, has_profiles, worthwhile};
+pub use gather::{AT_PIXELS, AT_POINTS, Crossover, ManyLights, worthwhile};
 pub use lit::LightcutSettings;
 pub use sample::ReconstructionStats;
 pub use told::{CutCluster, cut_at};

@@ -2,7 +2,7 @@
 //!
 //! Source: Walter et al. 2005, section 5 and appendix A. Points, spots and directionals map one to one; rectangles and
 //! emissive triangles become oriented lights on their surface, spheres omni lights inside them, environments
-//! directional lights ([`relight_scene::environment_strata`]), sun and sky 64 and 5000 of them, and indirect light
+//! directional lights ([`relight_scene::environment_strata`]), lamps with photometric files points that know theirs (`measured`), sun and sky 64 and 5000 of them, and indirect light
 //! virtual lights at what particles from all of these hit (`virtual_lights`), or at places that stand still,
 //! whose light the caller knows ([`StandingLights`]).
 //!
@@ -12,6 +12,7 @@
 
 mod area;
 mod distant;
+mod measured;
 mod points;
 mod standing;
 mod virtual_lights;
@@ -23,6 +24,7 @@ pub use points::{PointLights, PointSettings, clamp_limit, clamped};
 pub use standing::{Stand, StandingLights};
 
 use glam::Vec3;
+use measured::MeasuredLamp;
 use points::{End, surfaces};
 use relight_scene::light_set::{LightForm, LightSet};
 use relight_scene::traced::TracedScene;
@@ -64,7 +66,25 @@ impl PointLights {
                 );
             };
             match lights.form(light) {
-                LightForm::Dark | LightForm::Profile => {}
+                LightForm::Dark => {}
+                LightForm::Profile {
+                    position,
+                    axes,
+                    profile,
+                    scale,
+                } => {
+                    let lamp = MeasuredLamp::new(axes, profile.clone());
+                    let emission = lamp.emission(points.measured.len() as u32);
+                    let intensity = (scale.as_dvec3() * profile.peak()).as_vec3();
+                    let light = PointLight {
+                        emission,
+                        position,
+                        axis: axes.aim().as_vec3(),
+                        intensity,
+                    };
+                    points.measured.push(lamp);
+                    points.push(light, source, End::Free);
+                }
                 LightForm::Point { position, intensity } => {
                     single(Emission::Omni, position, Vec3::ZERO, intensity);
                 }

@@ -5,6 +5,7 @@ use relight_scene::animated::Animated;
 use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::light::{EnvironmentMap, LightKind, LightTrack};
 use relight_scene::material::{AlphaMode, Material};
+use relight_scene::photometry::Photometry;
 use relight_scene::scene::{Instance, Mesh, Scene};
 use relight_scene::traced::{Shading, TracedScene};
 use std::sync::Arc;
@@ -161,6 +162,21 @@ pub fn spot_inside() -> LightTrack {
     spot(Vec3::new(0.2, 0.9, 0.1), 60.0)
 }
 
+/// A lamp that was measured: a beam aslant, and some light up at one side.
+pub fn measured(position: Vec3, scale: f32) -> LightTrack {
+    let file = "IES:LM-63-2019\nTILT=NONE\n1 -1 1 6 4 1 2 0 0 0\n1 1 60\n0 15 40 90 120 180\n0 90 180 360\n\
+        3 3 1 0.3 0 0\n3 2 1 0.5 0 0\n3 3 0.5 0.3 0.6 0\n3 3 1 0.3 0 0\n";
+    let kind = LightKind::Ies {
+        profile: Arc::new(Photometry::parse(file).unwrap()),
+        file: file.into(),
+        position: constant(position),
+        direction: constant(Vec3::new(0.3, -1.0, 0.2)),
+        up: constant(Vec3::X),
+        scale: constant(Vec3::new(1.0, 0.7, 0.5) * scale),
+    };
+    light("measured", kind)
+}
+
 pub fn sun() -> LightTrack {
     let kind = LightKind::Directional {
         direction: constant(Vec3::new(0.3, -1.0, 0.1)),
@@ -205,7 +221,7 @@ pub fn even_sky(radiance: f32) -> LightTrack {
             pixels: vec![Vec3::splat(radiance); 32],
         })
         .into(),
-        file: String::new(),
+        file: String::new().into(),
         scale: constant(Vec3::ONE),
         rotation_deg: constant(0.0),
     };
@@ -222,7 +238,7 @@ pub fn sky() -> LightTrack {
             pixels: pixels.collect(),
         })
         .into(),
-        file: String::new(),
+        file: String::new().into(),
         scale: constant(Vec3::new(1.0, 0.5, 2.0)),
         rotation_deg: constant(70.0),
     };

@@ -62,6 +62,7 @@ mod lfs;
 pub mod light;
 pub mod light_set;
 pub mod light_state;
+pub mod maps;
 pub mod material;
 pub mod material_edits;
 pub mod numbered;

@@ -6,6 +6,7 @@ use crate::json::quantity::{
     Angle, Color, Components, Direction, Edge, Factor, HalfAngle, Hours, Length, Position, Quantity,
     Turbidity, given,
 };
+pub use crate::maps::{EnvironmentMap, EnvironmentMaps, MapFile};
 use crate::photometry::Photometry;
 use crate::weather::{Weather, hours_before};
 use glam::Vec3;
@@ -129,12 +130,12 @@ pub enum LightKind {
     },
     /// Light from all around, infinitely far away.
     Environment {
-        /// The map of all frames, or one for each; not in the JSON, which names files.
+        /// The map of all frames, one for each, or those of keys; not in the JSON, which names files.
         #[serde(skip)]
         maps: EnvironmentMaps,
         /// An equirectangular map of radiance (`.hdr` or `.exr`), relative to the sequence's folder. With `####` for a number, a map for
         /// each frame.
-        file: String,
+        file: MapFile,
         /// Multiplies the map.
         #[serde(with = "Keyed::<Factor>", default = "constant::<Factor, 1>")]
         scale: Animated<Vec3>,
@@ -280,59 +281,4 @@ impl JsonSchema for LightTrack {
         }
         schema
     }
-}
-
-/// The maps of an environment: one for all frames, or one for each, the first for frame 0.
-#[derive(Clone, Debug, PartialEq)]
-pub struct EnvironmentMaps(Arc<[Arc<EnvironmentMap>]>);
-
-/// One map without pixels.
-impl Default for EnvironmentMaps {
-    fn default() -> EnvironmentMaps {
-        Arc::new(EnvironmentMap::default()).into()
-    }
-}
-
-impl From<Arc<EnvironmentMap>> for EnvironmentMaps {
-    fn from(map: Arc<EnvironmentMap>) -> EnvironmentMaps {
-        EnvironmentMaps(Arc::new([map]))
-    }
-}
-
-impl EnvironmentMaps {
-    /// A map for each frame; `None` without any.
-    pub fn of_frames(maps: Vec<Arc<EnvironmentMap>>) -> Option<EnvironmentMaps> {
-        (!maps.is_empty()).then(|| EnvironmentMaps(maps.into()))
-    }
-
-    /// The map at a time: that of the frame which has begun, before the first and after the last the nearest one.
-    pub fn at(&self, frame: f64) -> &Arc<EnvironmentMap> {
-        let index = frame.clamp(0.0, self.0.len().saturating_sub(1) as f64);
-        // There is at least one, and NaN becomes 0.
-        &self.0[index as usize]
-    }
-
-    /// The map, if it is the same at all frames.
-    pub fn only(&self) -> Option<&Arc<EnvironmentMap>> {
-        match &*self.0 {
-            [map] => Some(map),
-            _ => None,
-        }
-    }
-
-    /// All of them, in order.
-    pub fn all(&self) -> &[Arc<EnvironmentMap>] {
-        &self.0
-    }
-}
-
-/// An equirectangular image of radiance from all directions ([`crate::environment`] says which pixel is where).
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct EnvironmentMap {
-    /// Pixels across.
-    pub width: usize,
-    /// Pixels down; row 0 looks up (+Y).
-    pub height: usize,
-    /// Linear RGB radiance, row by row. Finite and non-negative.
-    pub pixels: Vec<Vec3>,
 }

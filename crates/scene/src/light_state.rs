@@ -87,7 +87,7 @@ impl LightTrack {
                 rotation_deg,
                 ..
             } => {
-                map = Some(maps.at(frame).clone());
+                map = Some(maps.at(frame));
                 *maps = EnvironmentMaps::default();
                 hold(scale, frame);
                 hold(rotation_deg, frame);

@@ -129,18 +129,17 @@ pub fn weather_sky(daylight: &Daylight, sun: DVec3) -> SunSky {
     }
     let altitude = sun.y.clamp(-1.0, 1.0).asin();
     let zenith = PI / 2.0 - altitude.clamp(0.0, 87f64.to_radians());
-    let cubed = 1.041 * zenith.powi(3);
-    let clearness = ((diffuse + direct) / diffuse.max(1e-9) + cubed) / (1.0 + cubed);
-    let clearness = clearness.clamp(1.0, 11.9);
-    let mass = 1.0 / (zenith.cos() + 0.15 * (93.885 - zenith.to_degrees()).powf(-1.253));
-    let brightness = diffuse * mass / (SOLAR_CONSTANT * daylight.eccentricity);
-    let brightness = brightness.clamp(0.01, 0.6);
-    let class = CLEARNESS.partition_point(|&low| low <= clearness);
-    let water = (0.07 * daylight.dew_point - 0.075).exp();
-    let [a, b, c, d] = OF_SKY[class];
-    let sky_lux = diffuse * (a + b * water + c * zenith.cos() + d * brightness.ln()).max(0.0);
-    let [a, b, c, d] = OF_SUN[class];
-    let sun_lux = direct * (a + b * water + c * (5.73 * zenith - 5.0).exp() + d * brightness).max(0.0);
+    let hour = match daylight.in_lux {
+        false => Hour::of_irradiance([direct, diffuse], daylight, zenith),
+        true => Hour::of_illuminance([direct, diffuse], daylight, zenith),
+    };
+    let Hour {
+        class,
+        clearness,
+        brightness,
+        sun_lux,
+        sky_lux,
+    } = hour;
     if altitude > 0.0 {
         let cone = TAU * 2.0 * (SUN_HALF_ANGLE / 2.0).sin().powi(2);
         found.sun_radiance = Vec3::splat((sun_lux / LUMENS_PER_WATT / cone) as f32);
@@ -171,6 +170,66 @@ pub fn weather_sky(daylight: &Daylight, sun: DVec3) -> SunSky {
     let scale = (sky_lux / LUMENS_PER_WATT / sum / f64::from(luminance(SKY_COLOR))) as f32;
     found.sky.pixels.iter_mut().for_each(|pixel| *pixel *= scale);
     found
+}
+
+/// What the model knows of an hour.
+struct Hour {
+    class: usize,
+    clearness: f64,
+    brightness: f64,
+    /// Of a surface that faces the sun.
+    sun_lux: f64,
+    /// Of the ground.
+    sky_lux: f64,
+}
+
+/// Rounds in which irradiance of an illuminance is looked for: efficacies hardly depend on it, so that each takes a digit.
+const ROUNDS: usize = 20;
+
+impl Hour {
+    /// Of irradiance by sun and sky, W/m².
+    fn of_irradiance([direct, diffuse]: [f64; 2], daylight: &Daylight, zenith: f64) -> Hour {
+        let cubed = 1.041 * zenith.powi(3);
+        let clearness = ((diffuse + direct) / diffuse.max(1e-9) + cubed) / (1.0 + cubed);
+        let clearness = clearness.clamp(1.0, 11.9);
+        let mass = 1.0 / (zenith.cos() + 0.15 * (93.885 - zenith.to_degrees()).powf(-1.253));
+        let brightness = diffuse * mass / (SOLAR_CONSTANT * daylight.eccentricity);
+        let brightness = brightness.clamp(0.01, 0.6);
+        let class = CLEARNESS.partition_point(|&low| low <= clearness);
+        let water = (0.07 * daylight.dew_point - 0.075).exp();
+        let [a, b, c, d] = OF_SKY[class];
+        let sky_lux = diffuse * (a + b * water + c * zenith.cos() + d * brightness.ln()).max(0.0);
+        let [a, b, c, d] = OF_SUN[class];
+        let sun_lux = direct * (a + b * water + c * (5.73 * zenith - 5.0).exp() + d * brightness).max(0.0);
+        Hour {
+            class,
+            clearness,
+            brightness,
+            sun_lux,
+            sky_lux,
+        }
+    }
+
+    /// Of illuminance by sun and sky, lx: the class is that of the irradiance which would make it.
+    fn of_illuminance(lux: [f64; 2], daylight: &Daylight, zenith: f64) -> Hour {
+        let mut irradiance = lux.map(|lux| lux / 110.0);
+        let mut hour = Hour::of_irradiance(irradiance, daylight, zenith);
+        for _ in 0..ROUNDS {
+            for ((irradiance, lux), found) in irradiance.iter_mut().zip(lux).zip([hour.sun_lux, hour.sky_lux])
+            {
+                // Within what daylight may have, were a sun so low that the model lets none through.
+                if found > 0.0 {
+                    *irradiance = (*irradiance * lux / found).clamp(lux / 250.0, lux / 20.0);
+                }
+            }
+            hour = Hour::of_irradiance(irradiance, daylight, zenith);
+        }
+        Hour {
+            sun_lux: lux[0],
+            sky_lux: lux[1],
+            ..hour
+        }
+    }
 }
 
 /// a to e of the hour (1993, equations 6 to 8).

@@ -9,54 +9,31 @@
 //! Between angles candela are interpolated linearly, beyond the measured vertical ones there is no light. A lamp measured on a part of its
 //! horizontal angles is symmetric: one angle (all around), 0 to 90, 0 to 180, 90 to 270, and for A and B from 0.
 //!
-//! What is not used: labels, lumens of the lamp, the luminaire's size, and factors for a tilted lamp (TILT).
+//! Lamps whose light depends on their tilt (TILT) are darkened or brightened by it: [`Photometry::tilted`].
+//!
+//! What is not used: labels, lumens of the lamp, and the luminaire's size.
+
+mod error;
+mod numbers;
+mod tilt;
+
+pub use error::PhotometryError;
+pub(crate) use numbers::text;
+pub use tilt::{read_beside, with_tilt};
 
 use crate::lfs::{LFS_ADVICE, is_lfs_pointer};
 use glam::DVec3;
+use numbers::{MAX_VALUES, Numbers, words};
 use std::f64::consts::PI;
 use std::path::Path;
-use thiserror::Error;
+use tilt::Tilt;
 
 /// Most bytes of a file: measurements take some ten thousand.
 pub const MAX_BYTES: u64 = 4 << 20;
-/// Most measured directions.
-const MAX_VALUES: usize = 1 << 20;
 /// Largest candela, as of other lights (W/sr).
 const MAX_CANDELA: f64 = 1e15;
 /// Steps of the vertical and the horizontal angle over which lumens are summed.
 const STEPS: (u32, u32) = (720, 144);
-
-/// Why a photometric file cannot be used.
-#[derive(Debug, Error, PartialEq)]
-pub enum PhotometryError {
-    /// It could not be read.
-    #[error("{0}")]
-    Read(String),
-    /// It has no TILT line, with which the numbers begin.
-    #[error("there is no line TILT=…, with which the numbers of an IES file (LM-63) begin; is it one?")]
-    NoTilt,
-    /// The text ends early.
-    #[error("it ends before {0}: the file is cut off; get it anew")]
-    Truncated(&'static str),
-    /// What should be a number is none.
-    #[error("{what} is {found:?}, which is no number")]
-    NoNumber {
-        /// Which one.
-        what: &'static str,
-        /// As it stands there.
-        found: String,
-    },
-    /// A number makes no sense.
-    #[error("{what} is {found}; {expected}")]
-    Wrong {
-        /// Which one.
-        what: &'static str,
-        /// Its value.
-        found: f64,
-        /// What it may be.
-        expected: &'static str,
-    },
-}
 
 /// How the angles of a file lie in space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,6 +55,8 @@ pub struct Photometry {
     candela: Vec<f64>,
     /// Lumens over all directions.
     lumens: f64,
+    /// Factors on all candela of a tilted lamp.
+    tilt: Option<Tilt>,
 }
 
 /// Nothing shines.
@@ -89,6 +68,7 @@ impl Default for Photometry {
             horizontal: vec![0.0],
             candela: vec![0.0],
             lumens: 0.0,
+            tilt: None,
         }
     }
 }
@@ -115,6 +95,11 @@ impl LampAxes {
             zero,
             right: aim.cross(zero),
         })
+    }
+
+    /// Unit: the way the lamp points.
+    pub fn aim(&self) -> DVec3 {
+        self.aim
     }
 }
 
@@ -149,22 +134,31 @@ impl Photometry {
     /// # Errors
     /// See [`PhotometryError`].
     pub fn parse(text: &str) -> Result<Photometry, PhotometryError> {
-        let mut lines = text.lines();
-        let tilt = lines
-            .by_ref()
-            .map(str::trim)
-            .find_map(|line| line.strip_prefix("TILT=").or_else(|| line.strip_prefix("TILT =")))
-            .ok_or(PhotometryError::NoTilt)?;
+        let mut lines = (1..).zip(text.lines());
+        let tilt = lines.by_ref().find_map(|(_, line)| tilt::value(line));
+        let tilt = tilt.ok_or(PhotometryError::NoTilt)?;
         let mut numbers = Numbers {
-            words: lines.flat_map(|line| line.split([' ', '\t', ',', '\r']).filter(|word| !word.is_empty())),
+            words: words(lines),
+            line: 0,
         };
-        if tilt.trim().eq_ignore_ascii_case("INCLUDE") {
-            numbers.next("the lamp's place in the luminaire")?;
-            let pairs = numbers.count("the number of tilt angles")?;
-            for _ in 0..2 * pairs {
-                numbers.next("the last factor of TILT")?;
-            }
-        }
+        let read = Photometry::numbers(tilt, &mut numbers);
+        read.map_err(|error| numbers.placed(error))
+    }
+
+    fn numbers<'a>(
+        tilt: &str,
+        numbers: &mut Numbers<impl Iterator<Item = (usize, &'a str)>>,
+    ) -> Result<Photometry, PhotometryError> {
+        let tilt = if tilt.eq_ignore_ascii_case("INCLUDE") {
+            Some(Tilt::parse(numbers)?)
+        } else if tilt.eq_ignore_ascii_case("NONE") {
+            None
+        } else {
+            return Err(PhotometryError::TiltFile {
+                name: tilt.to_owned(),
+                message: "other files can't be read here".into(),
+            });
+        };
         for what in ["the number of lamps", "the lumens of a lamp"] {
             numbers.next(what)?;
         }
@@ -178,17 +172,11 @@ impl Photometry {
                 expected: "at most 1048576 are read",
             });
         }
-        let kind = match numbers.next("the photometric type")? {
-            1.0 => Type::C,
-            2.0 => Type::B,
-            3.0 => Type::A,
-            found => {
-                return Err(PhotometryError::Wrong {
-                    what: "the photometric type",
-                    found,
-                    expected: "1 is type C, 2 type B and 3 type A",
-                });
-            }
+        let types = "1 is type C, 2 type B and 3 type A";
+        let kind = match numbers.one_of("the photometric type", &[1.0, 2.0, 3.0], types)? as u8 {
+            1 => Type::C,
+            2 => Type::B,
+            _ => Type::A,
         };
         for what in [
             "the unit of length",
@@ -203,15 +191,17 @@ impl Photometry {
         let lamp = numbers.factor("the ballast-lamp factor")?;
         numbers.next("the input watts")?;
         let vertical = numbers.angles(verticals, "a vertical angle")?;
+        check_vertical(kind, &vertical)?;
         let horizontal = numbers.angles(horizontals, "a horizontal angle")?;
+        check_horizontal(kind, &horizontal)?;
         let mut photometry = Photometry {
             kind,
             candela: Vec::new(),
             vertical,
             horizontal,
             lumens: 0.0,
+            tilt,
         };
-        photometry.check_angles()?;
         let factor = multiplier * ballast * lamp;
         for _ in 0..verticals * horizontals {
             let value = numbers.next("the last candela value")?;
@@ -229,50 +219,17 @@ impl Photometry {
         Ok(photometry)
     }
 
-    /// Whether the angles are of those ranges that the type has.
-    fn check_angles(&self) -> Result<(), PhotometryError> {
-        let ends = |angles: &[f64]| (angles[0], angles[angles.len() - 1]);
-        let wrong = |what, found, expected| {
-            Err(PhotometryError::Wrong {
-                what,
-                found,
-                expected,
-            })
-        };
-        let (low, high) = ends(&self.vertical);
-        let (first, last) = ends(&self.horizontal);
-        if self.kind == Type::C {
-            if low < 0.0 || high > 180.0 {
-                let found = if low < 0.0 { low } else { high };
-                return wrong("a vertical angle", found, "of type C they lie between 0 and 180");
-            }
-            let known = match self.horizontal.len() {
-                1 => true,
-                _ if first == 90.0 => last == 270.0,
-                _ => first == 0.0 && (last == 90.0 || last == 180.0 || (last > 180.0 && last <= 360.0)),
-            };
-            return match known {
-                true => Ok(()),
-                false => wrong(
-                    "the last horizontal angle",
-                    last,
-                    "of type C they are one, or go from 0 to 90, 180 or 360, or from 90 to 270",
-                ),
-            };
-        }
-        for (what, low, high) in [
-            ("a vertical angle", low, high),
-            ("a horizontal angle", first, last),
-        ] {
-            if low < -180.0 || high > 180.0 {
-                let found = if low < -180.0 { low } else { high };
-                return wrong(what, found, "of type A and B they lie between -180 and 180");
-            }
-        }
-        Ok(())
+    /// Factor on all candela of a lamp that points along a unit vector of world space (up is +Y): 1 but for files with TILT.
+    pub fn tilted(&self, aim: DVec3) -> f64 {
+        self.tilt.as_ref().map_or(1.0, |tilt| tilt.factor(aim))
     }
 
-    /// Candela into a unit direction that leaves a lamp.
+    /// Whether the file has factors for tilted lamps.
+    pub fn has_tilt(&self) -> bool {
+        self.tilt.is_some()
+    }
+
+    /// Candela into a unit direction that leaves a lamp, but for [`Photometry::tilted`].
     pub fn candela(&self, axes: &LampAxes, direction: DVec3) -> f64 {
         let [along, up, right] = [axes.aim, axes.zero, axes.right].map(|axis| axis.dot(direction));
         let arc_sine = |sine: f64| sine.clamp(-1.0, 1.0).asin();
@@ -293,6 +250,21 @@ impl Photometry {
     /// The largest candela.
     pub fn peak(&self) -> f64 {
         self.candela.iter().fold(0.0, |most, &value| most.max(value))
+    }
+
+    /// Degrees off the aim beyond which there is no light, of type C; `None`: it may leave in any direction.
+    pub fn reach(&self) -> Option<f64> {
+        let columns = self.vertical.len();
+        let lit = |i: usize| {
+            self.candela
+                .iter()
+                .skip(i)
+                .step_by(columns)
+                .any(|&candela| candela > 0.0)
+        };
+        let last = (0..columns).rev().find(|&i| lit(i))?;
+        // Interpolated up to the next angle.
+        (self.kind == Type::C).then(|| self.vertical[(last + 1).min(columns - 1)])
     }
 
     /// At angles in degrees, from −180 to 180.
@@ -372,14 +344,6 @@ impl Photometry {
     }
 }
 
-/// UTF-8, or else Latin-1, in which old files are.
-pub(crate) fn text(bytes: &[u8]) -> String {
-    match std::str::from_utf8(bytes) {
-        Ok(text) => text.to_owned(),
-        Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect(),
-    }
-}
-
 /// The numbers around a value, and its share of the second; `None` beyond them, by more than rounding.
 fn between(angles: &[f64], value: f64) -> Option<(usize, usize, f64)> {
     let last = angles.len() - 1;
@@ -401,62 +365,52 @@ fn between(angles: &[f64], value: f64) -> Option<(usize, usize, f64)> {
     Some((before, next, share.clamp(0.0, 1.0)))
 }
 
-/// The words of a file that follow each other whatever line they are in.
-struct Numbers<I> {
-    words: I,
+fn out_of_range(what: &'static str, found: f64, expected: &'static str) -> Result<(), PhotometryError> {
+    Err(PhotometryError::Wrong {
+        what,
+        found,
+        expected,
+    })
 }
 
-impl<'a, I: Iterator<Item = &'a str>> Numbers<I> {
-    fn next(&mut self, what: &'static str) -> Result<f64, PhotometryError> {
-        let word = self.words.next().ok_or(PhotometryError::Truncated(what))?;
-        match word.parse::<f64>() {
-            Ok(number) if number.is_finite() => Ok(number),
-            _ => Err(PhotometryError::NoNumber {
-                what,
-                found: word.chars().take(40).collect(),
-            }),
-        }
+/// Whether rising angles lie where those of the type do.
+fn check_vertical(kind: Type, angles: &[f64]) -> Result<(), PhotometryError> {
+    let (low, high) = (angles[0], angles[angles.len() - 1]);
+    let (least, most, expected) = match kind {
+        Type::C => (0.0, 180.0, "of type C they lie between 0 and 180"),
+        _ => (-180.0, 180.0, "of type A and B they lie between -180 and 180"),
+    };
+    if low < least || high > most {
+        let found = if low < least { low } else { high };
+        return out_of_range("a vertical angle", found, expected);
     }
+    Ok(())
+}
 
-    fn count(&mut self, what: &'static str) -> Result<usize, PhotometryError> {
-        let found = self.next(what)?;
-        if found >= 1.0 && found <= MAX_VALUES as f64 && found.fract() == 0.0 {
-            return Ok(found as usize);
+/// The same; of type C they also end where a symmetry ends.
+fn check_horizontal(kind: Type, angles: &[f64]) -> Result<(), PhotometryError> {
+    let (first, last) = (angles[0], angles[angles.len() - 1]);
+    if kind != Type::C {
+        if first < -180.0 || last > 180.0 {
+            let found = if first < -180.0 { first } else { last };
+            let expected = "of type A and B they lie between -180 and 180";
+            return out_of_range("a horizontal angle", found, expected);
         }
-        Err(PhotometryError::Wrong {
-            what,
-            found,
-            expected: "expected a whole number from 1 to 1048576",
-        })
+        return Ok(());
     }
-
-    fn factor(&mut self, what: &'static str) -> Result<f64, PhotometryError> {
-        let found = self.next(what)?;
-        if found >= 0.0 {
-            return Ok(found);
-        }
-        Err(PhotometryError::Wrong {
-            what,
-            found,
-            expected: "expected a number of at least 0",
-        })
+    let known = match angles.len() {
+        1 => true,
+        _ if first == 90.0 => last == 270.0,
+        _ => first == 0.0 && (last == 90.0 || last == 180.0 || (last > 180.0 && last <= 360.0)),
+    };
+    if known {
+        return Ok(());
     }
-
-    fn angles(&mut self, count: usize, what: &'static str) -> Result<Vec<f64>, PhotometryError> {
-        let mut angles: Vec<f64> = Vec::new();
-        for _ in 0..count {
-            let angle = self.next(what)?;
-            if angles.last().is_some_and(|last| *last >= angle) {
-                return Err(PhotometryError::Wrong {
-                    what,
-                    found: angle,
-                    expected: "angles rise from one to the next",
-                });
-            }
-            angles.push(angle);
-        }
-        Ok(angles)
-    }
+    out_of_range(
+        "the last horizontal angle",
+        last,
+        "of type C they are one, or go from 0 to 90, 180 or 360, or from 90 to 270",
+    )
 }
 
 #[cfg(test)]

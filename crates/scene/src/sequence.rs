@@ -4,16 +4,16 @@
 #[cfg(test)]
 mod tests;
 
-use crate::animated::Animated;
+use crate::animated::{Animated, Interpolation};
 use crate::camera::CameraTrack;
 use crate::environment::read_environment;
 use crate::json::decode::{Document, Object, read_text};
 use crate::json::error::JsonError;
 use crate::json::path::JsonPath;
 use crate::json::quantity::{Above0, Number, Range, Version1, given, positive};
-use crate::light::{Day, EnvironmentMaps, LightKind, LightTrack};
+use crate::light::{Day, EnvironmentMaps, LightKind, LightTrack, MapFile};
 use crate::numbered;
-use crate::photometry::Photometry;
+use crate::photometry::{self, Photometry};
 use crate::weather::Weather;
 use glam::DVec3;
 use schemars::JsonSchema;
@@ -438,8 +438,44 @@ impl<'a> Reader<'a> {
         Ok(light)
     }
 
+    /// The maps of a file, or of one for each key.
+    fn maps_of(&mut self, file: &MapFile, path: &JsonPath) -> Result<EnvironmentMaps, JsonError> {
+        let (keys, interpolation) = match file {
+            MapFile::One(name) => return self.maps_of_name(name, path),
+            MapFile::Keys { keys, interpolation } => (keys, interpolation),
+        };
+        let (mut maps, mut bytes) = (Vec::new(), 0);
+        for (i, (frame, name)) in keys.iter().enumerate() {
+            let path = path.key("keys").index(i).index(1);
+            let of_name = self.maps_of_name(name, &path)?;
+            let Some(map) = of_name.only() else {
+                let message = "is a pattern of several maps; keys take one file each";
+                return Err(self.document.error(&path, message));
+            };
+            // One that several keys name takes its room once.
+            if !maps.iter().any(|(_, other)| Arc::ptr_eq(other, map)) {
+                bytes += map.pixels.len() * size_of::<glam::Vec3>();
+            }
+            if bytes > MAX_MAP_BYTES {
+                let message = format!(
+                    "with {name} the maps take more than {MAX_MAP_BYTES} bytes of memory; make them smaller or fewer"
+                );
+                return Err(self.document.error(&path, message));
+            }
+            maps.push((*frame, map.clone()));
+        }
+        EnvironmentMaps::of_keys(maps.clone(), *interpolation == Interpolation::Linear).map_err(|sizes| {
+            let (a, b) = sizes.unwrap_or((0, 0));
+            let [of_a, of_b] = [a, b].map(|i| format!("{} has {}x{}", keys[i].1, maps[i].1.width, maps[i].1.height));
+            let message = format!(
+                "maps that are blended must have one size, but {of_a} and {of_b} pixels; resize one, or use \"interpolation\": \"step\""
+            );
+            self.document.error(&path.key("keys"), message)
+        })
+    }
+
     /// The map of a name, or the maps of a pattern, one for each frame.
-    fn maps_of(&mut self, file: &str, path: &JsonPath) -> Result<EnvironmentMaps, JsonError> {
+    fn maps_of_name(&mut self, file: &str, path: &JsonPath) -> Result<EnvironmentMaps, JsonError> {
         if let (None, Some(maps)) = (self.base_dir, self.maps.get(Path::new(file))) {
             return Ok(maps.clone());
         }
@@ -466,14 +502,22 @@ impl<'a> Reader<'a> {
     /// Reads a photometric file, whose text takes the place of its name: so a sequence that is written again, or kept in an asset, has it.
     fn profile(&self, file: &mut String, path: &JsonPath) -> Result<Arc<Photometry>, JsonError> {
         let mut name = String::new();
+        let mut folder = self.base_dir.map(Path::to_path_buf);
         if !file.contains('\n') {
             let Some(base) = self.base_dir else {
                 let message = "no photometric file can be read here: give its whole text instead of its name";
                 return Err(self.document.error(path, message));
             };
             name = format!("{file}: ");
-            let text = Photometry::text_of(&base.join(&*file));
+            let whole = base.join(&*file);
+            folder = whole.parent().map(Path::to_path_buf);
+            let text = Photometry::text_of(&whole);
             *file = text.map_err(|error| self.document.error(path, error.to_string()))?;
+        }
+        if let Some(folder) = folder {
+            let read = |tilt: &str| photometry::read_beside(&folder, tilt);
+            let text = photometry::with_tilt(std::mem::take(file), read);
+            *file = text.map_err(|error| self.document.error(path, format!("{name}{error}")))?;
         }
         let read = Photometry::parse(file);
         read.map(Arc::new)

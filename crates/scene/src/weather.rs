@@ -4,7 +4,7 @@
 //! irradiance on a surface that faces it and the sky's on the ground are read, and in `.epw` the dew point. An hour's values
 //! are those of its middle: hour 1 of an `.epw` is half past midnight. Between middles they are interpolated; the sun stands where it
 //! stands at the very time, in the file's time zone. Years are not looked at: files of typical years have months of different ones.
-//! The 29th of February is left out.
+//! The 29th of February is left out. Weather tapes have irradiance (`weather_data_file_units 1`) or illuminance (2).
 //!
 //! The sun's place: Spencer 1971, "Fourier series representation of the position of the sun", within some hundredths of a degree of
 //! declination and half a minute. No refraction.
@@ -23,6 +23,14 @@ pub const HOURS: f64 = 8760.0;
 const MOST_APART: f64 = 2.01;
 /// Largest irradiance, W/m²: beyond the sun's above the atmosphere, with what instruments exaggerate.
 const MAX_IRRADIANCE: f64 = 2000.0;
+/// Largest illuminance, lx: that of the largest irradiance at more lumens a watt than any daylight has.
+const MAX_ILLUMINANCE: f64 = 400_000.0;
+/// Share of the year's direct light that may come from below the horizon: hours around sunrise are told by their middles.
+const BELOW_HORIZON: f64 = 0.02;
+/// How far below the horizon counts, as a sine: two degrees.
+const BELOW: f64 = -0.035;
+/// Hours with direct light from which on it is looked at where the sun stands.
+const ENOUGH_HOURS: usize = 24;
 /// In `.epw`, values from here on mean that there is none.
 const MISSING: f64 = 9999.0;
 /// Dew point where a file has none, °C, as gendaymtx takes it.
@@ -57,6 +65,14 @@ pub enum WeatherError {
         "holds no hour with direct and diffuse irradiance; the file is cut off, or all its values are missing: get it anew"
     )]
     Empty,
+    /// The sun shines at night.
+    #[error("has {percent} % of its direct light while the sun is below the horizon; {advice}")]
+    Zone {
+        /// Of the direct light.
+        percent: f64,
+        /// What to do.
+        advice: &'static str,
+    },
     /// Hours that are asked for are not there.
     #[error(
         "has nothing between {from} and {to}, but the sequence asks for that time; choose other hours, or a file without the gap"
@@ -87,6 +103,8 @@ pub struct Daylight {
     pub direct_normal: f64,
     /// Irradiance by the sky of the ground, W/m².
     pub diffuse_horizontal: f64,
+    /// Whether both are illuminance instead, lx.
+    pub in_lux: bool,
     /// Dew point, °C.
     pub dew_point: f64,
     /// Irradiance above the atmosphere over its mean over the year.
@@ -106,6 +124,8 @@ pub struct Weather {
     records: Vec<Record>,
     /// Lines before the hours.
     head: usize,
+    /// Whether it has illuminance, not irradiance.
+    in_lux: bool,
 }
 
 /// Night at the equator.
@@ -123,6 +143,7 @@ impl Default for Weather {
                 line: 0,
             }],
             head: 0,
+            in_lux: false,
         }
     }
 }
@@ -181,7 +202,44 @@ impl Weather {
                 return Err(WeatherError::Line { line, message });
             }
         }
+        weather.check_zone()?;
         Ok(weather)
+    }
+
+    /// Whether the sun is up when it shines: a longitude or a time zone with the wrong sign puts it hours away.
+    fn check_zone(&self) -> Result<(), WeatherError> {
+        let shares = |weather: &Weather| {
+            let (mut all, mut below, mut hours) = (0.0, 0.0, 0);
+            for record in weather.records.iter().filter(|record| record.direct > 0.0) {
+                (all, hours) = (all + record.direct, hours + 1);
+                if weather.sun(record.time).y < BELOW {
+                    below += record.direct;
+                }
+            }
+            (hours, if all > 0.0 { below / all } else { 0.0 })
+        };
+        let (hours, below) = shares(self);
+        if hours < ENOUGH_HOURS || below <= BELOW_HORIZON {
+            return Ok(());
+        }
+        let other = |weather: Weather| shares(&weather).1 <= BELOW_HORIZON;
+        let advice = if other(Weather {
+            zone: -self.zone,
+            ..self.clone()
+        }) {
+            "with the other sign of the time zone it is up: turn that"
+        } else if other(Weather {
+            longitude: -self.longitude,
+            ..self.clone()
+        }) {
+            "with the other sign of the longitude it is up: turn that"
+        } else {
+            "check longitude and time zone, west and east: in .epw files east is positive, in .wea files west, and hours are of standard time"
+        };
+        Err(WeatherError::Zone {
+            percent: (100.0 * below).round(),
+            advice,
+        })
     }
 
     /// The two records around a time of the year, and the share of the later one.
@@ -213,6 +271,7 @@ impl Weather {
         let daylight = Daylight {
             direct_normal: mix(|r| r.direct),
             diffuse_horizontal: mix(|r| r.diffuse),
+            in_lux: self.in_lux,
             dew_point: mix(|r| r.dew_point),
             eccentricity,
         };
@@ -353,6 +412,20 @@ impl Line {
         Ok(Some(number))
     }
 
+    /// Illuminance in lx; `None` where it is missing, as in irradiance.
+    fn illuminance(&self, what: &str, text: Option<&&str>) -> Result<Option<f64>, WeatherError> {
+        let number = self.number(what, text)?;
+        if number == 999_900.0 || number == 999_999.0 {
+            return Ok(None);
+        }
+        if !(0.0..=MAX_ILLUMINANCE).contains(&number) {
+            let advice = "and 999900 where it is missing; mend the file";
+            let message = format!("{what} is {number}; it must be from 0 to {MAX_ILLUMINANCE} lx, {advice}");
+            return Err(self.error(message));
+        }
+        Ok(Some(number))
+    }
+
     /// Hours before a day; `None` on the leap day.
     fn day(&self, month: Option<&&str>, day: Option<&&str>) -> Result<Option<f64>, WeatherError> {
         let (month, day) = (self.number("the month", month)?, self.number("the day", day)?);
@@ -377,6 +450,7 @@ fn epw(lines: &[(usize, &str)]) -> Result<Weather, WeatherError> {
         zone: place.within("the time zone", head.get(8), -14.0, 14.0)?,
         records: Vec::new(),
         head: EPW_HEAD,
+        in_lux: false,
     };
     let (mut per_hour, line) = (1.0, Line(EPW_HEAD));
     if let Some((_, periods)) = lines.get(EPW_HEAD - 1) {
@@ -424,6 +498,7 @@ fn epw(lines: &[(usize, &str)]) -> Result<Weather, WeatherError> {
 fn wea(lines: &[(usize, &str)]) -> Result<Weather, WeatherError> {
     let mut head = [None; 3];
     let names = ["latitude", "longitude", "time_zone"];
+    let mut units = false;
     let mut weather = Weather {
         records: Vec::new(),
         ..Weather::default()
@@ -437,10 +512,18 @@ fn wea(lines: &[(usize, &str)]) -> Result<Weather, WeatherError> {
             if let Some(i) = names.iter().position(|name| *name == words[0]) {
                 head[i] = Some(line.within(names[i], words.get(1), -210.0, 210.0)?);
             }
-            if words[0] == "weather_data_file_units" && words.get(1) != Some(&"1") {
-                let found = words.get(1).unwrap_or(&"nothing");
-                let advice = "only 1, direct normal and diffuse horizontal irradiance, is read: make the file with epw2wea";
-                return Err(line.error(format!("weather_data_file_units is {found}; {advice}")));
+            if words[0] == "weather_data_file_units" {
+                weather.in_lux = match words.get(1) {
+                    Some(&"1") => false,
+                    Some(&"2") => true,
+                    other => {
+                        let found = other.unwrap_or(&"nothing");
+                        let advice = "1, direct normal and diffuse horizontal irradiance in W/m², and 2, illuminance in lx, are read: make \
+                                      the file with epw2wea";
+                        return Err(line.error(format!("weather_data_file_units is {found}; {advice}")));
+                    }
+                };
+                units = true;
             }
             continue;
         }
@@ -448,8 +531,16 @@ fn wea(lines: &[(usize, &str)]) -> Result<Weather, WeatherError> {
             continue;
         };
         let hour = line.within("the hour", words.get(2), 0.0, 24.0)?;
-        let direct = line.irradiance("direct normal irradiance", words.get(3))?;
-        let diffuse = line.irradiance("diffuse horizontal irradiance", words.get(4))?;
+        let (direct, diffuse) = match weather.in_lux {
+            false => (
+                line.irradiance("direct normal irradiance", words.get(3))?,
+                line.irradiance("diffuse horizontal irradiance", words.get(4))?,
+            ),
+            true => (
+                line.illuminance("direct normal illuminance", words.get(3))?,
+                line.illuminance("diffuse horizontal illuminance", words.get(4))?,
+            ),
+        };
         if let (Some(direct), Some(diffuse)) = (direct, diffuse) {
             weather.records.push(Record {
                 time: (day + hour).rem_euclid(HOURS),
@@ -467,6 +558,11 @@ fn wea(lines: &[(usize, &str)]) -> Result<Weather, WeatherError> {
                 "the lines before the hours say no {name}; the file is cut off: get it anew"
             )));
         }
+    }
+    if !units {
+        let message =
+            "the lines before the hours say no weather_data_file_units; the file is cut off: get it anew";
+        return Err(line.error(message.into()));
     }
     // West counts as positive in these files, and a time zone is its meridian.
     let [latitude, longitude, meridian] = head.map(|value| value.unwrap_or(0.0));

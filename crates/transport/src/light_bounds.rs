@@ -177,7 +177,7 @@ mod tests {
         let middle = direction(s) * 10f32.powf(4.0 * s.uniform() - 2.0);
         let width = 10f32.powf(5.0 * s.uniform() - 4.0);
         let (axis, spread) = (direction(s), 2.0 * s.uniform() * s.uniform());
-        let kind = (s.uniform() * 4.0) as u32;
+        let kind = (s.uniform() * 5.0) as u32;
         let flat = if s.uniform() < 0.5 { 0.0 } else { 1.0 };
         (0..1 + (s.uniform() * 8.0) as u32)
             .map(|_| {
@@ -192,9 +192,10 @@ mod tests {
                             scale: 1.0 / (inner - outer),
                             offset: -outer / (inner - outer),
                         },
+                        3 => Emission::Measured { profile: 0, outer },
                         _ => Emission::Directional,
                     },
-                    position: if kind == 3 { Vec3::ZERO } else { position },
+                    position: if kind == 4 { Vec3::ZERO } else { position },
                     axis: (axis + direction(s) * spread).try_normalize().unwrap_or(axis),
                     intensity: Vec3::splat(s.uniform() + 0.1),
                 }

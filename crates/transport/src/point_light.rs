@@ -22,6 +22,14 @@ pub enum Emission {
         /// See `scale`.
         offset: f32,
     },
+    /// As was measured: the intensity is the largest one in any direction, and whoever has the measurement multiplies with its share. Here it is
+    /// known that nothing leaves at cosines to the axis below `outer`.
+    Measured {
+        /// Which measurement.
+        profile: u32,
+        /// Smallest cosine to the axis with light.
+        outer: f32,
+    },
     /// From infinitely far, along the axis.
     Directional,
 }
@@ -44,7 +52,7 @@ pub struct PointLight {
     pub position: Vec3,
     /// Unit: the way in which it shines; of omni lights unused and zero.
     pub axis: Vec3,
-    /// RGB: W/sr along the axis; of directional lights W/m² on a surface that faces them. Finite, not negative.
+    /// RGB: W/sr along the axis, or where it is largest; of directional lights W/m² on a surface that faces them. Finite, not negative.
     pub intensity: Vec3,
 }
 
@@ -100,7 +108,7 @@ impl Patch {
 }
 
 impl PointLight {
-    /// What reaches `x`; `None` if nothing does, because `x` lies behind the light, outside its cone, or on it.
+    /// What reaches `x`, of measured lights at most; `None` if nothing does, because `x` lies behind the light, outside its cone, or on it.
     pub fn arrival(&self, x: Vec3) -> Option<Arrival> {
         if self.emission == Emission::Directional {
             return Some(Arrival {
@@ -138,6 +146,8 @@ impl Emission {
                 let share = (cos * scale + offset).clamp(0.0, 1.0);
                 share * share
             }
+            // The most that it may be.
+            Emission::Measured { outer, .. } => f32::from(cos >= outer),
         }
     }
 }

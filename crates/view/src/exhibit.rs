@@ -32,11 +32,11 @@ pub struct Exhibit {
 impl Exhibit {
     /// The environment maps of the first lights.
     pub fn maps(&self) -> Maps {
-        let maps = self.sequence.lights.iter().filter_map(|light| match &light.kind {
-            LightKind::Environment { maps, file, .. } => Some((PathBuf::from(file), maps.clone())),
-            _ => None,
+        let maps = self.sequence.lights.iter().flat_map(|light| match &light.kind {
+            LightKind::Environment { maps, file, .. } => maps.by_name(file),
+            _ => Vec::new(),
         });
-        maps.collect()
+        maps.map(|(name, maps)| (PathBuf::from(name), maps)).collect()
     }
 
     /// What a tab is told first, as JSON: cameras, lights, size, materials (`docs/view.md` has the fields).

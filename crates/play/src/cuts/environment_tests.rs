@@ -51,7 +51,7 @@ fn environment(map: &EnvironmentMap, scale: Animated<Vec3>, rotation_deg: Animat
         name: String::new(),
         kind: LightKind::Environment {
             maps: Arc::new(map.clone()).into(),
-            file: String::new(),
+            file: String::new().into(),
             scale,
             rotation_deg,
         },

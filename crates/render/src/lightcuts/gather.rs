@@ -29,21 +29,17 @@ pub const AT_POINTS: Crossover = Crossover(350);
 pub const AT_PIXELS: Crossover = Crossover(400);
 
 /// Whether a place would send more shadow rays to the lights themselves, `samples` to each with extent, than are worth
-/// it. Not where a lamp shines as a photometric file says, which clusters of lights don't know.
+/// it.
 pub fn worthwhile(lights: &LightSet<'_>, samples: u32, crossover: Crossover) -> bool {
     let shines = |light: Vec3| u64::from(light != Vec3::ZERO);
     let rays = |light: usize| match lights.form(light) {
-        LightForm::Dark | LightForm::Profile => 0,
+        LightForm::Dark => 0,
+        LightForm::Profile { scale, .. } => shines(scale),
         LightForm::Point { intensity, .. } | LightForm::Spot { intensity, .. } => shines(intensity),
         LightForm::Directional { irradiance, .. } => shines(irradiance),
         _ => u64::from(samples),
     };
-    !has_profiles(lights) && (0..lights.len()).map(rays).sum::<u64>() > crossover.0
-}
-
-/// Whether any light shines as a photometric file says.
-pub fn has_profiles(lights: &LightSet<'_>) -> bool {
-    (0..lights.len()).any(|light| matches!(lights.form(light), LightForm::Profile))
+    (0..lights.len()).map(rays).sum::<u64>() > crossover.0
 }
 
 /// Places per parallel task.

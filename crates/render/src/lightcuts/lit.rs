@@ -181,7 +181,7 @@ impl Lit<'_> {
         parts: &[BvhPart],
         shadow_rays: &mut u64,
     ) -> Option<Vec3> {
-        let arrival = self.points.lights[i as usize].arrival(receiver.hit.position)?;
+        let arrival = self.points.arrival(i as usize, receiver.hit.position)?;
         if receiver.point.shading_normal.dot(arrival.direction) <= 0.0 {
             return None;
         }
@@ -197,7 +197,7 @@ impl Lit<'_> {
 
     /// M G of the paper's equation 1: radiance by light `i` per unit of its intensity, if nothing is in between.
     fn unshadowed(&self, i: u32, receiver: &Receiver<'_>) -> Vec3 {
-        let arrival = self.points.lights[i as usize].arrival(receiver.hit.position);
+        let arrival = self.points.arrival(i as usize, receiver.hit.position);
         arrival.map_or(Vec3::ZERO, |arrival| self.reflected(i, &arrival, receiver))
     }
 

@@ -53,7 +53,7 @@ impl Sample {
         estimates.clear();
         estimates.extend(cut.slots.iter().map(|slot| {
             let light = lit.clusters.nodes[slot.node as usize].representative;
-            let arrival = lit.points.lights[light as usize].arrival(view.hit.position);
+            let arrival = lit.points.arrival(light as usize, view.hit.position);
             (Vec3::ZERO, arrival.map_or(Vec3::ZERO, |a| a.direction))
         }));
         for n in cut.nodes() {

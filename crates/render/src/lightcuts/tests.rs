@@ -70,6 +70,7 @@ fn lamps() -> Vec<LightTrack> {
         panel("right", 1.2, Vec3::new(1.0, 2.0, 3.0)),
         ball(Vec3::new(-1.4, -1.5, 1.2), 0.2, Vec3::splat(2.0)),
         light("spot", spot),
+        measured(Vec3::new(-0.5, 1.4, 0.3), 1.5),
     ]
 }
 
@@ -362,7 +363,7 @@ fn bounds_hold_and_are_met_by_half_where_they_are_used() {
                 }
                 let intensity = clusters.nodes[node as usize].intensity;
                 let most = (members.iter())
-                    .filter_map(|&i| points.lights[i as usize].arrival(hit.position))
+                    .filter_map(|&i| points.arrival(i as usize, hit.position))
                     .map(|a| (reflected(&point, wo, a.direction) * a.factor * intensity).max_element())
                     .fold(0.0, f32::max);
                 let bound = receiver.node_bound(clusters, node);

@@ -1,10 +1,11 @@
 //! Lights without extent that stand for others, and the rays to them.
 
+use super::measured::MeasuredLamp;
 use glam::Vec3;
 use relight_scene::bsdf::Viewed;
 use relight_scene::rays::{self, Ray, SurfacePoint};
 use relight_scene::surface::{SurfaceHit, ray_from_end};
-use relight_transport::point_light::{Emission, PointLight};
+use relight_transport::point_light::{Arrival, Emission, PointLight};
 use std::ops::Range;
 
 /// Stages of the random streams: values of one must not repeat in another.
@@ -92,6 +93,8 @@ pub struct PointLights {
     /// As [`PointLights::ends`].
     pub(super) surfaces: (f32, bool),
     pub(super) spheres: Vec<Sphere>,
+    /// What [`Emission::Measured`] counts.
+    pub(super) measured: Vec<MeasuredLamp>,
     /// The sets of virtual lights that stand still ([`super::StandingLights`]); they are the last ones.
     pub(crate) standing: Vec<Range<usize>>,
 }
@@ -137,11 +140,23 @@ impl PointLights {
         }
     }
 
+    /// What reaches `x` from light `i` if nothing is in between; `None` if nothing does.
+    #[inline]
+    pub fn arrival(&self, i: usize, x: Vec3) -> Option<Arrival> {
+        let light = &self.lights[i];
+        let arrival = light.arrival(x)?;
+        let Emission::Measured { profile, .. } = light.emission else {
+            return Some(arrival);
+        };
+        let factor = arrival.factor * self.measured.get(profile as usize)?.share(-arrival.direction);
+        (factor > 0.0).then_some(Arrival { factor, ..arrival })
+    }
+
     /// Radiance towards the viewer by light `i` if nothing is in between, before any clamp: M G I of the paper's equation 1,
     /// RGB. `None` where it is zero or beyond what f32 holds. `hit` and `point` are the same place.
     pub fn unoccluded(&self, i: usize, hit: &SurfaceHit, point: &Viewed<'_>) -> Option<Vec3> {
         let light = &self.lights[i];
-        let arrival = light.arrival(hit.position)?;
+        let arrival = self.arrival(i, hit.position)?;
         let reflected = point.reflected(arrival.direction);
         if reflected == Vec3::ZERO {
             return None;

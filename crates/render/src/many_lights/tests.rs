@@ -54,6 +54,7 @@ fn points_give_the_irradiance_of_the_lights_own_samples() {
         sky(),
         day(),
         glow(),
+        measured(Vec3::new(0.2, 1.5, 0.1), 4.0),
     ] {
         let tracks = [track];
         let lights = LightSet::new(&emitters, &tracks, 0.0).unwrap();
@@ -87,8 +88,8 @@ fn points_give_the_irradiance_of_the_lights_own_samples() {
             }
             let mut found = DVec3::ZERO;
             for points in &sets {
-                for point in &points.lights {
-                    if let Some(a) = point.arrival(x) {
+                for (i, point) in points.lights.iter().enumerate() {
+                    if let Some(a) = points.arrival(i, x) {
                         let cos = f64::from(normal.dot(a.direction).max(0.0));
                         found += point.intensity.as_dvec3() * (f64::from(a.factor) * cos / sets.len() as f64);
                     }
@@ -184,6 +185,7 @@ fn virtual_lights_give_the_indirect_light_of_a_path_tracer() {
         rect("panel", Vec3::new(0.2, 1.0, 0.0), edges, Vec3::new(9.0, 6.0, 3.0)),
         spot_inside(),
         ball(Vec3::new(0.4, 0.6, 0.1), 0.2, Vec3::ONE),
+        measured(Vec3::new(0.2, 0.8, 0.1), 1.0),
     ] {
         let tracks = [track];
         let settings = PointSettings {

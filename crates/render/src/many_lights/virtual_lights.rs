@@ -121,7 +121,7 @@ impl<'a> Emitter<'a> {
             .lights
             .iter()
             .map(|light| {
-                total += f64::from(luminance(light.intensity)) * solid_angle(&light.emission, disc);
+                total += f64::from(luminance(light.intensity)) * points.solid_angle(&light.emission, disc);
                 total
             })
             .collect();
@@ -167,7 +167,8 @@ impl<'a> Emitter<'a> {
         let (light, source) = (&self.points.lights[i], self.points.source[i]);
         // Its colour; the luminance is 1.
         let mut power = light.intensity.as_dvec3() / f64::from(luminance(light.intensity));
-        let mut ray = self.leave(i, light, &mut sampler);
+        let (mut ray, weight) = self.leave(i, light, &mut sampler);
+        power *= weight;
         let mut first = true;
         loop {
             let hit = if first {
@@ -217,11 +218,15 @@ impl<'a> Emitter<'a> {
         }
     }
 
-    /// A ray from light `i`, by its emission.
-    fn leave(&self, i: usize, light: &PointLight, sampler: &mut Sampler) -> Ray {
+    /// A ray from light `i`, by its emission, and what its power is over that of others: 1 but for measured lights.
+    fn leave(&self, i: usize, light: &PointLight, sampler: &mut Sampler) -> (Ray, f64) {
         let random = sampler.next_2d();
         let [a, b] = random.map(f64::from);
-        match light.emission {
+        let ray = match light.emission {
+            Emission::Measured { profile, .. } => {
+                let (direction, weight) = self.points.measured[profile as usize].sample([a, b]);
+                return (Ray::endless(light.position, direction.as_vec3()), weight);
+            }
             Emission::Omni => {
                 let direction = around(DVec3::Z, 2.0 * a - 1.0, b);
                 let position = light.position.as_dvec3();
@@ -262,7 +267,8 @@ impl<'a> Emitter<'a> {
                 let beside = (u * cos + v * sin) * (a.sqrt() * self.radius);
                 Ray::endless((self.center - axis * self.radius + beside).as_vec3(), light.axis)
             }
-        }
+        };
+        (ray, 1.0)
     }
 
     /// The first surface that the light does not lie in.
@@ -278,13 +284,16 @@ impl<'a> Emitter<'a> {
     }
 }
 
-/// ∫ emission dω of a light with intensity 1, in sr; for directional lights the disc (m²) that they light.
-fn solid_angle(emission: &Emission, disc: f64) -> f64 {
-    match *emission {
-        Emission::Omni => 4.0 * PI,
-        Emission::Oriented | Emission::Patch(_) => PI,
-        Emission::Spot { scale, offset } => TAU * Ramp::new(scale, offset).integral(),
-        Emission::Directional => disc,
+impl PointLights {
+    /// ∫ emission dω of a light with intensity 1, in sr; for directional lights the disc (m²) that they light.
+    fn solid_angle(&self, emission: &Emission, disc: f64) -> f64 {
+        match *emission {
+            Emission::Omni => 4.0 * PI,
+            Emission::Oriented | Emission::Patch(_) => PI,
+            Emission::Spot { scale, offset } => TAU * Ramp::new(scale, offset).integral(),
+            Emission::Measured { profile, .. } => self.measured[profile as usize].solid_angle(),
+            Emission::Directional => disc,
+        }
     }
 }
 

@@ -34,14 +34,14 @@ pub(super) fn choose(points: &PointLights, view: &View, most: u32) -> (f64, Vec<
         .min(view.points.len());
     let nearest = f64::from(view.diagonal) * NEAREST;
     let most_factor = 1.0 / (nearest * nearest);
-    let means: Vec<f64> = points
-        .lights
-        .par_iter()
-        .map(|light| {
+    let means: Vec<f64> = (0..points.len())
+        .into_par_iter()
+        .map(|i| {
+            let light = &points.lights[i];
             let sum: f64 = (0..samples)
                 .filter_map(|k| {
                     let at = (2 * k + 1) * view.points.len() / (2 * samples);
-                    let arrival = light.arrival(view.points[at].hit.position)?;
+                    let arrival = points.arrival(i, view.points[at].hit.position)?;
                     Some(match arrival.distance {
                         f32::INFINITY => 1.0,
                         _ => f64::from(arrival.factor).min(most_factor),
@@ -119,7 +119,7 @@ impl Arriving {
 
     fn add(&mut self, points: &PointLights, i: usize, point: &Point) {
         let light = &points.lights[i];
-        let Some(arrival) = light.arrival(point.hit.position) else {
+        let Some(arrival) = points.arrival(i, point.hit.position) else {
             return;
         };
         let shading = &point.shading;

@@ -248,7 +248,7 @@ impl Gather<'_> {
             harmonics: false,
         };
         let place = &self.targets[point];
-        let Some(arrival) = light.arrival(place.end.position) else {
+        let Some(arrival) = self.points.arrival(i, place.end.position) else {
             return run;
         };
         let cosine = place.shading_normal.dot(arrival.direction);

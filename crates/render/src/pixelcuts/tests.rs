@@ -150,7 +150,7 @@ fn harmonics_and_clusters_stay_near_brute_force() {
             ..PointSettings::default()
         })
     };
-    let tracks = [panel()];
+    let tracks = [panel(), measured(Vec3::new(0.3, 0.8, 0.2), 1.0)];
     let truth = lit.by_brute(&tracks, 1);
     let error = |settings: PixelcutsSettings| {
         let (found, _) = lit.by_pixelcuts(&tracks, 1, &settings);

@@ -8,7 +8,7 @@ use super::materials::ImageSource;
 use super::notes::Notes;
 use super::uri;
 use crate::json::quantity::MAX_FACTOR;
-use crate::photometry::{MAX_BYTES, Photometry, text};
+use crate::photometry::{MAX_BYTES, Photometry, text, with_tilt};
 use glam::Vec3;
 use serde_json::Value;
 use std::path::Path;
@@ -96,7 +96,16 @@ impl Profiles {
             if bytes.len() as u64 > MAX_BYTES {
                 return Err(format!("has more than {MAX_BYTES} bytes"));
             }
-            let text = text(&bytes);
+            // A file that TILT names lies beside the photometric one.
+            let beside = match source {
+                ImageSource::Uri(uri) if !uri.starts_with("data:") => Path::new(uri).parent(),
+                _ => None,
+            };
+            let read_tilt = |name: &str| {
+                let name = beside.unwrap_or(Path::new("")).join(name);
+                uri::read_relative(folder, &name.to_string_lossy(), MAX_BYTES)
+            };
+            let text = with_tilt(text(&bytes), read_tilt).map_err(|error| error.to_string())?;
             let photometry =
                 Photometry::parse(&text).map_err(|error| format!("is no photometric file: {error}"))?;
             Ok(Profile {
@@ -112,8 +121,12 @@ impl Profiles {
                 match read(i) {
                     Ok(profile) => {
                         let lamp = &profile.photometry;
+                        let tilt = match lamp.has_tilt() {
+                            true => ", times its factors for tilted lamps (TILT)",
+                            false => "",
+                        };
                         notes.say(format!(
-                            "EXT_lights_ies: lights[{i}] gives {:.0} lm, {:.0} cd at most; a candela is taken as a W/sr",
+                            "EXT_lights_ies: lights[{i}] gives {:.0} lm, {:.0} cd at most{tilt}; a candela is taken as a W/sr",
                             lamp.lumens(),
                             lamp.peak()
                         ));

@@ -3,7 +3,9 @@
 use super::emitters::EmissiveTriangle;
 use super::map::TurnedMap;
 use crate::environment_strata::{Stratum, strata};
+use crate::photometry::{LampAxes, Photometry};
 use glam::Vec3;
+use std::sync::Arc;
 
 /// What a light is at one frame. World space, metres and radiometric units; every vector finite.
 pub enum LightForm<'a> {
@@ -29,8 +31,17 @@ pub enum LightForm<'a> {
         /// RGB on the axis, W/sr.
         intensity: Vec3,
     },
-    /// A lamp without extent that shines as a photometric file says. Who takes lights apart leaves it out.
-    Profile,
+    /// A lamp without extent that shines as a photometric file says.
+    Profile {
+        /// Where it is.
+        position: Vec3,
+        /// How the file's angles lie.
+        axes: LampAxes,
+        /// The file.
+        profile: &'a Arc<Photometry>,
+        /// RGB, W/sr per candela.
+        scale: Vec3,
+    },
     /// Parallel light.
     Directional {
         /// Unit, the way it shines.

@@ -39,6 +39,11 @@ impl Shape for ProfileLight {
     }
 
     fn form<'a>(&'a self, _: &'a dyn Emitters) -> LightForm<'a> {
-        LightForm::Profile
+        LightForm::Profile {
+            position: self.position.as_vec3(),
+            axes: self.axes,
+            profile: &self.profile,
+            scale: self.scale,
+        }
     }
 }

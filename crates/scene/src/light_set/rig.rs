@@ -10,7 +10,7 @@ use super::point::{Cone, PointLight};
 use super::profile::ProfileLight;
 use super::rect::{Rect, RectLight};
 use super::set::LightSet;
-use super::shape::{Dark, Shape, positive, unit};
+use super::shape::{Dark, Shape, positive, times, unit};
 use super::sphere::{Sphere, SphereLight};
 use super::sun_sky::SunSkyLight;
 use crate::environment::EnvironmentSampler;
@@ -132,13 +132,13 @@ impl<'a> LightRig<'a> {
         match &self.tracks[light].kind {
             LightKind::Environment { maps, .. } => {
                 let sampler = self.sampler(light, maps, frame)?;
-                Some(Split::new(maps.at(frame), &sampler, directions))
+                Some(Split::new(&maps.at(frame), &sampler, directions))
             }
             _ => None,
         }
     }
 
-    /// Whether a light is an environment with a map for each frame.
+    /// Whether a light is an environment with several maps.
     pub fn map_changes(&self, light: usize) -> bool {
         matches!(&self.tracks[light].kind, LightKind::Environment { maps, .. } if maps.only().is_none())
     }
@@ -147,7 +147,7 @@ impl<'a> LightRig<'a> {
     fn sampler(&self, light: usize, maps: &EnvironmentMaps, frame: f64) -> Option<Arc<EnvironmentSampler>> {
         match maps.only() {
             Some(_) => self.prepared.samplers[light].clone(),
-            None => EnvironmentSampler::new(maps.at(frame)).map(Arc::new),
+            None => EnvironmentSampler::new(&maps.at(frame)).map(Arc::new),
         }
     }
 
@@ -195,12 +195,15 @@ impl<'a> LightRig<'a> {
                 up,
                 scale,
                 ..
-            } => Box::new(ProfileLight {
-                position: position.at(frame).as_dvec3(),
-                axes: LampAxes::new(direction.at(frame).as_dvec3(), up.at(frame).as_dvec3())?,
-                profile: profile.clone(),
-                scale: positive(scale.at(frame)),
-            }),
+            } => {
+                let axes = LampAxes::new(direction.at(frame).as_dvec3(), up.at(frame).as_dvec3())?;
+                Box::new(ProfileLight {
+                    position: position.at(frame).as_dvec3(),
+                    axes,
+                    profile: profile.clone(),
+                    scale: times(positive(scale.at(frame)), profile.tilted(axes.aim())),
+                })
+            }
             LightKind::Directional {
                 direction,
                 irradiance,
@@ -234,7 +237,7 @@ impl<'a> LightRig<'a> {
                 rotation_deg,
                 ..
             } => Box::new(EnvironmentLight(TurnedMap {
-                map: maps.at(frame).clone(),
+                map: maps.at(frame),
                 sampler: self.sampler(i, maps, frame)?,
                 scale: positive(scale.at(frame)),
                 turn: (f64::from(rotation_deg.at(frame)) / 360.0).rem_euclid(1.0) as f32,

@@ -284,7 +284,7 @@ fn samples_and_rays_agree_on_radiance_and_density() {
         sphere(Vec3::new(1.0, 2.0, 0.0), 0.4, 5.0),
         LightKind::Environment {
             maps: gradient_map().into(),
-            file: String::new(),
+            file: String::new().into(),
             scale: constant(Vec3::ONE),
             rotation_deg: constant(70.0),
         },
@@ -335,7 +335,7 @@ fn rotation_turns_the_map_counter_clockwise_seen_from_above() {
     ] {
         let tracks = track(LightKind::Environment {
             maps: map.clone().into(),
-            file: String::new(),
+            file: String::new().into(),
             scale: constant(Vec3::ONE),
             rotation_deg: constant(degrees),
         });
@@ -366,7 +366,7 @@ fn intensities_of_forty_decades_stay_finite_and_in_proportion() {
             |s: f32| sphere(Vec3::Y, 0.1, s),
             |s: f32| LightKind::Environment {
                 maps: gradient_map().into(),
-                file: String::new(),
+                file: String::new().into(),
                 scale: constant(Vec3::splat(s)),
                 rotation_deg: constant(0.0),
             },

@@ -115,12 +115,80 @@ fn types_a_and_b_turn_about_their_own_axes() {
     assert_eq!([at(10.0, 20.0), at(-10.0, 20.0), at(-10.0, -20.0)], [50.0; 3]);
 }
 
+/// Truth: the factors as the file has them, on a line between, the nearest beyond.
 #[test]
-fn tilt_is_skipped_and_old_files_need_no_first_line() {
-    let lamp = "TILT=INCLUDE\n1\n3\n0 45 90\n1 0.9 0.8\n1 -1 1 2 1 1 1 0 0 0\n1 1 9\n0 180\n0\n7 7";
-    assert_eq!(Photometry::parse(lamp).unwrap().peak(), 7.0);
-    let lamp = "A lamp\nTILT=lamp.tlt\n1,-1,1,2,1,1,1,0,0,0 1 1 9 0 180 0 7 8 and what follows";
-    assert_eq!(Photometry::parse(lamp).unwrap().peak(), 8.0);
+fn tilt_darkens_lamps_by_their_angle_from_straight_down() {
+    let lamp = "TILT=INCLUDE\n1\n3\n0 45 90\n1 0.9 0.5\n1 -1 1 2 1 1 1 0 0 0\n1 1 9\n0 180\n0\n7 7";
+    let lamp = Photometry::parse(lamp).unwrap();
+    assert!(lamp.has_tilt() && lamp.peak() == 7.0);
+    for (degrees, factor) in [
+        (0.0f64, 1.0),
+        (45.0, 0.9),
+        (60.0, 0.9 - 0.4 / 3.0),
+        (90.0, 0.5),
+        (150.0, 0.5),
+    ] {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        for (x, z) in [(1.0, 0.0), (-0.6, 0.8)] {
+            let aim = DVec3::new(sin * x, -cos, sin * z);
+            assert!((lamp.tilted(aim) - factor).abs() < 1e-9, "{degrees}");
+        }
+    }
+    let plain = Photometry::parse(&file(1, &[0.0, 90.0], &[0.0], |_, _| 5.0)).unwrap();
+    assert_eq!((plain.tilted(DVec3::X), plain.has_tilt()), (1.0, false));
+}
+
+/// Truth: the same factors in the file itself.
+#[test]
+fn tilt_may_be_in_another_file() {
+    let lamp = "A lamp\nTILT=SUB\\lamp.tlt\n1,-1,1,2,1,1,1,0,0,0 1 1 9 0 180 0 7 8 and what follows";
+    let included = |factors: &str| {
+        with_tilt(lamp.to_owned(), |name| {
+            assert_eq!(name, "SUB/lamp.tlt");
+            Ok(factors.as_bytes().to_vec())
+        })
+    };
+    let text = included("tilt=include\r\n2\r\n2\r\n0 90\r\n1 0.8\r\n").unwrap();
+    let found = Photometry::parse(&text).unwrap();
+    assert_eq!((found.peak(), found.tilted(DVec3::Z)), (8.0, 0.8));
+    // Already there, or none.
+    for text in [text.as_str(), "TILT=NONE\n1"] {
+        assert_eq!(with_tilt(text.to_owned(), |_| panic!()), Ok(text.to_owned()));
+    }
+    for (factors, said) in [
+        (
+            "4 1 0 1",
+            "TILT=SUB\\lamp.tlt: line 1: the lamp's place in the luminaire",
+        ),
+        ("1\n0", "line 2: the number of tilt angles is 0"),
+        ("1\n1.5", "line 2: the number of tilt angles is 1.5"),
+        ("1\n2\n0 190\n1 1", "line 3: a tilt angle is 190"),
+        ("1\n2\n90 0\n1 1", "line 3: a tilt angle is 0; angles rise"),
+        ("1\n2\n0 90\n1 -1", "line 4: a factor of TILT is -1"),
+        (
+            "1\n2\n0 90\n1 x",
+            "line 4: a factor of TILT is \"x\", which is no number",
+        ),
+        ("1\n2\n0 90\n1", "ends before a factor of TILT"),
+        ("1\n1\n0\n1 1", "more behind the factors"),
+    ] {
+        let said_so = included(factors).unwrap_err().to_string();
+        assert!(said_so.contains(said), "{factors:?}: {said_so}");
+        assert!(said_so.contains("or write TILT=NONE"), "{said_so}");
+    }
+    // Read without the other file, nothing is made up.
+    let said = Photometry::parse(lamp).unwrap_err().to_string();
+    assert!(
+        said.contains("TILT=SUB\\lamp.tlt: ") && said.contains("TILT=NONE"),
+        "{said}"
+    );
+    let said = with_tilt(lamp.to_owned(), |name| read_beside(Path::new("nowhere"), name));
+    let said = said.unwrap_err().to_string();
+    assert!(said.contains("lamp.tlt: cannot be read"), "{said}");
+}
+
+#[test]
+fn old_files_are_latin1() {
     assert!(text(b"[MANUFAC] K\xfcche").ends_with("Küche"));
 }
 
@@ -152,6 +220,9 @@ fn what_is_wrong_is_said() {
         "{}",
         said(&text)
     );
+    // The place, too: the line of the value.
+    let text = good.replace("0.5 1 60", "-0.5 1 60");
+    assert!(said(&text).starts_with("line 6: "), "{}", said(&text));
     // Cut off anywhere.
     for end in 0..good.trim_end().len() - 1 {
         assert!(Photometry::parse(&good[..end]).is_err(), "{end}");

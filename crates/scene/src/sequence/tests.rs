@@ -305,7 +305,7 @@ fn a_pattern_is_a_map_for_each_frame() {
     let LightKind::Environment { maps, file, .. } = &sequence.lights[0].kind else {
         panic!()
     };
-    assert_eq!(file, "sky_####.exr");
+    assert_eq!(*file, "sky_####.exr".into());
     let at = |frame: f64| maps.at(frame).pixels[0].x;
     // Fractions belong to the frame that has begun, the last map stays.
     assert_eq!(
@@ -433,5 +433,67 @@ proptest! {
             *position = Animated::Constant(Vec3::splat(x));
         }
         prop_assert_eq!(parse(&sequence_to_json(&sequence)).unwrap(), sequence);
+    }
+}
+
+/// Truth: the maps' own pixels, mixed by hand.
+#[test]
+fn maps_have_keys_like_other_values() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, width: usize, radiance: f32| {
+        let image = FloatImage {
+            width,
+            height: 1,
+            pixels: vec![[radiance; 3]; width],
+        };
+        let layers = Layers::from_image(BEAUTY, &image);
+        write_exr(&folder.path().join(name), &layers, &ExrHeader::default(), true).unwrap();
+    };
+    write("noon.exr", 2, 4.0);
+    write("dusk.exr", 2, 1.0);
+    write("night.exr", 4, 0.5);
+    let read = |file: &str| {
+        let light = format!(r#"{{"name": "a", "type": "environment", "file": {file}}}"#);
+        let text = format!(r#"{{"relight_sequence": 1, "frames": 9, "lights": [{light}]}}"#);
+        parse_sequence(&text, folder.path(), "seq.json").map_err(|e| e.to_string())
+    };
+    let radiance = |file: &str, frame: f64| {
+        let sequence = read(file).unwrap();
+        let LightKind::Environment { maps, .. } = &sequence.lights[0].kind else {
+            panic!()
+        };
+        maps.at(frame).pixels[0].x
+    };
+    let blended = r#"{"keys": [[0, "noon.exr"], [4, "dusk.exr"], [8, "noon.exr"]]}"#;
+    assert_eq!(
+        [0.0, 2.0, 4.0, 7.0].map(|f| radiance(blended, f)),
+        [4.0, 2.5, 1.0, 3.25]
+    );
+    let steps = r#"{"keys": [[0, "noon.exr"], [4.5, "night.exr"]], "interpolation": "step"}"#;
+    assert_eq!([4.0, 5.0].map(|f| radiance(steps, f)), [4.0, 0.5]);
+    // Written again, it is the same.
+    let sequence = read(blended).unwrap();
+    let text = sequence_to_json(&sequence);
+    assert_eq!(parse_sequence(&text, folder.path(), "again").unwrap(), sequence);
+    for (file, said) in [
+        (r#"{"keys": []}"#, "lights[0].file: expected at least one"),
+        (
+            r#"{"keys": [[1, "noon.exr"], [1, "dusk.exr"]]}"#,
+            "lights[0].file: frames of keys must rise, but 1 follows 1",
+        ),
+        (
+            r#"{"keys": [[0, "noon.exr"], [1, "night.exr"]]}"#,
+            "noon.exr has 2x1 and night.exr has 4x1 pixels",
+        ),
+        (r#"{"keys": [[0, "none.exr"]]}"#, "lights[0].file.keys[0][1]: "),
+        (
+            r#"{"keys": [[0, "noon.exr"]], "interpolation": "cubic"}"#,
+            "by step or linear",
+        ),
+        (r#"{"keys": [[0, "noon.exr"]], "loop": true}"#, "loop"),
+        ("7", "the name of a file, or an object with keys"),
+    ] {
+        let error = read(file).unwrap_err();
+        assert!(error.contains(said), "{file}: {error}");
     }
 }

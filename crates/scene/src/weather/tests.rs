@@ -122,6 +122,7 @@ fn irradiance_of_the_sky_is_what_efficacy_makes_of_the_files() {
     let daylight = Daylight {
         direct_normal: 300.0,
         diffuse_horizontal: 200.0,
+        in_lux: false,
         dew_point: 11.0,
         eccentricity: 1.0,
     };
@@ -200,8 +201,20 @@ fn what_is_wrong_is_told_with_its_line() {
             "latitude is 97; it must be from -90 to 90",
         ),
         (
-            said(&TAPE.replace("units 1", "units 2")),
-            "line 6: weather_data_file_units is 2; only 1",
+            said(&TAPE.replace("units 1", "units 3")),
+            "line 6: weather_data_file_units is 3; 1, direct normal and diffuse horizontal irradiance in W/m², and 2, illuminance in lx, are read",
+        ),
+        (
+            said(&TAPE.replace("weather_data_file_units 1\n", "")),
+            "say no weather_data_file_units",
+        ),
+        (
+            said(
+                &TAPE
+                    .replace("units 1", "units 2")
+                    .replace("420 130", "420000 130"),
+            ),
+            "line 8: direct normal illuminance is 420000; it must be from 0 to 400000 lx",
         ),
         (
             said(&TAPE.replace("420 130", "420")),
@@ -301,4 +314,81 @@ fn an_excerpt_says_what_the_whole_file_does() {
     assert_eq!(again.at(june + 13.0), weather.at(june + 13.0));
     assert_eq!(again.excerpt(&excerpt, june + 12.75, june + 13.25), excerpt);
     assert_eq!(weather.excerpt(TAPE, 0.0, HOURS), TAPE);
+}
+
+/// Truth: the same hours in irradiance, turned to illuminance by the model's own efficacies. These jump by a tenth from one class of skies to the next,
+/// so that an hour at the edge of its class, as one of these, has two answers, whose light is the same and whose shape is not.
+#[test]
+fn tapes_of_illuminance_give_the_skies_of_irradiance() {
+    let tape = Weather::parse(TAPE).unwrap();
+    let lux = |sky: &crate::sky::SunSky| {
+        let (mut sum, width, height) = (0.0, sky.sky.width, sky.sky.height);
+        for (i, pixel) in sky.sky.pixels.iter().enumerate() {
+            let theta = PI * ((i / width) as f64 + 0.5) / height as f64;
+            let solid_angle = TAU / width as f64 * PI / height as f64 * theta.sin();
+            sum += f64::from(luminance(*pixel)) * theta.cos().max(0.0) * solid_angle;
+        }
+        let cone = TAU * 2.0 * (crate::sky::SUN_HALF_ANGLE / 2.0).sin().powi(2);
+        [f64::from(luminance(sky.sun_radiance)) * cone * 179.0, sum * 179.0]
+    };
+    let mut text: String = TAPE.lines().take(6).map(|line| format!("{line}\n")).collect();
+    text = text.replace("units 1", "units 2");
+    for (record, line) in tape.records.iter().zip(TAPE.lines().skip(6)) {
+        let (daylight, sun) = tape.at(record.time);
+        let [direct, diffuse] = lux(&weather_sky(&daylight, sun));
+        let time: Vec<&str> = line.split(' ').take(3).collect();
+        text += &format!("{} {direct} {diffuse}\n", time.join(" "));
+    }
+    let illuminance = Weather::parse(&text).unwrap();
+    let mut apart = Vec::new();
+    for record in &tape.records {
+        let [a, b] = [&tape, &illuminance].map(|weather| {
+            let (daylight, sun) = weather.at(record.time);
+            weather_sky(&daylight, sun)
+        });
+        let [la, lb] = [&a, &b].map(lux);
+        for (a, b) in la.iter().zip(lb) {
+            assert!((a - b).abs() <= 1e-3 * a, "{record:?}: {a} {b}");
+        }
+        let (mut off, mut sum) = (0.0, 0.0);
+        for (a, b) in a.sky.pixels.iter().zip(&b.sky.pixels) {
+            off += f64::from((*a - *b).abs().y);
+            sum += f64::from(a.y);
+        }
+        apart.push(off / sum);
+    }
+    assert!(
+        apart.iter().filter(|&&apart| apart > 0.02).count() <= 1,
+        "{apart:?}"
+    );
+}
+
+/// Truth: a clear day of the same place, turned by hand.
+#[test]
+fn a_zone_with_the_wrong_sign_is_told() {
+    // An equinox under a sun that shines from 6 to 18 by the sun's clock: three days' hours.
+    let day = |zone: &str, longitude: &str, ahead: f64| {
+        let mut text = format!(
+            "place Nowhere\nlatitude 35\nlongitude {longitude}\ntime_zone {zone}\nsite_elevation 0\nweather_data_file_units 1\n"
+        );
+        for day in 20..23 {
+            for hour in 6..18 {
+                text += &format!("3 {day} {} 500 100\n", f64::from(hour) + 0.5 + ahead);
+            }
+        }
+        Weather::parse(&text).map_err(|error| error.to_string())
+    };
+    // Tokyo: 139.7° east, clock of 135°.
+    assert!(day("-135", "-139.7", -0.2).is_ok());
+    let said = day("135", "-139.7", -0.2).unwrap_err();
+    assert!(
+        said.contains(
+            "of its direct light while the sun is below the horizon; with the other sign of the time zone"
+        ),
+        "{said}"
+    );
+    let said = day("-135", "139.7", -0.2).unwrap_err();
+    assert!(said.contains("with the other sign of the longitude"), "{said}");
+    let said = day("0", "-139.7", -0.2).unwrap_err();
+    assert!(said.contains("check longitude and time zone"), "{said}");
 }

@@ -361,6 +361,8 @@ impl<'a> Grower<'a> {
             out.envelopes[start + i] = match node.children {
                 LEAF => match self.lights[node.representative as usize].emission {
                     Emission::Spot { scale, offset } => Envelope::of(scale, offset),
+                    // Full from where it begins.
+                    Emission::Measured { outer, .. } => Envelope { outer, inner: outer },
                     _ => empty,
                 },
                 children => {

@@ -217,7 +217,8 @@ pub(super) fn type_of(light: &PointLight) -> u32 {
         Emission::Omni => 0,
         // Bounded by what it would be without extent.
         Emission::Oriented | Emission::Patch(_) => 1,
-        Emission::Spot { .. } => SPOT,
+        // Measured lights shine at most as spots without a rim.
+        Emission::Spot { .. } | Emission::Measured { .. } => SPOT,
         Emission::Directional => 3,
     }
 }

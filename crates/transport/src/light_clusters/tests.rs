@@ -77,6 +77,8 @@ fn check(lights: &[PointLight], groups: &[u32], trees: &LightClusters) {
                                 Emission::Oriented | Emission::Patch(_) => ClusterEmission::Oriented,
                                 Emission::Spot { scale, offset } =>
                                     ClusterEmission::Spot(Envelope::of(scale, offset)),
+                                Emission::Measured { outer, .. } =>
+                                    ClusterEmission::Spot(Envelope { outer, inner: outer }),
                                 Emission::Directional => ClusterEmission::Directional,
                             }
                         );

@@ -58,7 +58,12 @@ impl CutLight {
             Emission::Omni => (1.0, 1.0),
             _ => {
                 let (least, most) = self.cosines(center, half);
-                (self.emission.towards(most), self.emission.towards(least))
+                let most = self.emission.towards(most);
+                match self.emission {
+                    // Only its most is known.
+                    Emission::Measured { .. } => (most, 0.0),
+                    _ => (most, self.emission.towards(least)),
+                }
             }
         };
         // Where nothing is sent, nothing is sent however near.
