@@ -164,9 +164,9 @@ fn only_format_knows_bytes() {
     }
 }
 
-/// Who builds the module for Python after the workspace builds none of its dependencies again.
+/// Who builds the program or the module for Python alone builds nothing again that the workspace's tests were built with.
 #[test]
-fn the_module_for_python_has_the_features_of_the_workspace() {
+fn program_and_module_have_the_features_of_the_workspace() {
     let packages = |what: &[&str]| -> BTreeSet<String> {
         let output = Command::new(env!("CARGO"))
             .args([
@@ -191,11 +191,13 @@ fn the_module_for_python_has_the_features_of_the_workspace() {
         let lines = lines.lines().map(|line| line.trim_end_matches(" (*)").to_owned());
         lines.filter(|line| !line.is_empty()).collect()
     };
-    let module = packages(&["--edges", "normal,build", "--package", "relight-python"]);
     let all = packages(&["--edges", "normal,build,dev", "--workspace"]);
-    let alone: Vec<_> = module.difference(&all).collect();
-    assert!(
-        module.len() > 50 && alone.is_empty(),
-        "name these features in crates/python/Cargo.toml: {alone:?}"
-    );
+    for package in ["relight", "relight-python"] {
+        let own = packages(&["--edges", "normal,build", "--package", package]);
+        let alone: Vec<_> = own.difference(&all).collect();
+        assert!(
+            own.len() > 50 && alone.is_empty(),
+            "name these features in the Cargo.toml of {package}: {alone:?}"
+        );
+    }
 }

@@ -16,6 +16,7 @@ const HEADINGS: [(&str, &[&str]); 9] = [
             "light_units",
             "variant",
             "reference",
+            "lux",
         ],
     ),
     (

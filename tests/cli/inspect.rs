@@ -1,7 +1,8 @@
 //! `relight inspect`.
 
 use crate::stage::{
-    SQUARE, TINY, complaint, cornell, folder, gltf, inspect_json, json, relight, sequence, with_broken_links,
+    SQUARE, TINY, complaint, cornell, data, folder, gltf, inspect_json, json, relight, sequence,
+    with_broken_links,
 };
 
 #[test]
@@ -71,8 +72,11 @@ fn lights_are_told_in_lumens_candela_and_lux() {
     close(of(0, "lux_at_place"), 2.0 * 683.0 / 4.0);
     close(of(1, "candela"), 2.0 * 683.0);
     close(of(1, "lumens"), 2.0 * pi * 683.0);
-    // It shines up.
-    assert_eq!(of(1, "lux_at_place"), Some(0.0));
+    // From 29 m above: cos⁴ over its 1 m × 2 m, to the second order.
+    close(
+        of(1, "lux_at_place"),
+        683.0 * 2.0 / 841.0 * (1.0 - 2.0 * (5.0 / 12.0) / 841.0),
+    );
     close(of(2, "lux"), 0.7152 * 683.0);
     close(of(2, "lux_at_place"), 0.7152 * 683.0 * 0.5f64.sqrt());
     assert_eq!(of(2, "lumens"), None);
@@ -83,11 +87,20 @@ fn lights_are_told_in_lumens_candela_and_lux() {
     close(place["lux_direct"].as_f64(), direct);
     assert!(place["lux_reflected"].as_f64().unwrap() >= 0.0);
     // The scene's own: candela of the file, unless it was written in others.
+    let boxed = folder.path().join("b.relight");
+    relight()
+        .arg("bake")
+        .arg(data("cornell.glb"))
+        .arg("-o")
+        .arg(&boxed)
+        .args(TINY)
+        .assert()
+        .success();
     for (units, factor) in [("spec", 1.0), ("raw", 683.0)] {
         let mut command = relight();
         command
             .arg("inspect")
-            .arg(&asset)
+            .arg(&boxed)
             .args(["--json", "--light-units", units]);
         let own = json(&command.assert().success().get_output().stdout);
         let own = &own["photometry"]["lights"][0];

@@ -184,13 +184,21 @@ mod tests {
     }
 
     /// Truth: the file itself.
+    /// Truth: the file, whose beam ends 30° off the aim.
     #[test]
     fn no_light_leaves_beyond_what_clusters_are_told() {
-        let lamp = lamp();
+        let file =
+            "IES:LM-63-2019\nTILT=NONE\n1 -1 1 5 1 1 2 0 0 0\n1 1 60\n0 5 20 30 180\n0\n900 800 20 0 0\n";
+        let axes = LampAxes::new(DVec3::new(0.3, -1.0, 0.2), DVec3::X).unwrap();
+        let lamp = MeasuredLamp::new(axes, Arc::new(Photometry::parse(file).unwrap()));
         let Emission::Measured { outer, .. } = lamp.emission(0) else {
             panic!()
         };
-        assert!(outer < 110f32.to_radians().cos() && outer > 181f32.to_radians().cos());
+        assert!(
+            outer < 30f32.to_radians().cos() && outer > 31f32.to_radians().cos(),
+            "{outer}"
+        );
+        let mut beyond = 0;
         for i in 0..10_000 {
             let mut stream = Stream::new(6, 0, i);
             let direction = DVec3::new(
@@ -203,7 +211,9 @@ mod tests {
             assert!((0.0..=1.0).contains(&share));
             if direction.dot(lamp.axes.aim()) < f64::from(outer) {
                 assert_eq!(share, 0.0);
+                beyond += 1;
             }
         }
+        assert!((5_000..10_000).contains(&beyond), "{beyond}");
     }
 }
