@@ -65,9 +65,11 @@ const ALLOWED: [(&str, &[&str]); 11] = [
     ("relight-data-generate", &[]),
 ];
 
-fn metadata() -> Value {
+/// What Cargo prints of this workspace.
+fn cargo(words: &[&str]) -> String {
     let output = Command::new(env!("CARGO"))
-        .args(["metadata", "--no-deps", "--format-version", "1", "--offline"])
+        .args(words)
+        .arg("--offline")
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap();
@@ -76,7 +78,11 @@ fn metadata() -> Value {
         "{}",
         String::from_utf8_lossy(&output.stderr)
     );
-    serde_json::from_slice(&output.stdout).unwrap()
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn metadata() -> Value {
+    serde_json::from_str(&cargo(&["metadata", "--no-deps", "--format-version", "1"])).unwrap()
 }
 
 fn dependencies(package: &Value) -> impl Iterator<Item = &Value> {
@@ -168,26 +174,8 @@ fn only_format_knows_bytes() {
 #[test]
 fn program_and_module_have_the_features_of_the_workspace() {
     let packages = |what: &[&str]| -> BTreeSet<String> {
-        let output = Command::new(env!("CARGO"))
-            .args([
-                "tree",
-                "--locked",
-                "--offline",
-                "--prefix",
-                "none",
-                "--format",
-                "{p} [{f}]",
-            ])
-            .args(what)
-            .current_dir(env!("CARGO_MANIFEST_DIR"))
-            .output()
-            .unwrap();
-        assert!(
-            output.status.success(),
-            "{}",
-            String::from_utf8_lossy(&output.stderr)
-        );
-        let lines = String::from_utf8(output.stdout).unwrap();
+        let form = ["tree", "--locked", "--prefix", "none", "--format", "{p} [{f}]"];
+        let lines = cargo(&[&form, what].concat());
         let lines = lines.lines().map(|line| line.trim_end_matches(" (*)").to_owned());
         lines.filter(|line| !line.is_empty()).collect()
     };

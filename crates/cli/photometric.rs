@@ -20,13 +20,12 @@ use relight_scene::environment::luminance;
 use relight_scene::light::{LightKind, LightTrack};
 use relight_scene::light_set::{LightForm, LightSet, NoEmitters, SceneEmitters};
 use relight_scene::sequence::{Sequence, read_sequence_at, stage_from_json};
+use relight_scene::sky::LUMENS_PER_WATT as OF_DAYLIGHT;
 use serde::Serialize;
 use std::path::Path;
 
 /// Lumens of a watt, by the definition of the candela.
 const LUMENS_PER_WATT: f64 = 683.0;
-/// The same of models of daylight ([`relight_scene::sky`]).
-const OF_DAYLIGHT: f64 = 179.0;
 /// Directions over which the light of skies is summed.
 const DIRECTIONS: u32 = 1 << 14;
 /// Lights listed one by one for people; JSON has all.

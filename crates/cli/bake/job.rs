@@ -364,9 +364,9 @@ pub fn tell(result: &JobResult, strict: bool, json: bool, console: &Console) -> 
     let wrong = expected.is_some_and(|expected| expected.verdict() == Verdict::Wrong);
     if let Some(complaint) = &result.complaint {
         if wrong {
-            console.warn(complaint);
+            console.warn(format!("WARNING: {complaint}"));
         } else {
-            console.note(complaint);
+            console.note(format!("note: {complaint}"));
         }
     }
     if json {

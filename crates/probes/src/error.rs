@@ -23,6 +23,9 @@ pub enum ProbeError {
     /// The asset cannot be played.
     #[error(transparent)]
     Open(#[from] OpenError),
+    /// The asset cannot be lit.
+    #[error(transparent)]
+    Frame(FrameError),
     /// It was stopped from outside.
     #[error("it was stopped")]
     Stopped,
@@ -37,8 +40,8 @@ impl From<Cancelled> for ProbeError {
 impl From<FrameError> for ProbeError {
     fn from(error: FrameError) -> ProbeError {
         match error {
-            // Nobody edits the materials of a player that lives here alone.
-            FrameError::Cancelled(_) | FrameError::Stale => ProbeError::Stopped,
+            FrameError::Cancelled(stopped) => stopped.into(),
+            other => ProbeError::Frame(other),
         }
     }
 }

@@ -133,7 +133,7 @@ impl Expected {
         }
     }
 
-    /// What is to be said loudly, why, and what mends it; `None` where all is within bounds. `radius`: the coarse radius, metres, if one
+    /// What is to be said, loudly where the verdict is [`Verdict::Wrong`]: why, and what mends it; `None` where all is within bounds. `radius`: the coarse radius, metres, if one
     /// was given.
     pub fn complaint(&self, radius: Option<f32>) -> Option<String> {
         let found = format!(
@@ -144,13 +144,13 @@ impl Expected {
         match self.verdict() {
             Verdict::Right => None,
             Verdict::Unsure => Some(format!(
-                "note: the probes are too noisy to tell whether this asset is right: {found}, give or take {} and {}. A finer bake \
+                "the probes are too noisy to tell whether this asset is right: {found}, give or take {} and {}. A finer bake \
                  has more of them.",
                 percent(DOUBT * self.error_noise),
                 percent(DOUBT * self.bias_noise)
             )),
             Verdict::Wrong => Some(format!(
-                "WARNING: this asset is wrong: {found} (more than {} or {}). {}",
+                "this asset is wrong: {found} (more than {} or {}). {}",
                 percent(MOST_ERROR),
                 percent(MOST_BIAS),
                 self.reasons(radius)

@@ -118,12 +118,7 @@ pub fn bake(
 
 /// Says that an asset is wrong, or that nobody can tell: at who called `bake`.
 fn warn(py: Python<'_>, complaint: &str) -> PyResult<()> {
-    let said = CString::new(
-        complaint
-            .trim_start_matches("WARNING: ")
-            .trim_start_matches("note: "),
-    )?;
-    PyErr::warn(py, &py.get_type::<Warning>(), &said, 1)
+    PyErr::warn(py, &py.get_type::<Warning>(), &CString::new(complaint)?, 1)
 }
 
 fn cut_params(cuts: Option<&str>) -> PyResult<Option<CutParams>> {

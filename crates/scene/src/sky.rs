@@ -23,7 +23,7 @@ use std::f64::consts::PI;
 pub const SUN_HALF_ANGLE: f64 = 0.53 / 2.0 * PI / 180.0;
 
 /// Luminous efficacy of daylight in lm/W (Ward, *Radiance*).
-pub(crate) const LUMENS_PER_WATT: f64 = 179.0;
+pub const LUMENS_PER_WATT: f64 = 179.0;
 
 /// Size of the sky as an environment map. 1.4° a pixel is finer than anything in the Perez distribution but
 /// the glow right at the sun.

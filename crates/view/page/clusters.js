@@ -1,28 +1,21 @@
 // The lightcut of the picked place, drawn over the picture: a box around each cluster of lights, the fuller the more it lights the place.
 
 import { project } from "./math.js";
+import { Overlay, element } from "./overlay.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 // Boxes that are drawn.
 const BOXES = 300;
 
 export class Clusters {
   constructor(state, svg) {
     this.state = state;
-    this.group = document.createElementNS(SVG, "g");
-    this.group.setAttribute("class", "clusters");
-    this.group.setAttribute("aria-hidden", "true");
-    svg.prepend(this.group);
+    this.overlay = new Overlay(svg, "clusters");
   }
 
   // Draws them in a picture of this size on the screen.
   draw(box) {
     const { picked, clusters, eye } = this.state;
-    const cut = clusters ? picked?.clusters?.cut : null;
-    if (!cut) {
-      if (this.group.childNodes.length) this.group.replaceChildren();
-      return;
-    }
+    const cut = (clusters && picked?.clusters?.cut) || [];
     // A lamp gives more than any wall: each kind by its own brightest.
     const most = (indirect) => Math.max(...cut.filter((cluster) => cluster.indirect === indirect).map((cluster) => cluster.share), 1e-30);
     const brightest = new Map([[true, most(true)], [false, most(false)]]);
@@ -33,15 +26,12 @@ export class Clusters {
       // What reaches behind the eye has no outline.
       if (seen.includes(null)) continue;
       const share = Math.sqrt(cluster.share / brightest.get(cluster.indirect));
-      const node = document.createElementNS(SVG, cluster.lights > 1 ? "polygon" : "circle");
-      if (cluster.lights > 1) node.setAttribute("points", outline(seen).map(({ x, y }) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" "));
-      else for (const [name, value] of [["cx", seen[0].x], ["cy", seen[0].y], ["r", 2 + 4 * share]]) node.setAttribute(name, value);
-      node.setAttribute("class", cluster.indirect ? "indirect" : "direct");
-      node.setAttribute("fill-opacity", 0.04 + 0.4 * share);
-      node.setAttribute("stroke-opacity", 0.25 + 0.75 * share);
-      nodes.push(node);
+      const look = { class: cluster.indirect ? "indirect" : "direct", "fill-opacity": 0.04 + 0.4 * share, "stroke-opacity": 0.25 + 0.75 * share };
+      nodes.push(cluster.lights > 1
+        ? element("polygon", { points: outline(seen).map(({ x, y }) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" "), ...look })
+        : element("circle", { cx: seen[0].x, cy: seen[0].y, r: 2 + 4 * share, ...look }));
     }
-    this.group.replaceChildren(...nodes);
+    this.overlay.show(nodes);
   }
 }
 

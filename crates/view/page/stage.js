@@ -3,22 +3,15 @@
 import { add, axes, clamp, cross, degrees, direction, dot, length, onLine, onPlane, project, radians, scale, sub, unit } from "./math.js";
 import { kind, place, strength, withPlace } from "./lights.js";
 import { Clusters } from "./clusters.js";
+import { element } from "./overlay.js";
 import { Transport } from "./transport.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 const AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
 const NAMES = ["x", "y", "z"];
 // Length of an axis handle and radius of a lamp's, in pixels of the screen.
 const ARM = 62;
 // How far a pointer may wander in a click, pixels.
 const CLICK = 4;
-
-const element = (name, attributes, parent) => {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  parent?.append(made);
-  return made;
-};
 
 export class Stage {
   constructor(state, frame, { pick }) {

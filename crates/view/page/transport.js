@@ -2,18 +2,15 @@
 // its links, larger where they are stronger.
 
 import { project } from "./math.js";
+import { Overlay, element } from "./overlay.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 // Links that are drawn as lines, too.
 const LINES = 40;
 
 export class Transport {
   constructor(state, svg) {
     this.state = state;
-    this.group = document.createElementNS(SVG, "g");
-    this.group.setAttribute("class", "transport");
-    this.group.setAttribute("aria-hidden", "true");
-    svg.prepend(this.group);
+    this.overlay = new Overlay(svg, "transport");
   }
 
   // Draws it in a picture of this size on the screen.
@@ -21,15 +18,10 @@ export class Transport {
     const { picked, links, eye } = this.state;
     const transport = links ? picked?.transport : null;
     if (!transport) {
-      if (this.group.childNodes.length) this.group.replaceChildren();
+      this.overlay.show([]);
       return;
     }
     const on = ([x, y, z]) => project(eye, [x, y, z], box.width, box.height);
-    const add = (tag, attributes) => {
-      const node = document.createElementNS(SVG, tag);
-      for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
-      return node;
-    };
     const nodes = [];
     const here = on(picked.position);
     const most = Math.max(...transport.links.map((link) => Math.abs(link[3])), 1e-30);
@@ -39,16 +31,16 @@ export class Transport {
       const share = Math.abs(link[3]) / most;
       const sign = link[3] < 0 ? "takes" : "gives";
       if (here && i < LINES) {
-        nodes.push(add("line", { x1: here.x, y1: here.y, x2: there.x, y2: there.y, class: sign, "stroke-opacity": 0.15 + 0.6 * share, "stroke-width": 0.7 + 1.8 * share }));
+        nodes.push(element("line", { x1: here.x, y1: here.y, x2: there.x, y2: there.y, class: sign, "stroke-opacity": 0.15 + 0.6 * share, "stroke-width": 0.7 + 1.8 * share }));
       }
-      nodes.push(add("circle", { cx: there.x, cy: there.y, r: 1.5 + 7 * Math.sqrt(share), class: sign }));
+      nodes.push(element("circle", { cx: there.x, cy: there.y, r: 1.5 + 7 * Math.sqrt(share), class: sign }));
     });
     for (const point of transport.points) {
       const there = on(point);
-      if (there) nodes.push(add("circle", { cx: there.x, cy: there.y, r: 2 + 8 * Math.sqrt(Math.max(0, point[3])), class: "point" }));
+      if (there) nodes.push(element("circle", { cx: there.x, cy: there.y, r: 2 + 8 * Math.sqrt(Math.max(0, point[3])), class: "point" }));
     }
-    if (here) nodes.push(add("path", { d: `M${here.x - 9} ${here.y}h18M${here.x} ${here.y - 9}v18`, class: "place" }));
-    this.group.replaceChildren(...nodes);
+    if (here) nodes.push(element("path", { d: `M${here.x - 9} ${here.y}h18M${here.x} ${here.y - 9}v18`, class: "place" }));
+    this.overlay.show(nodes);
   }
 }
 

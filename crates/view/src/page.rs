@@ -1,7 +1,7 @@
 //! The page, held by the program: no file of the machine is read for it.
 
 /// Name, media type and content of each file.
-const FILES: [(&str, &str, &str); 18] = [
+const FILES: [(&str, &str, &str); 19] = [
     ("", "text/html; charset=utf-8", include_str!("../page/index.html")),
     (
         "style.css",
@@ -15,6 +15,7 @@ const FILES: [(&str, &str, &str); 18] = [
     ("state.js", JAVASCRIPT, include_str!("../page/state.js")),
     ("clusters.js", JAVASCRIPT, include_str!("../page/clusters.js")),
     ("lights.js", JAVASCRIPT, include_str!("../page/lights.js")),
+    ("overlay.js", JAVASCRIPT, include_str!("../page/overlay.js")),
     ("panel.js", JAVASCRIPT, include_str!("../page/panel.js")),
     ("stage.js", JAVASCRIPT, include_str!("../page/stage.js")),
     ("beside.js", JAVASCRIPT, include_str!("../page/beside.js")),
