@@ -87,17 +87,20 @@ fn frames_do_not_depend_on_those_before() {
         vec![dark, sphere(0.3)],
         vec![sphere(0.3), left.clone()],
         vec![left.clone(), sphere(0.25)],
-        vec![left, sphere(0.3)],
+        vec![left.clone(), sphere(0.3)],
+        vec![left.clone(), sphere(0.3)],
+        vec![left],
     ];
     let asset = bake_glb(&cornell(), &tiny(None, 0));
     let player = &through_file(&asset);
-    let known = shot(player, 16);
+    // As of a camera that comes and goes.
+    let known = [16, 12].map(|size| (size, shot(player, size)));
     for (i, tracks) in frames.iter().enumerate() {
-        for layers in [false, true] {
-            let again = light(player, &known, tracks, layers);
+        for (layers, (size, known)) in [false, true, false].into_iter().zip(known.iter().cycle()) {
+            let again = light(player, known, tracks, layers);
             // A player of its own: points keep what they receive, too.
             let alone = through_file(&asset);
-            let once = light(&alone, &shot(&alone, 16), tracks, layers);
+            let once = light(&alone, &shot(&alone, *size), tracks, layers);
             assert_eq!(again.direct, once.direct, "frame {i}, layers {layers}");
             assert_eq!(again.indirect, once.indirect, "frame {i}, layers {layers}");
             assert_eq!(again.lights, once.lights, "frame {i}, layers {layers}");

@@ -234,7 +234,7 @@ fn many(stage: &Stage, count: usize, params: &BakeParams, size: usize) -> Measur
     let shot = stage.shot(&player, size)?;
     // At the middles of the points for both: so many lights go through lightcuts, which know of nothing else.
     let settings = FrameSettings {
-        steady: false,
+        coarse: true,
         ..FrameSettings::default()
     };
     let one = stage.lit_with(&player, &shot, &[point(LAMP, 1.0)], &settings)?;

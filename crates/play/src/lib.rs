@@ -79,6 +79,7 @@ mod still;
 #[path = "../../render/src/test_scenes.rs"]
 mod test_scenes;
 pub mod transfer;
+mod transferred;
 mod virtual_points;
 
 pub use choice::{Choice, Integrator, Tracer};

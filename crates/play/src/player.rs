@@ -444,11 +444,12 @@ impl Player {
         light_cut(&self.prepared, &lights.at(time), hit, towards, watch)
     }
 
-    /// Forgets the light of lamps that stand still: the next frame of the shot takes as long as if all of them had moved, which is what
+    /// Forgets the light of lamps that stand still, and what it became: the next frame of the shot takes as long as if all of them had moved, which is what
     /// measuring frames wants.
     pub fn forget(&self, shot: &Shot) {
         if let Shot::Relit(shot) = shot {
             self.prepared.received.forget();
+            self.prepared.transferred.forget();
             shot.reflected.forget();
             shot.even.forget();
         }

@@ -7,6 +7,7 @@ use crate::snap::snapped;
 use crate::spread::PointPlaces;
 use crate::still::Still;
 use crate::transfer::Transfer;
+use crate::transferred::Transferred;
 use crate::virtual_points::VirtualPoints;
 use relight_render::irradiance;
 use relight_scene::surface::SurfaceHit;
@@ -30,6 +31,8 @@ pub struct PreparedScene {
     pub cuts: Option<VisibilityCuts>,
     /// What lamps that stand still let arrive at points and surface samples.
     pub(crate) received: Still<Received>,
+    /// What all of it together became.
+    pub(crate) transferred: Transferred,
 }
 
 impl PreparedScene {
@@ -61,6 +64,7 @@ impl PreparedScene {
             virtual_points: VirtualPoints::default(),
             cuts,
             received: Still::default(),
+            transferred: Transferred::default(),
         }
     }
 

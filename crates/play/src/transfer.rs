@@ -97,6 +97,18 @@ pub struct TransferStats {
     pub solve: Solve,
 }
 
+impl TransferStats {
+    /// The same, of a result that was there already.
+    pub(crate) fn of_nothing_new(self) -> TransferStats {
+        TransferStats {
+            bounce_ms: 0.0,
+            transfer_ms: 0.0,
+            flatten_ms: 0.0,
+            ..self
+        }
+    }
+}
+
 impl Transfer {
     /// Prepares the operators. `levels`: all receiver levels, coarsest first; `senders`: their clusters;
     /// `separated`: points and points of coarser levels that surfaces separate them from, numbered over all levels, ascending;
@@ -187,6 +199,23 @@ impl Transfer {
             stats.bounce_ms += milliseconds(start);
         }
         radiosity
+    }
+
+    /// [`Transfer::indirect_from_direct`] with one product with T instead of two: all bounces but the last go from cluster to cluster.
+    pub fn coarsely_from_direct(&self, direct: &[Vec3]) -> (Vec<VectorIrradiance>, TransferStats) {
+        let mut stats = TransferStats::default();
+        let mut radiosity = self.radiosity(direct);
+        if self.bounces != Some(1) {
+            let start = Instant::now();
+            let further = self.bounces.map(|n| n.saturating_sub(1));
+            let (irradiance, cluster_of_point) = self.bounced(&radiosity, further, &mut stats);
+            for ((out, &cluster), &albedo) in radiosity.iter_mut().zip(cluster_of_point).zip(&self.albedo) {
+                *out += irradiance[cluster as usize] * albedo;
+            }
+            stats.bounce_ms += milliseconds(start);
+        }
+        let values = self.one_bounce(&radiosity, &mut stats);
+        (values, stats)
     }
 
     /// [`Transfer::indirect_from_direct`] in two parts that sum to it: the first bounce, and all further ones.
@@ -299,20 +328,29 @@ impl Transfer {
             .zip(&self.albedo)
             .map(|((e, &normal), &albedo)| e.irradiance(normal) * albedo)
             .collect();
-        let pulled = self.senders.pulled(&reflected);
         let further = self.bounces.map(|n| n.saturating_sub(2));
-        let (irradiance, cluster_of_point) = match &self.solution {
-            Some(solution) => (solution.apply(&pulled[solution.level]), &solution.cluster),
-            None => {
-                let emitted = &pulled[self.bounce_level];
-                let (irradiance, solve) = bounce::solve(&self.bounce, emitted, &self.bounce_albedo, further);
-                stats.solve = solve;
-                (irradiance, &self.bounce_cluster)
-            }
-        };
+        let (irradiance, cluster_of_point) = self.bounced(&reflected, further, stats);
         for (i, out) in radiosity.iter_mut().enumerate() {
             *out += reflected[i] + irradiance[cluster_of_point[i] as usize] * self.albedo[i];
         }
+    }
+
+    /// Irradiance of all bounces, at most so many, of radiosity at the finest points: that of clusters, and of each finest point its
+    /// cluster.
+    fn bounced(
+        &self,
+        radiosity: &[Vec3],
+        bounces: Option<u32>,
+        stats: &mut TransferStats,
+    ) -> (Vec<Vec3>, &[u32]) {
+        let pulled = self.senders.pulled(radiosity);
+        if let Some(solution) = &self.solution {
+            return (solution.apply(&pulled[solution.level]), &solution.cluster);
+        }
+        let emitted = &pulled[self.bounce_level];
+        let (irradiance, solve) = bounce::solve(&self.bounce, emitted, &self.bounce_albedo, bounces);
+        stats.solve = solve;
+        (irradiance, &self.bounce_cluster)
     }
 }
 

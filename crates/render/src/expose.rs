@@ -15,7 +15,6 @@ use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces};
 use relight_scene::traced::TracedScene;
 use relight_transport::sampling::r2;
-use std::ops::Range;
 
 /// Ray ends that are kept of a pixel that sees one thing: the error of a straight edge of a shadow
 /// falls with the power 3/4 of their number, to a quarter.
@@ -40,9 +39,6 @@ const SAME_PLANE: f32 = 2.0;
 /// much of a pixel lies to one side of a straight line: by 0.11, 0.085 and 0.037 (root mean square; 0.14, 0.16 and 0.075 from
 /// a quarter).
 const PATTERN_START: Vec2 = Vec2::new(0.6, 0.1);
-
-/// Rows of pixels that are exposed together. The rows next to them are looked at, too.
-const BAND: usize = 8;
 
 struct Sample {
     direction: Vec3,
@@ -84,18 +80,23 @@ pub fn expose_watched(
         footprint: 2.0 * camera.tan_half_vfov / height as f32,
         slender: passed_by_slender(scene, camera, width, height),
     };
-    let bands = (0..height.div_ceil(BAND)).into_par_iter().map(|band| {
-        go_on(watch)?;
-        Ok(exposing.band(band * BAND..height.min((band + 1) * BAND)))
-    });
-    let bands: Vec<Exposure> = bands.collect::<Result<_, Cancelled>>()?;
+    let rows = |make: &(dyn Fn(usize) -> Exposure + Sync)| {
+        let each = (0..height).into_par_iter().map(|y| {
+            go_on(watch)?;
+            Ok(make(y))
+        });
+        each.collect::<Result<Vec<Exposure>, Cancelled>>()
+    };
+    let first = rows(&|y| exposing.first_row(y))?;
+    let rows = rows(&|y| exposing.row(&first, y))?;
     let mut whole = Exposure {
         eye: camera.position,
         forward: camera.forward,
         ..exposing.empty(height)
     };
-    for band in bands {
-        whole.push_pixels(&band, 0..width * band.height);
+    whole.reserve(&rows);
+    for row in rows {
+        whole.push_pixels(&row, 0..width);
     }
     whole.offsets.push(whole.coverage.len() as u32);
     Ok(whole)
@@ -118,30 +119,28 @@ struct Exposing<'a> {
 }
 
 impl Exposing<'_> {
-    /// Some rows of pixels.
-    fn band(&self, rows: Range<usize>) -> Exposure {
-        let around = rows.start.saturating_sub(1)..self.height.min(rows.end + 1);
-        let mut coarse = self.empty(around.len());
-        let (first, ends) = (&self.pattern[..self.samples], ENDS);
-        for y in around.clone() {
-            (0..self.width).for_each(|x| self.append_pixel((x, y), (first, ends), &mut coarse));
-        }
-        coarse.offsets.push(coarse.coverage.len() as u32);
-        let mut band = self.empty(rows.len());
-        for y in rows {
-            for x in 0..self.width {
-                let at = (x, y - around.start);
-                let slender = self.slender.get(y * self.width + x) == Some(&true);
-                if slender || self.sees_several(&coarse, at) {
-                    self.append_pixel((x, y), (&self.pattern, FINER_ENDS), &mut band);
-                } else {
-                    let pixel = at.1 * self.width + x;
-                    band.push_pixels(&coarse, pixel..pixel + 1);
-                }
+    /// A row of pixels as their first rays see it.
+    fn first_row(&self, y: usize) -> Exposure {
+        let mut row = self.empty(1);
+        let first = &self.pattern[..self.samples];
+        (0..self.width).for_each(|x| self.append_pixel((x, y), (first, ENDS), &mut row));
+        row.offsets.push(row.coverage.len() as u32);
+        row
+    }
+
+    /// A row of pixels, of those that first rays saw.
+    fn row(&self, first: &[Exposure], y: usize) -> Exposure {
+        let mut row = self.empty(1);
+        for x in 0..self.width {
+            let slender = self.slender.get(y * self.width + x) == Some(&true);
+            if slender || self.sees_several(first, (x, y)) {
+                self.append_pixel((x, y), (&self.pattern, FINER_ENDS), &mut row);
+            } else {
+                row.push_pixels(&first[y], x..x + 1);
             }
         }
-        band.offsets.push(band.coverage.len() as u32);
-        band
+        row.offsets.push(row.coverage.len() as u32);
+        row
     }
 
     /// An exposure as wide, to which pixels are appended.
@@ -173,15 +172,15 @@ impl Exposing<'_> {
     }
 
     /// Whether a pixel, or it together with one of those around it, has fragments of several things.
-    fn sees_several(&self, of: &Exposure, (x, y): (usize, usize)) -> bool {
-        let own = of.fragments_of(y * of.width + x);
-        let seen = |f: usize| of.hits[f].zip(of.points[f]);
+    fn sees_several(&self, rows: &[Exposure], (x, y): (usize, usize)) -> bool {
+        let seen = |row: &Exposure, f: usize| row.hits[f].zip(row.points[f]);
+        let own = rows[y].fragments_of(x);
+        let first = seen(&rows[y], own.start);
         let beside = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
         own.len() > 1
-            || beside(y, of.height).any(|y| {
-                let row = beside(x, of.width).map(|x| y * of.width + x);
-                row.flat_map(|pixel| of.fragments_of(pixel))
-                    .any(|f| !are_alike(&seen(own.start), &seen(f), self.footprint))
+            || rows[beside(y, rows.len())].iter().any(|row| {
+                let mut fragments = beside(x, self.width).flat_map(|x| row.fragments_of(x));
+                fragments.any(|f| !are_alike(&first, &seen(row, f), self.footprint))
             })
     }
 }

@@ -61,6 +61,17 @@ pub struct Sighted {
 }
 
 impl Exposure {
+    /// Makes room for all pixels of some exposures.
+    pub(crate) fn reserve(&mut self, of: &[Exposure]) {
+        let (fragments, ends) = (of.iter()).fold((0, 0), |sum, e| (sum.0 + e.len(), sum.1 + e.ends.len()));
+        self.coverage.reserve(fragments);
+        self.hits.reserve(fragments);
+        self.points.reserve(fragments);
+        self.directions.reserve(fragments);
+        self.end_offsets.reserve(fragments);
+        self.ends.reserve(ends);
+    }
+
     /// Appends some pixels of another exposure; the end of the last one's fragments is left to be told.
     pub(crate) fn push_pixels(&mut self, of: &Exposure, pixels: Range<usize>) {
         let fragments = of.offsets[pixels.start] as usize..of.offsets[pixels.end] as usize;

@@ -7,6 +7,7 @@
 use crate::grid::{DiskGrid, DiskMemo, Entry, PointGrid, entries};
 use crate::kernel::{self, width};
 use glam::Vec3;
+use std::sync::OnceLock;
 
 /// Cosine between normals above which two places count as facing the same way: 60°, at which the squared
 /// cosine of equation 8 has fallen to a quarter.
@@ -31,6 +32,15 @@ pub struct Level {
     pub widenings: Vec<u8>,
     /// The points by widening, from the narrowest.
     bands: Vec<Band>,
+    /// Where their disks are, found when it is first asked for.
+    disks: OnceLock<Vec<WideDisks>>,
+}
+
+/// Disks of points that are equally wide.
+#[derive(Clone, Debug)]
+struct WideDisks {
+    radius: f32,
+    grid: DiskGrid,
 }
 
 /// Points of a level whose radii are equally wide.
@@ -92,7 +102,21 @@ impl Level {
             normals,
             widenings,
             bands,
+            disks: OnceLock::new(),
         }
+    }
+
+    /// Their disks by width, from the narrowest.
+    fn disks(&self) -> &[WideDisks] {
+        self.disks.get_or_init(|| {
+            let of = |(width, points)| {
+                let radius = self.disk_radius * width;
+                let grid = DiskGrid::of(points, radius);
+                WideDisks { radius, grid }
+            };
+            let by_width = by_width(&self.positions, &self.normals, &self.widenings);
+            by_width.into_iter().map(of).collect()
+        })
     }
 
     /// The same points with functions of another support radius.
@@ -313,22 +337,15 @@ const TOGETHER: usize = 64;
 pub struct NearestPoint<'a> {
     /// The points.
     pub level: &'a Level,
-    /// Their disks by width, from the narrowest, and the radius of those.
-    disks: Vec<(f32, DiskGrid)>,
+    disks: &'a [WideDisks],
 }
 
 impl<'a> NearestPoint<'a> {
-    /// Prepares the look-up. The nearest point of a maximal disk set is within a disk radius.
+    /// Prepares the look-up, which the level keeps. The nearest point of a maximal disk set is within a disk radius.
     pub fn new(level: &'a Level) -> NearestPoint<'a> {
         NearestPoint {
             level,
-            disks: by_width(&level.positions, &level.normals, &level.widenings)
-                .into_iter()
-                .map(|(width, points)| {
-                    let radius = level.disk_radius * width;
-                    (radius, DiskGrid::of(points, radius))
-                })
-                .collect(),
+            disks: level.disks(),
         }
     }
 
@@ -338,8 +355,9 @@ impl<'a> NearestPoint<'a> {
     #[inline]
     pub fn at(&self, x: Vec3, normal: Vec3) -> Option<u32> {
         let mut best = Nearest::NONE;
-        for (radius, disks) in &self.disks {
-            best = best.or(self.nearer(disks.covering(x), (x, normal), Nearest::within(*radius)));
+        for disks in self.disks {
+            let within = Nearest::within(disks.radius);
+            best = best.or(self.nearer(disks.grid.covering(x), (x, normal), within));
         }
         self.found(best, (x, normal))
     }
@@ -349,8 +367,8 @@ impl<'a> NearestPoint<'a> {
     pub fn at_each(&self, places: &[(Vec3, Vec3)], found: &mut [Option<u32>]) {
         for (places, found) in places.chunks(TOGETHER).zip(found.chunks_mut(TOGETHER)) {
             let mut best = [Nearest::NONE; TOGETHER];
-            for (radius, disks) in &self.disks {
-                self.offer_each(disks, *radius, places, &mut best);
+            for disks in self.disks {
+                self.offer_each(disks, places, &mut best);
             }
             for ((found, &best), &place) in found.iter_mut().zip(&best).zip(places) {
                 *found = self.found(best, place);
@@ -358,11 +376,13 @@ impl<'a> NearestPoint<'a> {
         }
     }
 
-    /// Offers each place the nearest of the disks that cover it; what is farther than `radius` is found in another way.
+    /// Offers each place the nearest of the disks that cover it; what is farther than their radius is found in another way.
     fn offer_each(
         &self,
-        disks: &DiskGrid,
-        radius: f32,
+        &WideDisks {
+            radius,
+            grid: ref disks,
+        }: &WideDisks,
         places: &[(Vec3, Vec3)],
         best: &mut [Nearest; TOGETHER],
     ) {
@@ -438,7 +458,7 @@ impl<'a> NearestPoint<'a> {
                 .map(|(_, index)| index)
                 .find(|&index| !is_separated(index))
         };
-        let covering = (self.disks.iter()).flat_map(|(_, disks)| disks.covering(x));
+        let covering = (self.disks.iter()).flat_map(|disks| disks.grid.covering(x));
         first(covering.copied().collect()).or_else(|| {
             let mut near = Vec::new();
             for band in &self.level.bands {

@@ -351,7 +351,7 @@ fn frame_settings(wish: &Wish, stage: Stage, seed: u64) -> FrameSettings {
         return FrameSettings {
             pixel_samples: COARSE_RAYS.0,
             point_samples: COARSE_RAYS.1,
-            steady: false,
+            coarse: true,
             ..settings
         };
     }

@@ -64,8 +64,14 @@ impl Task<'_> {
         times: &mut FrameTimes,
     ) -> (Vec<Vec3>, TransferStats) {
         let (values, stats) = match self.settings.levels {
-            None => transfer.indirect_from_direct(received),
-            Some(part) => transfer.indirect_of_levels(received, part),
+            None => {
+                let last = &self.prepared.transferred;
+                last.indirect_from_direct(transfer, self.shot.edition, received, self.settings.coarse)
+            }
+            Some(part) => {
+                let (values, stats) = transfer.indirect_of_levels(received, part);
+                (values.into(), stats)
+            }
         };
         let start = Instant::now();
         let mut radiance = reflected(functions, &values);

@@ -24,9 +24,11 @@ pub struct FrameSettings {
     /// Shadow rays per finest point for each light with extent. Fewer than per pixel: a sender averages some
     /// hundreds of points.
     pub point_samples: u32,
-    /// Whether direct light of points is averaged over their surface where shadows' edges pass; without, indirect light flickers as
-    /// lamps move.
-    pub steady: bool,
+    /// Whether a finer frame follows at once. Points are lit at their middles even where shadows' edges pass, so that indirect light
+    /// flickers as lamps move, and bounces go from cluster to cluster ([`Transfer::coarsely_from_direct`]).
+    ///
+    /// [`Transfer::coarsely_from_direct`]: crate::transfer::Transfer::coarsely_from_direct
+    pub coarse: bool,
     /// Most nodes of the illumination cut, by which an environment, or what surfaces reflect, is taken with visibility cuts.
     pub illumination_cut: usize,
     /// Whether to make the layers `cut_size` and `nodes`, numbers of nodes: of the visibility cuts between which a pixel interpolates,
@@ -57,7 +59,7 @@ impl Default for FrameSettings {
             surface_layers: false,
             pixel_samples: 8,
             point_samples: 4,
-            steady: true,
+            coarse: false,
             illumination_cut: ILLUMINATION_CUT,
             cut_layers: false,
             levels: None,
