@@ -1,10 +1,12 @@
 //! `relight play`: asset and lights in, frames out.
 
 mod args;
+mod daylight;
 mod relevance;
 mod report;
+mod writing;
 
-use args::{Exposure, LayerName};
+use args::LayerName;
 pub use args::{IntegratorName, PlayArgs};
 pub use report::{FrameReport, PlayReport};
 
@@ -27,10 +29,7 @@ use relight_play::{CutSites, Player, Shot, ShotSettings};
 use relight_probes::expected::{self, Expected};
 use relight_render::watch::{Cancelled, Watch};
 use relight_scene::camera::CameraTrack;
-use relight_scene::image::preview::{auto_exposure, tone_mapped};
-use relight_scene::image::{
-    ALPHA, BEAUTY, ExrHeader, ExrWarning, Layers, RAY_DEPTH, light_layer_names, write_exr, write_png,
-};
+use relight_scene::image::{ExrHeader, Layers, light_layer_names};
 use relight_scene::sequence::{Sequence, read_sequence_at};
 use report::{Figures, OncePerShot, ShotReport};
 use std::collections::BTreeSet;
@@ -38,6 +37,7 @@ use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 use std::thread::ScopedJoinHandle;
 use std::time::Instant;
+use writing::{Written, exposure, write};
 
 /// Share of fragments without points from which on it is said: rims and specks stay below.
 const LACKING: f64 = 0.01;
@@ -107,6 +107,9 @@ pub fn play_watched(
     if let Some(edits) = &args.materials {
         player.edit_materials_from(edits, range.first.into())?;
     }
+    if args.daylight_coefficients.is_some() {
+        daylight::check(args, &sequence, &track, &player)?;
+    }
     let lights = player.lights(&sequence.lights)?;
     let settings = args.frame_settings(seed);
     let choice = player.choose(&wanted, &lights, range.first.into(), &settings)?;
@@ -153,9 +156,45 @@ pub fn play_watched(
         movie: args.movie.as_ref().map(|file| file.display().to_string()),
         exposure_ev: None,
         time_unit: "ms",
-        once_per_shot: OncePerShot { load, shot: None },
+        once_per_shot: OncePerShot {
+            load,
+            shot: None,
+            patches: None,
+        },
+        daylight: None,
         frames: Vec::new(),
     };
+    if let Some(patches) = &args.daylight_coefficients {
+        let plan = daylight::plan(args, patches, &sequence.lights, range, (width, height), console)?;
+        let camera = track.at(range.first.into());
+        let shot = (player.shot_watched(&camera, &shot_settings, watch)).map_err(not_looked)?;
+        report.once_per_shot.shot = said(&shot, player.scene().offset, &mut report.without_points, console);
+        let mattes = match args.layers.contains(&LayerName::Cryptomatte) {
+            true => (player.mattes(&shot, watch)).map_err(|Cancelled| signals::failure())?,
+            false => ShotMattes::default(),
+        };
+        let stage = daylight::Stage {
+            plan: &plan,
+            patches,
+            args,
+            player: &player,
+            sequence: &sequence,
+            sequence_hash: &hash,
+            track: &track,
+            range,
+            shot: &shot,
+            shot_settings: &shot_settings,
+            mattes: &mattes,
+            settings: &settings,
+            choice: &choice,
+            seed,
+            movie: &movie,
+            console,
+            watch,
+        };
+        let warnings = daylight::play(&stage, &mut report, seen)?;
+        return finished(report, args, range, movie, warnings, console);
+    }
     let mut shot: Option<Shot> = None;
     let mut mattes = ShotMattes::default();
     let total = range.iter().count();
@@ -229,7 +268,11 @@ pub fn play_watched(
             let mut layers = lit.layers;
             layers.layers.extend(mattes.layers.iter().cloned());
             let movie = &movie;
-            let handle = scope.spawn(move || write(args, file, &layers, &header, exposure, movie));
+            let handle = scope.spawn(move || {
+                let mut written = write(args, file, &layers, &header, exposure)?;
+                written.show(movie)?;
+                Ok(written)
+            });
             let wait = pace == Pace::OneByOne || Some(frame) == last_frame;
             let written = if wait {
                 Some(joined(handle)?)
@@ -253,6 +296,18 @@ pub fn play_watched(
         }
         Ok(())
     })?;
+    finished(report, args, range, movie, warnings, console)
+}
+
+/// Ends the movie, and says what was done.
+fn finished(
+    report: PlayReport,
+    args: &PlayArgs,
+    range: FrameRange,
+    movie: Mutex<Option<Movie>>,
+    warnings: BTreeSet<String>,
+    console: &Console,
+) -> Result<PlayReport, Failure> {
     let movie = movie.into_inner().unwrap_or_else(PoisonError::into_inner);
     movie.map(Movie::finish).transpose()?;
     console.close();
@@ -355,59 +410,6 @@ pub enum Pace {
     OneByOne,
 }
 
-/// Stops for the previews of this frame and all later ones; `None` while there is no light to choose by.
-fn exposure(args: &PlayArgs, layers: &Layers, console: &Console) -> Option<f32> {
-    match args.exposure {
-        Some(Exposure::Stops(stops)) => Some(stops),
-        Some(Exposure::Auto) | None => {
-            let stops = auto_exposure(&layers.rgb(BEAUTY)?)?;
-            // No finer than an eye tells, and as the option takes it.
-            let stops = ((10.0 * stops).round() / 10.0).clamp(-100.0, 100.0);
-            console.note(format!("Exposure of the previews: --exposure {stops}"));
-            Some(stops)
-        }
-    }
-}
-
-/// A frame's files.
-struct Written {
-    /// Or none: the movie alone.
-    file: Option<PathBuf>,
-    milliseconds: f64,
-    warnings: Vec<ExrWarning>,
-}
-
-/// Writes the layers of a frame that are asked for.
-fn write(
-    args: &PlayArgs,
-    file: Option<PathBuf>,
-    all: &Layers,
-    header: &ExrHeader,
-    exposure_ev: f32,
-    movie: &Mutex<Option<Movie>>,
-) -> anyhow::Result<Written> {
-    let _whole = signals::whole();
-    let start = Instant::now();
-    let mut warnings = Vec::new();
-    if let Some(file) = &file {
-        warnings = write_exr(file, &chosen(all, &args.layers), header, args.float)?;
-    }
-    if args.png || args.movie.is_some() {
-        let shown = tone_mapped(&all.rgb(BEAUTY).unwrap_or_default(), exposure_ev);
-        if let Some(file) = file.as_ref().filter(|_| args.png) {
-            write_png(&file.with_extension("png"), &shown)?;
-        }
-        if let Some(movie) = &mut *movie.lock().unwrap_or_else(PoisonError::into_inner) {
-            movie.push(&shown)?;
-        }
-    }
-    Ok(Written {
-        file,
-        milliseconds: milliseconds(start),
-        warnings,
-    })
-}
-
 fn joined(writing: ScopedJoinHandle<anyhow::Result<Written>>) -> anyhow::Result<Written> {
     writing
         .join()
@@ -475,23 +477,4 @@ fn frame_range(args: &PlayArgs, sequence: &Sequence) -> Result<FrameRange, Failu
         ));
     }
     Ok(range)
-}
-
-/// The asked-for layers, in the order of the request.
-fn chosen(all: &Layers, wanted: &[LayerName]) -> Layers {
-    let mut out = Layers::new(all.width, all.height);
-    for want in wanted {
-        for layer in &all.layers {
-            let fits = match want {
-                LayerName::Lights | LayerName::Cryptomatte => layer.name.starts_with(want.name()),
-                LayerName::Beauty => [want.name(), ALPHA].contains(&&*layer.name),
-                LayerName::Depth => [want.name(), RAY_DEPTH].contains(&&*layer.name),
-                _ => layer.name == want.name(),
-            };
-            if fits && out.layer(&layer.name).is_none() {
-                out.layers.push(layer.clone());
-            }
-        }
-    }
-    out
 }

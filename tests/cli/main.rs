@@ -14,6 +14,7 @@ mod compare;
 mod compositing;
 mod cuts;
 mod cuts_indirect;
+mod daylight;
 mod export;
 mod far;
 mod front_door;

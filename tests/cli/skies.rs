@@ -1,45 +1,8 @@
 //! Weather, and a sky for each frame, as commands play them.
 
-use crate::stage::{complaint, folder, relight, sequence};
+use crate::stage::{complaint, folder, relight, sequence, yard};
 use relight_scene::image::{BEAUTY, ExrHeader, FloatImage, Layers, Limits, read_exr, write_exr};
-use serde_json::json;
-use std::path::{Path, PathBuf};
-
-/// A level white square of 10 m under a camera that sees nothing else, baked.
-fn yard(folder: &Path) -> PathBuf {
-    let corners: [[f32; 3]; 6] = [
-        [-5.0, 0.0, 5.0],
-        [5.0, 0.0, 5.0],
-        [5.0, 0.0, -5.0],
-        [-5.0, 0.0, 5.0],
-        [5.0, 0.0, -5.0],
-        [-5.0, 0.0, -5.0],
-    ];
-    let bytes: Vec<u8> = corners
-        .as_flattened()
-        .iter()
-        .flat_map(|x| x.to_le_bytes())
-        .collect();
-    std::fs::write(folder.join("yard.bin"), &bytes).unwrap();
-    let half = std::f32::consts::FRAC_1_SQRT_2;
-    let document = json!({
-        "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0, 1] }],
-        "nodes": [{ "mesh": 0 }, { "camera": 0, "translation": [0, 2, 0], "rotation": [-half, 0, 0, half] }],
-        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "material": 0 }] }],
-        "materials": [{ "pbrMetallicRoughness": { "baseColorFactor": [1, 1, 1, 1], "metallicFactor": 0 } }],
-        "cameras": [{ "type": "perspective", "perspective": { "yfov": 0.8, "aspectRatio": 1, "znear": 0.1 } }],
-        "buffers": [{ "uri": "yard.bin", "byteLength": bytes.len() }],
-        "bufferViews": [{ "buffer": 0, "byteLength": bytes.len() }],
-        "accessors": [{ "bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 6 }],
-    });
-    let scene = folder.join("yard.gltf");
-    std::fs::write(&scene, document.to_string()).unwrap();
-    let asset = folder.join("yard.relight");
-    let mut bake = relight();
-    bake.arg("bake").arg(&scene).arg("-o").arg(&asset);
-    bake.args(["--preset", "draft", "--lambert"]).assert().success();
-    asset
-}
+use std::path::Path;
 
 /// Mean luminance of the direct light of each frame.
 fn played(asset: &Path, lights: &Path, integrator: &str) -> Vec<f64> {

@@ -263,3 +263,39 @@ pub fn sequence(folder: &Path, name: &str, text: &str) -> PathBuf {
     std::fs::write(&path, text).unwrap();
     path
 }
+
+/// A level white square of 10 m under a camera that sees nothing else, baked.
+pub fn yard(folder: &Path) -> PathBuf {
+    let corners: [[f32; 3]; 6] = [
+        [-5.0, 0.0, 5.0],
+        [5.0, 0.0, 5.0],
+        [5.0, 0.0, -5.0],
+        [-5.0, 0.0, 5.0],
+        [5.0, 0.0, -5.0],
+        [-5.0, 0.0, -5.0],
+    ];
+    let bytes: Vec<u8> = corners
+        .as_flattened()
+        .iter()
+        .flat_map(|x| x.to_le_bytes())
+        .collect();
+    std::fs::write(folder.join("yard.bin"), &bytes).unwrap();
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let document = serde_json::json!({
+        "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0, 1] }],
+        "nodes": [{ "mesh": 0 }, { "camera": 0, "translation": [0, 2, 0], "rotation": [-half, 0, 0, half] }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "material": 0 }] }],
+        "materials": [{ "pbrMetallicRoughness": { "baseColorFactor": [1, 1, 1, 1], "metallicFactor": 0 } }],
+        "cameras": [{ "type": "perspective", "perspective": { "yfov": 0.8, "aspectRatio": 1, "znear": 0.1 } }],
+        "buffers": [{ "uri": "yard.bin", "byteLength": bytes.len() }],
+        "bufferViews": [{ "buffer": 0, "byteLength": bytes.len() }],
+        "accessors": [{ "bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 6 }],
+    });
+    let scene = folder.join("yard.gltf");
+    std::fs::write(&scene, document.to_string()).unwrap();
+    let asset = folder.join("yard.relight");
+    let mut bake = relight();
+    bake.arg("bake").arg(&scene).arg("-o").arg(&asset);
+    bake.args(["--preset", "draft", "--lambert"]).assert().success();
+    asset
+}

@@ -10,6 +10,7 @@ use relight_render::lightcuts::LightcutSettings;
 use relight_render::many_lights::PointSettings;
 use relight_render::pixelcuts::PixelcutsSettings;
 use relight_scene::image::{BEAUTY, DEPTH};
+use relight_scene::sky_patches::SkyPatches;
 use std::path::{Path, PathBuf};
 
 /// Relight an asset for a sequence of lights and write OpenEXR frames.
@@ -27,7 +28,9 @@ extent a frame also has points (milliseconds), lights, virtual_lights and shadow
 tree and light (milliseconds), tree_bytes, nodes_per_pixel, limited_cuts_per_pixel (with --reconstruction on
 eye_rays_per_pixel, samples_per_pixel, shadow_rays_per_reconstruction_cut); with pixelcuts also
 nodes_per_pixel, exact_lights, and in milliseconds eye, exact, estimate, trees, cuts, scatter, shade and resolve. With --materials a
-frame also has edit, the milliseconds of evaluating changed materials again.
+frame also has edit, the milliseconds of evaluating changed materials again. With --daylight-coefficients there is daylight, {patches, images,
+unseen, bytes}; once_per_shot has patches, the milliseconds of making the images, and frames are {frame, total, sky, sum, write}, shares of what is done
+for up to 16 at once.
 
 Models and parameters for --materials: metallic_roughness (metallic, roughness, metallic_roughness_texture),
 lambert, phong (specular, specular_texture, exponent or roughness), ward (specular, specular_texture, roughness or
@@ -56,6 +59,11 @@ pub struct PlayArgs {
     /// path without points).
     #[arg(long, value_enum, default_value_t = IntegratorName::Auto)]
     pub integrator: IntegratorName,
+    /// Light of suns and skies (weather, sun_sky) by daylight coefficients: the images that each of so many patches of the sky makes, once, and
+    /// each frame as their sum, so that a year of hours of a standing camera takes little longer than its patches. Suns are spread over four patches:
+    /// shadows are as soft as these are wide (12, 6 or 3 degrees). See docs/daylight.md.
+    #[arg(long, value_name = "145|577|2305", value_parser = sky_patches)]
+    pub daylight_coefficients: Option<SkyPatches>,
     /// Size of the image in pixels; keeps the camera's vertical field of view [default: 360 high, of the camera's
     /// aspect ratio].
     #[arg(long, value_name = "WxH", value_parser = frames::parse_size)]
@@ -396,6 +404,11 @@ pub enum Exposure {
     Auto,
     /// In stops.
     Stops(f32),
+}
+
+fn sky_patches(text: &str) -> Result<SkyPatches, String> {
+    let patches = text.parse().ok().and_then(SkyPatches::new);
+    patches.ok_or_else(|| "a sky has 145, 577 or 2305 patches".into())
 }
 
 fn exposure(text: &str) -> Result<Exposure, String> {

@@ -43,6 +43,9 @@ pub struct PlayReport {
     pub time_unit: &'static str,
     /// What was done once.
     pub once_per_shot: OncePerShot,
+    /// Images of patches of the sky, if frames are sums of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub daylight: Option<DaylightReport>,
     /// What was done for each frame, in order.
     pub frames: Vec<FrameReport>,
 }
@@ -55,6 +58,22 @@ pub struct OncePerShot {
     /// What a standing camera sees.
     #[serde(flatten)]
     pub shot: Option<ShotReport>,
+    /// Images of patches of the sky.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub patches: Option<f64>,
+}
+
+/// Images of patches of the sky.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct DaylightReport {
+    /// Patches of the whole sky.
+    pub patches: usize,
+    /// Those of them that have an image.
+    pub images: usize,
+    /// Those that shine on nothing that is seen.
+    pub unseen: usize,
+    /// Memory of the images.
+    pub bytes: u64,
 }
 
 /// Milliseconds that a shot took.

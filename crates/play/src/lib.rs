@@ -41,6 +41,8 @@
 //!    `frame/indirect.rs`.
 //! 5. The [`Frame`] has its layers by name, what it took by stage, and how its light was made and why ([`Choice`]).
 //!
+//! [`daylight`] keeps the images of a sky's patches, and adds them up to frames of any sky.
+//!
 //! Any number of shots and lights share a player. Moving lights take another time, or other [`Lights`]; a moving camera another
 //! shot ([`ShotSettings::moving`]). [`Player::edit_materials`] changes materials: a shot of before is refused until it is
 //! [refreshed](Player::refresh) or made again. [`Player::frame_watched`] tells how far it is and stops when asked to
@@ -56,6 +58,7 @@ pub mod camera;
 pub mod choice;
 mod convert;
 pub mod cuts;
+pub mod daylight;
 pub mod edited;
 mod edition;
 pub mod frame;
@@ -83,6 +86,7 @@ mod transferred;
 mod virtual_points;
 
 pub use choice::{Choice, Integrator, Tracer};
+pub use daylight::DaylightLayers;
 pub use frame::settings::FrameSettings;
 pub use lights::Lights;
 pub use player::{Frame, Player};

@@ -497,6 +497,11 @@ impl Player {
         Ok(())
     }
 
+    /// Whether edited materials change from frame to frame.
+    pub fn materials_move(&self) -> bool {
+        self.edited.as_ref().is_some_and(Edited::moves)
+    }
+
     /// Whether materials were edited.
     pub fn is_edited(&self) -> bool {
         self.edited.is_some()

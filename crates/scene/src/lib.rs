@@ -5,7 +5,7 @@
 //!
 //! 1. A [`sequence`] says which lights shine over time ([`light::LightTrack`], values that move: [`animated`]).
 //!    [`light_set`] makes the lights of one frame, which can be sampled from a point or met by a ray; [`environment`] and
-//!    [`sky`] are those from all around.
+//!    [`sky`] are those from all around, which [`sky_patches`] takes to pieces.
 //! 2. A [`scene`] comes from `gltf` (a feature) or, as implicit surfaces and isosurfaces, from [`surface_scene`]. Rays
 //!    find its [`surface`]s: [`traced`] those of triangles, with [`rays`] underneath, [`implicit`] and [`isosurface`] the
 //!    others, [`composite`] several as one.
@@ -50,6 +50,7 @@ pub mod animated;
 pub mod bsdf;
 pub mod camera;
 pub mod composite;
+pub mod daylight;
 pub mod environment;
 pub mod environment_strata;
 #[cfg(feature = "gltf")]
@@ -75,6 +76,7 @@ pub mod separation;
 pub mod sequence;
 pub mod shading;
 pub mod sky;
+pub mod sky_patches;
 pub mod surface;
 pub mod surface_nets;
 pub mod surface_scene;

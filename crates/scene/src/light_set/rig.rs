@@ -13,12 +13,10 @@ use super::set::LightSet;
 use super::shape::{Dark, Shape, positive, times, unit};
 use super::sphere::{Sphere, SphereLight};
 use super::sun_sky::SunSkyLight;
+use crate::daylight::sun_sky_at;
 use crate::environment::EnvironmentSampler;
-use crate::light::{Day, EnvironmentMap, EnvironmentMaps, LightKind, LightTrack};
-use crate::perez::weather_sky;
+use crate::light::{EnvironmentMap, EnvironmentMaps, LightKind, LightTrack};
 use crate::photometry::LampAxes;
-use crate::sky::sun_sky;
-use glam::DQuat;
 use std::collections::HashMap;
 use std::sync::Arc;
 use thiserror::Error;
@@ -242,27 +240,9 @@ impl<'a> LightRig<'a> {
                 scale: positive(scale.at(frame)),
                 turn: (f64::from(rotation_deg.at(frame)) / 360.0).rem_euclid(1.0) as f32,
             })),
-            LightKind::SunSky {
-                turbidity,
-                sun_direction,
-                scale,
-            } => Box::new(SunSkyLight::new(
-                sun_sky(turbidity.at(frame), sun_direction.at(frame)),
-                positive(scale.at(frame)),
-            )?),
-            LightKind::Weather {
-                weather,
-                day,
-                hours,
-                scale,
-                rotation_deg,
-                ..
-            } => {
-                let time = day.map_or(0.0, Day::hours) + f64::from(hours.at(frame));
-                let (daylight, sun) = weather.at(time);
-                let turn = DQuat::from_rotation_y(f64::from(rotation_deg.at(frame)).to_radians());
-                let sky = weather_sky(&daylight, turn * sun);
-                Box::new(SunSkyLight::new(sky, positive(scale.at(frame)))?)
+            LightKind::SunSky { .. } | LightKind::Weather { .. } => {
+                let (sky, scale) = sun_sky_at(kind, frame)?;
+                Box::new(SunSkyLight::new(sky, positive(scale))?)
             }
             LightKind::Emissive { scale, .. } => Box::new(EmissiveLight {
                 table: self.prepared.tables[i].clone()?,
