@@ -279,7 +279,13 @@ fn gendaymtx() -> Vec<Hour> {
 
 /// What gendaymtx makes of a sky: its radiance at the middles of patches, by which the ground gets what the whole sky sends.
 fn at_middles(patches: &SkyPatches, sky: &EnvironmentMap) -> Vec<f64> {
-    let at = |middle: &DVec3| f64::from(luminance(sky.at(uv_from_direction(middle.as_vec3()))));
+    // A map is interpolated along its lines: at the zenith, where these are points, their mean is what is there.
+    let top = &sky.pixels[..sky.width];
+    let zenith = top.iter().map(|pixel| f64::from(luminance(*pixel))).sum::<f64>() / sky.width as f64;
+    let at = |middle: &DVec3| match *middle == DVec3::Y {
+        true => zenith,
+        false => f64::from(luminance(sky.at(uv_from_direction(middle.as_vec3())))),
+    };
     let middles: Vec<f64> = patches.middles().iter().map(at).collect();
     let of_ground: f64 = (middles.iter().zip(patches.middles()).zip(patches.solid_angles()))
         .map(|((radiance, middle), angle)| radiance * middle.y * angle)
