@@ -165,7 +165,7 @@ fn varying(params: &BakeParams) -> [DVec3; 2] {
             .collect()
     };
     let found = at_points(transfer.indirect_from_direct(&direct).0);
-    let coarse = at_points(transfer.coarsely_from_direct(&direct).0);
+    let coarse = at_points(transfer.coarsely_from_direct(&direct, None).0);
     let (reflected, albedo) = sphere_means();
     let truth = reflected / (1.0 - albedo);
     let [error, of_coarse] = [&found, &coarse].map(|found| mean(found) / truth - 1.0);

@@ -2,6 +2,7 @@
 
 mod cuts;
 mod furnace;
+mod gloss;
 mod golden;
 mod product;
 mod stage;

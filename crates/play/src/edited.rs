@@ -10,6 +10,7 @@
 
 use crate::cuts::CutLights;
 use crate::cuts::lights::reflectances;
+use crate::gloss::Gloss;
 use crate::prepared::PreparedScene;
 use crate::reflections::MOVING_RAYS;
 use crate::shot::RelitShot;
@@ -116,6 +117,7 @@ impl Edited {
             transfer,
             points,
             cuts,
+            gloss,
             ..
         } = prepared;
         let materials = self.edits.at(time, &scene.scene().materials);
@@ -131,6 +133,7 @@ impl Edited {
         let wanted = |index: u32| {
             (self.edits.touches(index) && (all || is(&self.moves, index))) || (all && is(&self.stale, index))
         };
+        *gloss = Gloss::default();
         if let Some(transfer) = transfer {
             let mut albedo = std::mem::take(&mut transfer.albedo);
             reflectances(scene, points, &mut albedo, wanted);

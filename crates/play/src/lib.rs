@@ -62,6 +62,7 @@ pub mod daylight;
 pub mod edited;
 mod edition;
 pub mod frame;
+mod gloss;
 pub mod header;
 pub mod kept;
 pub mod lights;

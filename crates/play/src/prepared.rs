@@ -2,6 +2,7 @@
 
 use crate::cuts::VisibilityCuts;
 use crate::frame::parts::Received;
+use crate::gloss::Gloss;
 use crate::shadow_edges::ShadowEdges;
 use crate::snap::snapped;
 use crate::spread::PointPlaces;
@@ -31,6 +32,8 @@ pub struct PreparedScene {
     pub cuts: Option<VisibilityCuts>,
     /// What lamps that stand still let arrive at points and surface samples.
     pub(crate) received: Still<Received>,
+    /// Which points are glossy.
+    pub(crate) gloss: Gloss,
     /// What all of it together became.
     pub(crate) transferred: Transferred,
 }
@@ -64,6 +67,7 @@ impl PreparedScene {
             virtual_points: VirtualPoints::default(),
             cuts,
             received: Still::default(),
+            gloss: Gloss::default(),
             transferred: Transferred::default(),
         }
     }

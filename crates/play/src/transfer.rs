@@ -4,7 +4,7 @@
 //! clusters (`relight_transport::senders`); further bounces are solved on one level of them before the one
 //! product with T.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 use relight_scene::separation::are_separated;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
@@ -44,7 +44,9 @@ pub struct Transfer {
     /// Reflectance at the finest points.
     pub albedo: Vec<Vec3>,
     ranges: LevelRanges,
-    /// Normals of all points.
+    /// Of all points.
+    positions: Vec<Vec3>,
+    /// Of all points.
     normals: Vec<Vec3>,
     fine_from_coarse: SparseMatrix,
     /// Clusters of the finest points.
@@ -126,6 +128,10 @@ impl Transfer {
         bounces: Option<u32>,
     ) -> Transfer {
         let ranges = LevelRanges::new(levels.iter().map(Level::len));
+        let positions = levels
+            .iter()
+            .flat_map(|level| level.positions.iter().copied())
+            .collect();
         let normals = levels
             .iter()
             .flat_map(|level| level.normals.iter().copied())
@@ -142,6 +148,7 @@ impl Transfer {
             near_separated,
             albedo,
             ranges,
+            positions,
             normals,
             fine_from_coarse,
             senders,
@@ -183,9 +190,25 @@ impl Transfer {
     /// The first bounce, which carries most of the light and all of its detail, is T's. Further bounces are
     /// solved on clusters from that, and all together sent once more through T.
     pub fn indirect_from_direct(&self, direct: &[Vec3]) -> (Vec<VectorIrradiance>, TransferStats) {
+        self.indirect_with_lobes(direct, None)
+    }
+
+    /// [`Transfer::indirect_from_direct`] of direct light whose first bounce, at all receivers, differs by `over_lobes` from what it is where
+    /// all surfaces are matt ([`crate::gloss`]).
+    pub fn indirect_with_lobes(
+        &self,
+        direct: &[Vec3],
+        over_lobes: Option<&[VectorIrradiance]>,
+    ) -> (Vec<VectorIrradiance>, TransferStats) {
         let mut stats = TransferStats::default();
-        let radiosity = self.radiosity_from_direct(direct, &mut stats);
-        let values = self.one_bounce(&radiosity, &mut stats);
+        let mut radiosity = self.radiosity(direct);
+        if self.bounces != Some(1) {
+            let once = self.one_bounce(&radiosity, over_lobes, &mut stats);
+            let start = Instant::now();
+            self.add_bounces(&mut radiosity, &once, &mut stats);
+            stats.bounce_ms += milliseconds(start);
+        }
+        let values = self.one_bounce(&radiosity, over_lobes, &mut stats);
         (values, stats)
     }
 
@@ -193,7 +216,7 @@ impl Transfer {
     pub fn radiosity_from_direct(&self, direct: &[Vec3], stats: &mut TransferStats) -> Vec<Vec3> {
         let mut radiosity = self.radiosity(direct);
         if self.bounces != Some(1) {
-            let once = self.one_bounce(&radiosity, stats);
+            let once = self.one_bounce(&radiosity, None, stats);
             let start = Instant::now();
             self.add_bounces(&mut radiosity, &once, stats);
             stats.bounce_ms += milliseconds(start);
@@ -202,7 +225,11 @@ impl Transfer {
     }
 
     /// [`Transfer::indirect_from_direct`] with one product with T instead of two: all bounces but the last go from cluster to cluster.
-    pub fn coarsely_from_direct(&self, direct: &[Vec3]) -> (Vec<VectorIrradiance>, TransferStats) {
+    pub fn coarsely_from_direct(
+        &self,
+        direct: &[Vec3],
+        over_lobes: Option<&[VectorIrradiance]>,
+    ) -> (Vec<VectorIrradiance>, TransferStats) {
         let mut stats = TransferStats::default();
         let mut radiosity = self.radiosity(direct);
         if self.bounces != Some(1) {
@@ -214,7 +241,7 @@ impl Transfer {
             }
             stats.bounce_ms += milliseconds(start);
         }
-        let values = self.one_bounce(&radiosity, &mut stats);
+        let values = self.one_bounce(&radiosity, over_lobes, &mut stats);
         (values, stats)
     }
 
@@ -224,7 +251,7 @@ impl Transfer {
         direct: &[Vec3],
     ) -> (Vec<VectorIrradiance>, Vec<VectorIrradiance>, TransferStats) {
         let mut stats = TransferStats::default();
-        let first = self.one_bounce(&self.radiosity(direct), &mut stats);
+        let first = self.one_bounce(&self.radiosity(direct), None, &mut stats);
         if self.bounces == Some(1) {
             let nothing = vec![VectorIrradiance::default(); first.len()];
             return (first, nothing, stats);
@@ -233,13 +260,13 @@ impl Transfer {
         let mut further = vec![Vec3::ZERO; first.len()];
         self.add_bounces(&mut further, &first, &mut stats);
         stats.bounce_ms += milliseconds(start);
-        let further = self.one_bounce(&further, &mut stats);
+        let further = self.one_bounce(&further, None, &mut stats);
         (first, further, stats)
     }
 
     /// Vector irradiance at the finest points that radiosity there causes: one bounce, T alone.
     pub fn of_radiosity(&self, radiosity: &[Vec3]) -> Vec<VectorIrradiance> {
-        self.one_bounce(radiosity, &mut TransferStats::default())
+        self.one_bounce(radiosity, None, &mut TransferStats::default())
     }
 
     /// Indirect vector irradiance at the finest points from direct irradiance there, of which the last bounce takes the links of
@@ -263,6 +290,21 @@ impl Transfer {
     /// Senders and vectors of the links of a receiver, numbered over all levels.
     pub fn links_of(&self, receiver: usize) -> Vec<(u32, Vec3)> {
         self.links.of_receiver(receiver)
+    }
+
+    /// What senders give to receivers of all levels by a radiosity of their own for each link, W/m²: `radiosity(sender, receiver)`; of those
+    /// senders that are `wanted`.
+    pub fn over_links(
+        &self,
+        wanted: &[bool],
+        radiosity: impl Fn(usize, usize) -> Vec3A + Sync,
+    ) -> Vec<VectorIrradiance> {
+        self.links.apply_each(wanted, radiosity)
+    }
+
+    /// Place of a receiver, numbered over all levels.
+    pub fn position_of(&self, receiver: usize) -> Vec3 {
+        self.positions[receiver]
     }
 
     /// Unit normal of a receiver, numbered over all levels.
@@ -298,13 +340,21 @@ impl Transfer {
             .collect()
     }
 
-    /// Vector irradiance at the finest points that radiosity there causes by way of T.
-    fn one_bounce(&self, radiosity: &[Vec3], stats: &mut TransferStats) -> Vec<VectorIrradiance> {
+    /// Vector irradiance at the finest points that radiosity there causes by way of T, and what is `besides` at the receivers.
+    fn one_bounce(
+        &self,
+        radiosity: &[Vec3],
+        besides: Option<&[VectorIrradiance]>,
+        stats: &mut TransferStats,
+    ) -> Vec<VectorIrradiance> {
         let start = Instant::now();
         let coefficients = self.senders.coefficients(&self.senders.pulled(radiosity));
         stats.bounce_ms += milliseconds(start);
         let start = Instant::now();
-        let (values, links_used) = self.links.apply(&coefficients);
+        let (mut values, links_used) = self.links.apply(&coefficients);
+        if let Some(besides) = besides {
+            add_vectors(&mut values, besides);
+        }
         stats.links_used = links_used;
         stats.transfer_ms += milliseconds(start);
         let start = Instant::now();
@@ -351,6 +401,15 @@ impl Transfer {
         let (irradiance, solve) = bounce::solve(&self.bounce, emitted, &self.bounce_albedo, bounces);
         stats.solve = solve;
         (irradiance, &self.bounce_cluster)
+    }
+}
+
+/// Adds vector irradiance, place by place.
+pub(crate) fn add_vectors(sum: &mut [VectorIrradiance], part: &[VectorIrradiance]) {
+    for (sum, part) in sum.iter_mut().zip(part) {
+        sum.x += part.x;
+        sum.y += part.y;
+        sum.z += part.z;
     }
 }
 

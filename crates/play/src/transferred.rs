@@ -16,34 +16,41 @@ struct Last {
     edition: Edition,
     coarse: bool,
     direct: Arc<[Vec3]>,
+    over_lobes: Option<Arc<[VectorIrradiance]>>,
     indirect: Arc<[VectorIrradiance]>,
     stats: TransferStats,
 }
 
 impl Transferred {
-    /// [`Transfer::indirect_from_direct`] or [`Transfer::coarsely_from_direct`], made anew only if anything is otherwise than it was the last
+    /// [`Transfer::indirect_with_lobes`] or [`Transfer::coarsely_from_direct`], made anew only if anything is otherwise than it was the last
     /// time.
     pub fn indirect_from_direct(
         &self,
         transfer: &Transfer,
         edition: Edition,
         direct: &[Vec3],
+        over_lobes: Option<&[VectorIrradiance]>,
         coarse: bool,
     ) -> (Arc<[VectorIrradiance]>, TransferStats) {
         let last = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let same = |last: &Last| last.edition == edition && last.coarse == coarse && *last.direct == *direct;
+        let same = |last: &Last| {
+            (last.edition, last.coarse) == (edition, coarse)
+                && *last.direct == *direct
+                && last.over_lobes.as_deref() == over_lobes
+        };
         if let Some(last) = last.filter(same) {
             return (last.indirect, last.stats.of_nothing_new());
         }
         let (indirect, stats) = match coarse {
-            true => transfer.coarsely_from_direct(direct),
-            false => transfer.indirect_from_direct(direct),
+            true => transfer.coarsely_from_direct(direct, over_lobes),
+            false => transfer.indirect_with_lobes(direct, over_lobes),
         };
         let indirect: Arc<[VectorIrradiance]> = indirect.into();
         let made = Last {
             edition,
             coarse,
             direct: direct.into(),
+            over_lobes: over_lobes.map(Arc::from),
             indirect: indirect.clone(),
             stats,
         };

@@ -78,6 +78,57 @@ pub fn irradiance_around(
     (irradiance, told.met)
 }
 
+/// Light that arrives at a place from one direction.
+#[derive(Clone, Copy, Debug)]
+pub struct Incident {
+    /// Of the place, on its geometric side, for its smooth normal, W/m².
+    pub irradiance: Vec3,
+    /// Unit, towards the light.
+    pub direction: Vec3,
+    /// To the light, m.
+    pub distance: f32,
+}
+
+/// Irradiance of one light at places, direction by direction, place by place: `samples` each, whose sum is the place's irradiance. Of a light
+/// without extent there is one, for which no ray is cast: it has the `irradiance` of the place, as [`irradiance_at`] found it.
+pub fn incident_at(
+    scene: &TracedScene,
+    lights: &LightSet,
+    light: usize,
+    hits: &[Option<SurfaceHit>],
+    irradiance: &[Vec3],
+    samples: u32,
+    seed: u64,
+) -> Vec<Incident> {
+    let one = Samples::of_points(lights, light, hits.len(), 1, seed);
+    let each = one.of_each(samples).count;
+    let runs: Vec<(usize, u32)> = (0..hits.len())
+        .flat_map(|place| (0..each).map(move |index| (place, index)))
+        .collect();
+    let found = (!one.is_delta()).then(|| {
+        let own: Vec<Option<SurfaceHit>> = runs.iter().map(|run| hits[run.0]).collect();
+        irradiance_by(scene, &one, &own, 0.0, |hit| runs[hit]).0
+    });
+    let irradiance = found.as_deref().unwrap_or(irradiance);
+    let dark = Incident {
+        irradiance: Vec3::ZERO,
+        direction: Vec3::Y,
+        distance: f32::INFINITY,
+    };
+    (runs.par_iter().zip(irradiance))
+        .with_min_len(256)
+        .map(|(&(place, index), &irradiance)| {
+            let hit = hits[place].as_ref().filter(|_| irradiance != Vec3::ZERO);
+            let sample = hit.and_then(|hit| one.at(place, hit, index));
+            sample.map_or(dark, |sample| Incident {
+                irradiance: irradiance / each as f32,
+                direction: sample.direction,
+                distance: sample.distance,
+            })
+        })
+        .collect()
+}
+
 /// Places beside one another in their order, as points lie along a curve, that learn where a light is drawn from.
 const NEIGHBOURS: usize = 1024;
 

@@ -141,6 +141,30 @@ impl SenderLinks {
         rows
     }
 
+    /// The product with a coefficient for each link of those senders that are `wanted`: `coefficient(sender, receiver)`.
+    pub fn apply_each(
+        &self,
+        wanted: &[bool],
+        coefficient: impl Fn(usize, usize) -> Vec3A + Sync,
+    ) -> Vec<VectorIrradiance> {
+        let mut out = vec![VectorIrradiance::default(); self.receivers];
+        (out.par_chunks_mut(BLOCK).zip(&self.blocks).enumerate()).for_each(|(b, (sums, block))| {
+            let mut start = 0;
+            for &(sender, end) in &block.senders {
+                let range = start..end as usize;
+                start = end as usize;
+                if !wanted[sender as usize] {
+                    continue;
+                }
+                for (&row, &vector) in block.rows[range.clone()].iter().zip(&block.vectors[range]) {
+                    let receiver = b * BLOCK + usize::from(row);
+                    sums[usize::from(row)].add(vector, coefficient(sender as usize, receiver));
+                }
+            }
+        });
+        out
+    }
+
     /// Coefficients of indirect vector irradiance, i = T e (receivers), from sender coefficients (radiosity).
     /// Also returns the number of links that were used.
     pub fn apply(&self, coefficients: &[Vec3]) -> (Vec<VectorIrradiance>, usize) {

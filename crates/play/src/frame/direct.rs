@@ -5,6 +5,7 @@ use super::parts::Received;
 use super::received::{Receiving, Starts};
 use super::stats::{DirectLightcuts, FrameTimes, milliseconds};
 use super::task::Task;
+use crate::transfer::add_vectors;
 use glam::Vec3;
 use relight_render::lightcuts::{self, AT_PIXELS, AT_POINTS, ManyLights};
 use relight_render::lighting::{self, Receivers, own_run};
@@ -12,6 +13,7 @@ use relight_render::samples::Samples;
 use relight_render::sum::Sum;
 use relight_render::{edges, refine};
 use relight_scene::light_set::LightSet;
+use relight_transport::pyramid::VectorIrradiance;
 use std::time::Instant;
 
 /// Of so many samples of a small lamp one is cast everywhere, and tells where edges of its shadows are near; all are cast there
@@ -23,6 +25,8 @@ pub(super) struct Sums {
     pub direct: Sum,
     pub points: Option<Sum>,
     pub samples: Option<Sum>,
+    /// At receivers; of few lights, so that f32 will do.
+    pub over_lobes: Option<Vec<VectorIrradiance>>,
 }
 
 impl Sums {
@@ -32,11 +36,17 @@ impl Sums {
             direct: Sum::Nothing(fragments),
             points: starts.points.map(|places| Sum::Nothing(places.points())),
             samples: starts.samples.map(|hits| Sum::Nothing(hits.len())),
+            over_lobes: None,
         }
     }
 
     /// Adds what a light lets arrive at the starts of indirect light.
     pub fn add_received(&mut self, received: Received) {
+        match (&mut self.over_lobes, received.over_lobes) {
+            (Some(sum), Some(part)) => add_vectors(sum, &part),
+            (sum @ None, part) => *sum = part,
+            _ => {}
+        }
         for (sum, part) in [
             (&mut self.points, received.points),
             (&mut self.samples, received.samples),
@@ -52,6 +62,7 @@ impl Sums {
         let received = Received {
             points: self.points.map(Sum::rounded),
             samples: self.samples.map(Sum::rounded),
+            over_lobes: self.over_lobes,
         };
         (self.direct.rounded(), received)
     }

@@ -29,6 +29,7 @@ impl Task<'_> {
         let operators = (self.prepared.transfer.as_ref())
             .zip(self.shot.functions.as_ref())
             .zip(received.points.as_ref());
+        let over_lobes = received.over_lobes.as_deref();
         let Some(((transfer, functions), received)) = operators else {
             let radiance = shaded.unwrap_or_else(|| vec![Vec3::ZERO; self.shot.seen.len()]);
             return Indirect {
@@ -42,7 +43,7 @@ impl Task<'_> {
             cuts.is_some_and(|cuts| cuts.shading.fragments > 0) && self.settings.levels.is_none()
         });
         let (radiance, stats) = match glossy {
-            None => self.by_transfer(transfer, functions, received, times),
+            None => self.by_transfer(transfer, functions, (received, over_lobes), times),
             Some(glossy) => self.by_transfer_beside(transfer, functions, received, glossy, times),
         };
         times.bounces += stats.bounce_ms;
@@ -60,13 +61,19 @@ impl Task<'_> {
         &self,
         transfer: &Transfer,
         functions: &Functions,
-        received: &[Vec3],
+        (received, over_lobes): (&[Vec3], Option<&[VectorIrradiance]>),
         times: &mut FrameTimes,
     ) -> (Vec<Vec3>, TransferStats) {
         let (values, stats) = match self.settings.levels {
             None => {
                 let last = &self.prepared.transferred;
-                last.indirect_from_direct(transfer, self.shot.edition, received, self.settings.coarse)
+                last.indirect_from_direct(
+                    transfer,
+                    self.shot.edition,
+                    received,
+                    over_lobes,
+                    self.settings.coarse,
+                )
             }
             Some(part) => {
                 let (values, stats) = transfer.indirect_of_levels(received, part);

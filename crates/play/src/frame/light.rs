@@ -130,7 +130,7 @@ impl Shining<'_> {
     /// What a light lets arrive where indirect light starts, by shadow rays.
     fn received_of(&self, light: usize, task: &Task, starts: Starts, times: &mut FrameTimes) -> Received {
         let start = Instant::now();
-        let make = || task.receiving().of(starts, self.shadowed, light);
+        let make = || task.receiving().with_lobes(starts, self.shadowed, light);
         let (received, _) = (task.prepared.received).light_of(light, &self.causes[light].at_points(), make);
         times.direct_points += milliseconds(start);
         received
@@ -186,6 +186,7 @@ fn all_together(
         sums.direct.add(even.radiance);
         sums.add_received(Received {
             points: even.irradiance,
+            over_lobes: None,
             samples: None,
         });
         stats.cuts = Some(even.stats);

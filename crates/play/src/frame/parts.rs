@@ -3,19 +3,23 @@
 use super::stats::CutStats;
 use crate::still::Kept;
 use glam::Vec3;
+use relight_transport::pyramid::VectorIrradiance;
 
 /// Direct irradiance from which indirect light starts.
 #[derive(Clone, Debug)]
 pub(crate) struct Received {
     /// At the finest points, for transfer; `None` where it makes no light.
     pub points: Option<Vec<Vec3>>,
+    /// At all receivers, what lobes add to the first bounce of it ([`crate::gloss`]); `None` where they add nothing.
+    pub over_lobes: Option<Vec<VectorIrradiance>>,
     /// At surface samples, for visibility cuts; `None` where these make no first bounce.
     pub samples: Option<Vec<Vec3>>,
 }
 
 impl Kept for Received {
     fn bytes(&self) -> usize {
-        self.points.bytes() + self.samples.bytes()
+        let over_lobes = self.over_lobes.as_deref().map_or(0, size_of_val);
+        self.points.bytes() + self.samples.bytes() + over_lobes
     }
 }
 

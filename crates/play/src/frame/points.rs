@@ -41,8 +41,9 @@ pub fn lit_points(
     let mut all = Vec::with_capacity(set.len());
     for light in 0..set.len() {
         go_on(watch)?;
-        let direct = receiving.of(starts, &set, light).points.unwrap_or_default();
-        let (values, _) = transfer.indirect_from_direct(&direct);
+        let received = receiving.with_lobes(starts, &set, light);
+        let direct = received.points.unwrap_or_default();
+        let (values, _) = transfer.indirect_with_lobes(&direct, received.over_lobes.as_deref());
         let indirect = (values.iter().zip(&transfer.finest.normals))
             .map(|(value, normal)| value.irradiance(*normal))
             .collect();

@@ -2,15 +2,17 @@
 
 use super::parts::Received;
 use super::settings::FrameSettings;
+use crate::gloss::GlossySenders;
 use crate::prepared::PreparedScene;
 use crate::shadow_edges::Places;
 use crate::spread::PointPlaces;
 use glam::Vec3;
-use relight_render::irradiance::{irradiance_around, irradiance_at};
+use relight_render::irradiance::{incident_at, irradiance_around, irradiance_at};
 use relight_render::lightcuts::{LightcutStats, ManyLights};
 use relight_render::lighting::Met;
 use relight_scene::light_set::LightSet;
 use relight_scene::surface::SurfaceHit;
+use relight_transport::pyramid::VectorIrradiance;
 
 /// Where light arrives from which indirect light starts.
 #[derive(Clone, Copy)]
@@ -33,6 +35,7 @@ impl Receiving<'_> {
     pub fn of(&self, starts: Starts, lights: &LightSet, light: usize) -> Received {
         if lights.is_dark(light) {
             return Received {
+                over_lobes: None,
                 points: starts.points.map(|places| vec![Vec3::ZERO; places.points()]),
                 samples: starts.samples.map(|hits| vec![Vec3::ZERO; hits.len()]),
             };
@@ -49,6 +52,7 @@ impl Receiving<'_> {
             )
         };
         Received {
+            over_lobes: None,
             points: starts.points.map(|places| {
                 let (mut lit, met) = irradiance(&places.hits, self.prepared.footprint());
                 self.soften(lights, light, &met, &mut lit);
@@ -56,6 +60,36 @@ impl Receiving<'_> {
             }),
             samples: starts.samples.map(|hits| irradiance(hits, 0.0).0),
         }
+    }
+
+    /// The same, with what lobes make of its first bounce.
+    pub fn with_lobes(&self, starts: Starts, lights: &LightSet, light: usize) -> Received {
+        let received = self.of(starts, lights, light);
+        Received {
+            over_lobes: (received.points.as_deref())
+                .filter(|_| !lights.is_dark(light))
+                .and_then(|direct| self.over_lobes(lights, light, direct)),
+            ..received
+        }
+    }
+
+    /// What lobes make of the first bounce of a light that gives the points this irradiance.
+    fn over_lobes(&self, lights: &LightSet, light: usize, direct: &[Vec3]) -> Option<Vec<VectorIrradiance>> {
+        let PreparedScene { scene, points, .. } = self.prepared;
+        let transfer = self.prepared.transfer.as_ref()?;
+        let footprint = self.prepared.footprint();
+        let glossy = (self.prepared.gloss.senders)
+            .get_or_init(|| GlossySenders::new(scene, points, footprint, transfer))
+            .as_ref()?;
+        let numbers: Vec<usize> = glossy.numbers().map(|number| number as usize).collect();
+        let hits: Vec<Option<SurfaceHit>> = numbers.iter().map(|&number| points[number]).collect();
+        let FrameSettings {
+            point_samples, seed, ..
+        } = *self.settings;
+        // Of lights without extent as it was softened at shadows' edges.
+        let lit: Vec<Vec3> = numbers.iter().map(|&number| direct[number]).collect();
+        let incident = incident_at(scene, lights, light, &hits, &lit, point_samples, seed);
+        glossy.over_lobes(transfer, direct, &incident)
     }
 
     /// Irradiance of all lights at the finest points by lightcuts.

@@ -1,0 +1,217 @@
+//! Light that lamps send over glossy surfaces goes where their lobes do.
+
+use crate::stage::through_file;
+use glam::{DVec3, Vec3, dvec3};
+use relight_bake::params::BakeParams;
+use relight_bake::{Request, Unwatched, bake};
+use relight_data_generate::glb::{Glb, Material, Placement, matt};
+use relight_data_generate::mesh::quad;
+use relight_play::frame::points::lit_points;
+use relight_play::scene::animated::Animated;
+use relight_play::scene::light::{LightKind, LightTrack};
+use relight_play::{FrameSettings, Player};
+use relight_scene::bsdf;
+use relight_scene::gltf::{ImportOptions, import};
+use relight_scene::rays::Ray;
+use relight_scene::surface::Surfaces;
+use std::f64::consts::PI;
+use std::sync::{Arc, OnceLock};
+
+/// Half the width of the court, and the height of its two walls, m.
+const HALF: f64 = 2.0;
+const HEIGHT: f64 = 1.5;
+
+/// A floor of rough metal between a wall at each side.
+fn court() -> Glb {
+    let mut glb = Glb::new();
+    let metal = glb.add_material(&Material {
+        name: "Metal",
+        base_color: [0.9, 0.9, 0.9, 1.0],
+        metallic: 1.0,
+        roughness: 0.6,
+        ..Material::default()
+    });
+    let wall = glb.add_material(&matt("Wall", [0.5; 3]));
+    let floor = quad(
+        dvec3(-HALF, 0.0, HALF),
+        dvec3(HALF, 0.0, HALF),
+        dvec3(HALF, 0.0, -HALF),
+        dvec3(-HALF, 0.0, -HALF),
+    );
+    let upright = |x: f64| {
+        let z = HALF * x.signum();
+        quad(
+            dvec3(x, 0.0, -z),
+            dvec3(x, 0.0, z),
+            dvec3(x, HEIGHT, z),
+            dvec3(x, HEIGHT, -z),
+        )
+    };
+    for (name, mesh, material) in [
+        ("floor", floor, metal),
+        ("left", upright(-HALF), wall),
+        ("right", upright(HALF), wall),
+    ] {
+        let mesh = glb.add_mesh(name, &[(&mesh, material)]);
+        glb.add_node(name, mesh, Placement::HERE);
+    }
+    glb.add_camera("front", dvec3(0.0, 1.0, 4.0), DVec3::ZERO, 60.0, 1.0);
+    glb
+}
+
+/// One bounce of it, baked with gloss.
+fn player() -> &'static Player {
+    static PLAYER: OnceLock<Player> = OnceLock::new();
+    PLAYER.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("court.glb");
+        std::fs::write(&file, court().to_bytes()).unwrap();
+        let scene = Arc::new(import(&file, &ImportOptions::default()).unwrap());
+        let params = BakeParams {
+            levels: 4,
+            sender_levels: 3,
+            coarse_radius: Some(0.8),
+            bounces: Some(1),
+            ..BakeParams::default()
+        };
+        through_file(
+            &bake(&Request::new(scene, &params), None, &Unwatched)
+                .unwrap()
+                .asset,
+        )
+    })
+}
+
+/// Parallel light that comes over the left wall, 45° steep.
+fn sun(name: &str, irradiance: f32) -> LightTrack {
+    LightTrack {
+        name: name.into(),
+        kind: LightKind::Directional {
+            direction: Animated::Constant(Vec3::new(1.0, -1.0, 0.0)),
+            irradiance: Animated::Constant(Vec3::splat(irradiance)),
+        },
+    }
+}
+
+/// A small lamp over the floor.
+fn lamp(name: &str) -> LightTrack {
+    LightTrack {
+        name: name.into(),
+        kind: LightKind::Point {
+            position: Animated::Constant(Vec3::new(-0.5, 0.7, 0.3)),
+            intensity: Animated::Constant(Vec3::new(3.0, 2.0, 1.0)),
+        },
+    }
+}
+
+/// Mean indirect irradiance of the points on the left and on the right wall, of each light.
+fn on_walls(tracks: &[LightTrack]) -> Vec<[DVec3; 2]> {
+    let player = player();
+    let lights = player.lights(tracks).unwrap();
+    let lit = lit_points(&player.prepared, &lights, 0.0, &FrameSettings::default(), &()).unwrap();
+    let finest = &player.prepared.transfer.as_ref().unwrap().finest;
+    let area = |point: usize| 4f64.powi(finest.widenings.get(point).map_or(0, |&k| k.into()));
+    let of = |indirect: &[Vec3], side: f32| {
+        let (mut sum, mut all) = (DVec3::ZERO, 0.0);
+        for (i, (x, n)) in finest.positions.iter().zip(&finest.normals).enumerate() {
+            // Away from the edges, where points stand for less than others.
+            if n.y.abs() < 0.1 && x.x * side > 1.9 && x.z.abs() < 1.8 && (0.1..1.4).contains(&x.y) {
+                sum += indirect[i].as_dvec3() * area(i);
+                all += area(i);
+            }
+        }
+        assert!(all > 100.0, "{all}");
+        sum / all
+    };
+    lit.iter()
+        .map(|light| [of(&light.indirect, -1.0), of(&light.indirect, 1.0)])
+        .collect()
+}
+
+/// Truth: the sum over the lit part of the floor of what its BRDF sends to places of each wall, and what it would send if it were matt. The sun
+/// shines on all of the right wall, too, which is matt and sends some of it to the left one.
+fn truth() -> [[f64; 2]; 2] {
+    let scene = &player().prepared.scene;
+    let sun = Vec3::new(-1.0, 1.0, 0.0).normalize();
+    let down = |x: f64, z: f64| Ray::endless(Vec3::new(x as f32, 0.5, z as f32), Vec3::NEG_Y);
+    let middle =
+        |k: u32, of: u32, low: f64, high: f64| low + (high - low) * (f64::from(k) + 0.5) / f64::from(of);
+    let n = 48;
+    let mut sums = [[0.0; 2]; 2];
+    let places = (0..8u32).flat_map(|i| (0..8u32).map(move |j| (i, j)));
+    for (i, j) in places {
+        let (y, z) = (middle(i, 8, 0.1, 1.4), middle(j, 8, -1.8, 1.8));
+        for (side, x) in [-HALF, HALF].into_iter().enumerate() {
+            let place = dvec3(x, y, z);
+            for k in 0..n * n {
+                // The left wall's shadow ends at x = −½.
+                let (u, v) = (
+                    middle(k % n, n, HEIGHT - HALF, HALF),
+                    middle(k / n, n, -HALF, HALF),
+                );
+                let hit = scene.closest_hit(&down(u, v)).unwrap();
+                let point = scene.shading_point(&hit);
+                let way = place - dvec3(u, 0.0, v);
+                let squared = way.length_squared();
+                let view = way / squared.sqrt();
+                let area = (HALF - (HEIGHT - HALF)) * 2.0 * HALF / f64::from(n * n);
+                let form = view.y * view.x.abs() / squared * area;
+                let irradiance = f64::from(sun.y);
+                let lobe = f64::from(bsdf::eval(&point, view.as_vec3(), sun).x);
+                let even = f64::from(bsdf::hemispherical_albedo(&point).x) / PI;
+                sums[0][side] += irradiance * lobe * form / 64.0;
+                sums[1][side] += irradiance * even * form / 64.0;
+            }
+        }
+    }
+    let between: f64 = (0..8 * 8u32)
+        .map(|i| dvec3(-HALF, middle(i / 8, 8, 0.1, 1.4), middle(i % 8, 8, -1.8, 1.8)))
+        .flat_map(|place| (0..n * n).map(move |k| (place, k)))
+        .map(|(place, k)| {
+            let from = dvec3(HALF, middle(k % n, n, 0.0, HEIGHT), middle(k / n, n, -HALF, HALF));
+            let squared = place.distance_squared(from);
+            (2.0 * HALF / squared).powi(2) * HEIGHT * 2.0 * HALF / f64::from(n * n)
+        })
+        .sum();
+    let of_wall = 0.5 * f64::from(sun.y) / PI * between / 64.0;
+    sums.iter_mut().for_each(|side| side[0] += of_wall);
+    sums
+}
+
+/// Tolerance: points and links of a coarse bake, some 5 %, and four points that stand for a cluster of the floor; on the left, where hardly
+/// anything of the lobes arrives, a fiftieth of what does on the right.
+#[test]
+fn a_metal_floor_sends_the_sun_on_to_the_wall_beyond() {
+    let [[left, right], [even_left, even_right]] = truth();
+    let found = on_walls(&[sun("sun", 1.0)])[0].map(|e| e.x);
+    println!(
+        "left {:.4} of {left:.4} (matt {even_left:.4}), right {:.4} of {right:.4} (matt {even_right:.4})",
+        found[0], found[1]
+    );
+    assert!(
+        right > 1.3 * even_right && left < 0.7 * even_left,
+        "it makes a difference"
+    );
+    assert!(
+        (found[1] / right - 1.0).abs() < 0.1,
+        "right: {}, not {right}",
+        found[1]
+    );
+    assert!(
+        (found[0] - left).abs() < 0.02 * right,
+        "left: {}, not {left}",
+        found[0]
+    );
+}
+
+/// Truth: transport is linear. Tolerance: roundings of sums in f32 whose terms cancel.
+#[test]
+fn light_over_lobes_adds_up_and_scales() {
+    let both = on_walls(&[sun("sun", 1.0), lamp("lamp")]);
+    let (sun_alone, lamp_alone) = (on_walls(&[sun("sun", 8.0)])[0], on_walls(&[lamp("lamp")])[0]);
+    for side in 0..2 {
+        let [sun, lamp] = [sun_alone[side] / 8.0, lamp_alone[side]];
+        assert!((both[0][side] - sun).abs().max_element() < 1e-5 * sun.max_element());
+        assert!((both[1][side] - lamp).abs().max_element() < 1e-5 * lamp.max_element());
+    }
+}
