@@ -89,33 +89,36 @@ pub struct Incident {
     pub distance: f32,
 }
 
-/// Irradiance of one light at places, direction by direction, place by place: `samples` each, whose sum is the place's irradiance. Of a light
-/// without extent there is one, for which no ray is cast: it has the `irradiance` of the place, as [`irradiance_at`] found it.
+/// Irradiance of one light at the `wanted` of some places, direction by direction, place by place: `samples` each, whose sum is the place's
+/// irradiance. Of a light without extent there is one, for which no ray is cast: it has the `irradiance` that [`irradiance_at`] found of
+/// all places.
 pub fn incident_at(
     scene: &TracedScene,
     lights: &LightSet,
     light: usize,
     hits: &[Option<SurfaceHit>],
+    wanted: &[u32],
     irradiance: &[Vec3],
     samples: u32,
     seed: u64,
 ) -> Vec<Incident> {
     let one = Samples::of_points(lights, light, hits.len(), 1, seed);
     let each = one.of_each(samples).count;
-    let runs: Vec<(usize, u32)> = (0..hits.len())
-        .flat_map(|place| (0..each).map(move |index| (place, index)))
+    let runs: Vec<(usize, u32)> = (wanted.iter())
+        .flat_map(|&place| (0..each).map(move |index| (place as usize, index)))
         .collect();
-    let found = (!one.is_delta()).then(|| {
+    let irradiance: Vec<Vec3> = if one.is_delta() {
+        runs.iter().map(|run| irradiance[run.0]).collect()
+    } else {
         let own: Vec<Option<SurfaceHit>> = runs.iter().map(|run| hits[run.0]).collect();
         irradiance_by(scene, &one, &own, 0.0, |hit| runs[hit]).0
-    });
-    let irradiance = found.as_deref().unwrap_or(irradiance);
+    };
     let dark = Incident {
         irradiance: Vec3::ZERO,
         direction: Vec3::Y,
         distance: f32::INFINITY,
     };
-    (runs.par_iter().zip(irradiance))
+    (runs.par_iter().zip(&irradiance))
         .with_min_len(256)
         .map(|(&(place, index), &irradiance)| {
             let hit = hits[place].as_ref().filter(|_| irradiance != Vec3::ZERO);

@@ -81,14 +81,12 @@ impl Receiving<'_> {
         let glossy = (self.prepared.gloss.senders)
             .get_or_init(|| GlossySenders::new(scene, points, footprint, transfer))
             .as_ref()?;
-        let numbers: Vec<usize> = glossy.numbers().map(|number| number as usize).collect();
-        let hits: Vec<Option<SurfaceHit>> = numbers.iter().map(|&number| points[number]).collect();
+        let wanted: Vec<u32> = glossy.numbers().collect();
         let FrameSettings {
             point_samples, seed, ..
         } = *self.settings;
         // Of lights without extent as it was softened at shadows' edges.
-        let lit: Vec<Vec3> = numbers.iter().map(|&number| direct[number]).collect();
-        let incident = incident_at(scene, lights, light, &hits, &lit, point_samples, seed);
+        let incident = incident_at(scene, lights, light, points, &wanted, direct, point_samples, seed);
         glossy.over_lobes(transfer, direct, &incident)
     }
 
