@@ -66,6 +66,7 @@ const HEADINGS: [(&str, &[&str]); 9] = [
             "size",
             "camera",
             "frames",
+            "daylight_coefficients",
             "frame",
             "spp",
             "max_bounces",
