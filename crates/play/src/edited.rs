@@ -10,7 +10,6 @@
 
 use crate::cuts::CutLights;
 use crate::cuts::lights::reflectances;
-use crate::gloss::Gloss;
 use crate::prepared::PreparedScene;
 use crate::reflections::MOVING_RAYS;
 use crate::shot::RelitShot;
@@ -23,6 +22,7 @@ use relight_scene::material_edits::MaterialEdits;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::traced::{TracedScene, TracedSceneError};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Why materials cannot be edited.
 #[derive(Debug, thiserror::Error)]
@@ -133,7 +133,7 @@ impl Edited {
         let wanted = |index: u32| {
             (self.edits.touches(index) && (all || is(&self.moves, index))) || (all && is(&self.stale, index))
         };
-        *gloss = Gloss::default();
+        *gloss = OnceLock::new();
         if let Some(transfer) = transfer {
             let mut albedo = std::mem::take(&mut transfer.albedo);
             reflectances(scene, points, &mut albedo, wanted);

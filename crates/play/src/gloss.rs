@@ -6,6 +6,7 @@
 //! link. Lobes are as much wider as the piece of surface is that a point stands for, and as the lamp. All of it is linear in the lamps'
 //! light. Light of further reflections comes from all around, and is taken as ever.
 
+use crate::reflections;
 use crate::transfer::Transfer;
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
@@ -17,7 +18,6 @@ use relight_scene::traced::TracedScene;
 use relight_transport::kernel::width;
 use relight_transport::pyramid::VectorIrradiance;
 use std::f32::consts::PI;
-use std::sync::OnceLock;
 
 /// Points that stand for a cluster.
 const SAMPLES: usize = 4;
@@ -29,16 +29,6 @@ const MIDDLE: f64 = 0.518_034;
 /// Least α of a lobe: one of 0.3 sends some five times as much one way as a matt surface does. Links are chosen for matt ones; narrower
 /// lobes would want links that were left out.
 const SLOPE: f32 = 0.3;
-
-/// Lobes with less of the reflected light than this are taken as matt, times one for a mirror and a half for the widest: as for what the
-/// eye sees.
-const LEAST: f32 = 0.05;
-
-/// [`GlossySenders`] of materials as they are, found when they are first asked for; `None` where nothing is glossy enough.
-#[derive(Default)]
-pub(crate) struct Gloss {
-    pub senders: OnceLock<Option<GlossySenders>>,
-}
 
 /// Glossy points of an asset and the clusters that they stand for.
 pub(crate) struct GlossySenders {
@@ -136,11 +126,7 @@ impl GlossySenders {
         if lit.iter().all(Vec::is_empty) {
             return None;
         }
-        let radiosity: Vec<Vec3> = direct
-            .iter()
-            .zip(&transfer.albedo)
-            .map(|(e, a)| *e * *a)
-            .collect();
+        let radiosity = transfer.radiosity(direct);
         let means = transfer.senders.pulled(&radiosity).concat();
         let is_lit = |sender: u32| {
             let samples = self.clusters[sender as usize].samples;
@@ -251,15 +237,7 @@ impl GlossyPoint {
     }
 }
 
-/// Whether enough of what a point reflects goes by its lobe for it to matter whereto.
+/// Whether a lobe matters, as for what the eye sees.
 fn is_glossy(point: &ShadingPoint) -> bool {
-    let view = point.shading_normal;
-    let lobe = bsdf::lobe_albedo(point, view);
-    if lobe == Vec3::ZERO {
-        return false;
-    }
-    let matt = bsdf::diffuse_reflectance(point, 1.0);
-    let share = (lobe / (lobe + matt).max(Vec3::splat(f32::MIN_POSITIVE))).max_element();
-    let width = bsdf::width_facing(point) / std::f32::consts::FRAC_PI_2;
-    share * (1.0 - 0.5 * width) >= LEAST
+    reflections::rays(point, point.shading_normal, 1) > 0
 }

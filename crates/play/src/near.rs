@@ -135,7 +135,7 @@ mod tests {
         let levels = transfer.parents().1.levels();
         assert!(levels > 1);
         let irradiance = |part| -> Vec<f32> {
-            let values = transfer.indirect_of_levels(&direct, part).0;
+            let values = transfer.indirect_of_levels(&direct, None, part).0;
             (values.iter().zip(&transfer.finest.normals))
                 .map(|(v, n)| v.irradiance(*n).x)
                 .collect()

@@ -201,22 +201,21 @@ impl Transfer {
         over_lobes: Option<&[VectorIrradiance]>,
     ) -> (Vec<VectorIrradiance>, TransferStats) {
         let mut stats = TransferStats::default();
-        let mut radiosity = self.radiosity(direct);
-        if self.bounces != Some(1) {
-            let once = self.one_bounce(&radiosity, over_lobes, &mut stats);
-            let start = Instant::now();
-            self.add_bounces(&mut radiosity, &once, &mut stats);
-            stats.bounce_ms += milliseconds(start);
-        }
+        let radiosity = self.radiosity_from_direct(direct, over_lobes, &mut stats);
         let values = self.one_bounce(&radiosity, over_lobes, &mut stats);
         (values, stats)
     }
 
-    /// Radiosity of the finest points, W/m², whose one bounce is [`Transfer::indirect_from_direct`].
-    pub fn radiosity_from_direct(&self, direct: &[Vec3], stats: &mut TransferStats) -> Vec<Vec3> {
+    /// Radiosity of the finest points, W/m², whose one bounce, with `over_lobes`, is [`Transfer::indirect_with_lobes`].
+    pub fn radiosity_from_direct(
+        &self,
+        direct: &[Vec3],
+        over_lobes: Option<&[VectorIrradiance]>,
+        stats: &mut TransferStats,
+    ) -> Vec<Vec3> {
         let mut radiosity = self.radiosity(direct);
         if self.bounces != Some(1) {
-            let once = self.one_bounce(&radiosity, None, stats);
+            let once = self.one_bounce(&radiosity, over_lobes, stats);
             let start = Instant::now();
             self.add_bounces(&mut radiosity, &once, stats);
             stats.bounce_ms += milliseconds(start);
@@ -269,18 +268,17 @@ impl Transfer {
         self.one_bounce(radiosity, None, &mut TransferStats::default())
     }
 
-    /// Indirect vector irradiance at the finest points from direct irradiance there, of which the last bounce takes the links of
-    /// some levels alone ([`LevelPart`]); their sum over all levels is [`Transfer::indirect_from_direct`].
+    /// [`Transfer::indirect_with_lobes`], of which the last bounce takes the links of some levels alone ([`LevelPart`]); all levels together
+    /// are all of it.
     pub fn indirect_of_levels(
         &self,
         direct: &[Vec3],
+        over_lobes: Option<&[VectorIrradiance]>,
         part: LevelPart,
     ) -> (Vec<VectorIrradiance>, TransferStats) {
         let mut stats = TransferStats::default();
-        let radiosity = self.radiosity_from_direct(direct, &mut stats);
-        let coefficients = self.senders.coefficients(&self.senders.pulled(&radiosity));
-        let (mut values, links_used) = self.links.apply(&coefficients);
-        stats.links_used = links_used;
+        let radiosity = self.radiosity_from_direct(direct, over_lobes, &mut stats);
+        let mut values = self.at_receivers(&radiosity, over_lobes, &mut stats);
         for level in (0..self.ranges.levels()).filter(|level| !part.has(*level)) {
             values[self.ranges.range(level)].fill(VectorIrradiance::default());
         }
@@ -334,7 +332,7 @@ impl Transfer {
     }
 
     /// What the finest points reflect of irradiance there.
-    fn radiosity(&self, irradiance: &[Vec3]) -> Vec<Vec3> {
+    pub(crate) fn radiosity(&self, irradiance: &[Vec3]) -> Vec<Vec3> {
         (irradiance.iter().zip(&self.albedo))
             .map(|(e, a)| *e * *a)
             .collect()
@@ -342,6 +340,20 @@ impl Transfer {
 
     /// Vector irradiance at the finest points that radiosity there causes by way of T, and what is `besides` at the receivers.
     fn one_bounce(
+        &self,
+        radiosity: &[Vec3],
+        besides: Option<&[VectorIrradiance]>,
+        stats: &mut TransferStats,
+    ) -> Vec<VectorIrradiance> {
+        let values = self.at_receivers(radiosity, besides, stats);
+        let start = Instant::now();
+        let values = self.flattened(values);
+        stats.flatten_ms += milliseconds(start);
+        values
+    }
+
+    /// The same at the receivers of all levels, not flattened.
+    fn at_receivers(
         &self,
         radiosity: &[Vec3],
         besides: Option<&[VectorIrradiance]>,
@@ -357,9 +369,6 @@ impl Transfer {
         }
         stats.links_used = links_used;
         stats.transfer_ms += milliseconds(start);
-        let start = Instant::now();
-        let values = self.flattened(values);
-        stats.flatten_ms += milliseconds(start);
         values
     }
 

@@ -268,6 +268,9 @@ mod tests {
             assert!((fast[i].irradiance(n).as_dvec3() - dense).abs().max_element() < 1e-5);
         }
         assert_eq!(fast, links.apply(&light), "the same sums in the same order");
+        let lit: Vec<bool> = light.iter().map(|e| *e != Vec3::ZERO).collect();
+        let each = SenderLinks::new(&links).apply_each(&lit, |sender, _| Vec3A::from(light[sender]));
+        assert_eq!(fast, each, "a coefficient for each link");
     }
 
     #[test]

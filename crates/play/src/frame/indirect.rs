@@ -76,7 +76,7 @@ impl Task<'_> {
                 )
             }
             Some(part) => {
-                let (values, stats) = transfer.indirect_of_levels(received, part);
+                let (values, stats) = transfer.indirect_of_levels(received, over_lobes, part);
                 (values.into(), stats)
             }
         };

@@ -78,7 +78,7 @@ impl Receiving<'_> {
         let PreparedScene { scene, points, .. } = self.prepared;
         let transfer = self.prepared.transfer.as_ref()?;
         let footprint = self.prepared.footprint();
-        let glossy = (self.prepared.gloss.senders)
+        let glossy = (self.prepared.gloss)
             .get_or_init(|| GlossySenders::new(scene, points, footprint, transfer))
             .as_ref()?;
         let wanted: Vec<u32> = glossy.numbers().collect();

@@ -32,7 +32,7 @@ pub(super) fn add_standing(
     let sets = (prepared.virtual_points).get(&prepared.scene, transfer, &prepared.points, most as usize);
     let receiving = Receiving { prepared, settings };
     let add = |points: &mut PointLights, direct: &[Vec3], source: usize| {
-        let radiosity = transfer.radiosity_from_direct(direct, &mut TransferStats::default());
+        let radiosity = transfer.radiosity_from_direct(direct, None, &mut TransferStats::default());
         points.add_standing(&sets.lights, &sets.intensities(&radiosity), source as u32);
     };
     if settings.light_layers {
