@@ -154,6 +154,9 @@ struct InspectReport {
     images: Option<Vec<String>>,
 }
 
+/// Variants of materials that are named.
+const MOST_VARIANTS: usize = 40;
+
 /// The fixed summary of an asset and, where its log is known, of its bake.
 pub fn describe(asset: &Inspection) -> String {
     let mut out = String::new();
@@ -174,9 +177,21 @@ pub fn describe(asset: &Inspection) -> String {
         count(asset.textures),
         if asset.lambert { ", all Lambert" } else { "" }
     ));
+    if !asset.variants.is_empty() {
+        let names: Vec<String> = (asset.variants.iter().take(MOST_VARIANTS))
+            .map(|name| format!("{name:?}"))
+            .collect();
+        let more = asset.variants.len() - names.len();
+        let more = if more > 0 {
+            format!(" and {more} more")
+        } else {
+            String::new()
+        };
+        line(format!("variants   {}{more}", names.join(", ")));
+    }
     // A line for each object would be a page.
     let settings: Vec<String> = (asset.settings.iter())
-        .filter(|(name, _)| *name != setting::OBJECTS)
+        .filter(|(name, _)| ![setting::OBJECTS, setting::VARIANTS].contains(&name.as_str()))
         .map(|(name, value)| format!("{name} {value}"))
         .collect();
     line(format!("settings   {}, seed {}", settings.join(", "), asset.seed));

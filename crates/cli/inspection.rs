@@ -42,6 +42,9 @@ pub struct Inspection {
     pub instances: u64,
     /// Materials.
     pub materials: u64,
+    /// Variants of materials, by their names.
+    #[serde(default)]
+    pub variants: Vec<String>,
     /// Images.
     pub textures: u64,
     /// Points of each level, coarsest first.
@@ -311,6 +314,9 @@ impl Inspection {
             meshes: content.meshes,
             instances: content.instances,
             materials: content.materials,
+            variants: (relight_play::open::variants(provenance, content.materials as usize).into_iter())
+                .map(|variant| variant.name)
+                .collect(),
             textures: content.textures,
             points: content.points.clone(),
             disk_radius: content.disk_radii.clone(),

@@ -43,3 +43,4 @@ mod slurm;
 mod stage;
 mod sudden;
 mod units;
+mod variants;

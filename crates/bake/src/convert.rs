@@ -7,7 +7,7 @@ use glam::{Affine2, Vec3, Vec4};
 use relight_format as format;
 use relight_scene::camera::CameraTrack;
 use relight_scene::material::{AlphaMode, Extensions, Material, Texture, TextureUse, Wrap};
-use relight_scene::scene::{Instance, Mesh, Scene};
+use relight_scene::scene::{Instance, Mesh, Scene, Variant};
 use relight_scene::sequence::{camera_to_json, stage_to_json};
 
 /// Meshes and instances.
@@ -18,8 +18,8 @@ pub fn geometry(scene: &Scene) -> format::Geometry {
     }
 }
 
-/// Most bytes of names of objects: more is no longer read at a glance, as provenance is.
-const MOST_OF_NAMES: usize = 1 << 20;
+/// Most bytes of a setting that names many things: more is no longer read at a glance, as provenance is.
+pub const MOST_OF_NAMES: usize = 1 << 20;
 
 /// Names of instances as the setting `objects` has them, line by line; `None` if none has a name, or all are too long together.
 pub fn object_lines(names: &[String]) -> Option<String> {
@@ -28,6 +28,20 @@ pub fn object_lines(names: &[String]) -> Option<String> {
         .collect();
     let text = lines.join("\n");
     (names.iter().any(|name| !name.is_empty()) && text.len() <= MOST_OF_NAMES).then_some(text)
+}
+
+/// Variants of materials as the setting `variants` has them, line by line; `None` if there are none, or all are too long together.
+pub fn variant_lines(variants: &[Variant]) -> Option<String> {
+    let line = |variant: &Variant| {
+        let pairs: Vec<String> = (variant.materials.iter())
+            .map(|[of, by]| format!("{of}={by}"))
+            .collect();
+        let name = variant.name.replace(char::is_control, " ");
+        format!("{}: {name}", pairs.join(" "))
+    };
+    let lines: Vec<String> = variants.iter().map(line).collect();
+    let text = lines.join("\n");
+    (!lines.is_empty() && text.len() <= MOST_OF_NAMES).then_some(text)
 }
 
 /// Materials, in the scene's order.

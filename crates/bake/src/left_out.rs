@@ -2,12 +2,13 @@
 //!
 //! Every omission says what, why, and how many bytes it would have taken before compression.
 
+use crate::convert::{MOST_OF_NAMES, variant_lines};
 use crate::params::{BakeParams, Omittable};
 use glam::{Vec2, Vec3, Vec4};
 use relight_format::LeftOut;
 use relight_scene::light::LightKind;
 use relight_scene::material::{AlphaMode, Extensions, Material, TextureUse};
-use relight_scene::scene::Scene;
+use relight_scene::scene::{Scene, Variant, replacements, shown_as};
 use relight_scene::sequence::{Sequence, stage_to_json};
 use relight_scene::traced::Shading;
 
@@ -41,6 +42,7 @@ pub fn prune(scene: &Scene, shading: Shading, lights: Option<&Sequence>, params:
             emission(&mut pruned, sequence);
         }
     }
+    variants(&mut pruned, shading, params.solution);
     if params.keeps(Omittable::Materials) {
         return pruned;
     }
@@ -122,6 +124,22 @@ fn emission(pruned: &mut Pruned, sequence: &Sequence) {
     }
 }
 
+fn variants(pruned: &mut Pruned, shading: Shading, solution: bool) {
+    let why = match (shading, solution) {
+        (Shading::Lambert, _) => "materials baked with --lambert take no edits".to_owned(),
+        (_, true) => "--solution fixes how much materials reflect".to_owned(),
+        _ if variant_lines(&pruned.scene.variants).is_none() => {
+            format!("what they replace takes more than {MOST_OF_NAMES} bytes to say")
+        }
+        _ => return,
+    };
+    let count = std::mem::take(&mut pruned.scene.variants).len();
+    if count > 0 {
+        let what = plural(count, "variant") + " of materials";
+        note(&mut pruned.left_out, what, &why, 0);
+    }
+}
+
 fn glossy_maps(pruned: &mut Pruned) {
     let mut count = 0;
     for material in &mut pruned.scene.materials {
@@ -152,13 +170,17 @@ fn glossy_maps(pruned: &mut Pruned) {
 
 fn tangents(pruned: &mut Pruned) {
     let Scene {
-        meshes, materials, ..
+        meshes,
+        materials,
+        variants,
+        ..
     } = &mut pruned.scene;
+    let replacements = replacements(variants);
     let (mut count, mut bytes) = (0, 0);
     for mesh in meshes {
-        let used = materials.get(mesh.material as usize).is_some_and(|m| {
-            m.normal_texture.is_some() || m.extensions.as_ref().is_some_and(|e| e.needs_tangents())
-        });
+        let used = shown_as(mesh.material, &replacements)
+            .flat_map(|material| materials.get(material as usize))
+            .any(|m| m.normal_texture.is_some() || m.extensions.as_ref().is_some_and(|e| e.needs_tangents()));
         if !used && !mesh.tangents.is_empty() {
             count += 1;
             bytes += mesh.tangents.len() * 5;
@@ -180,26 +202,52 @@ fn uses(material: &mut Material) -> impl Iterator<Item = &mut TextureUse> {
     material.source_textures_mut().flatten()
 }
 
-/// Keeps the sets that a mesh's material looks up, renumbered.
+/// For each material the first of those that the same meshes may show: variants put one in place of another.
+fn shown_alike(materials: usize, variants: &[Variant]) -> Vec<usize> {
+    // Each leads to an earlier one, or is the first itself.
+    let mut earlier: Vec<usize> = (0..materials).collect();
+    let first = |earlier: &mut [usize], mut material: usize| {
+        while earlier[material] != material {
+            earlier[material] = earlier[earlier[material]];
+            material = earlier[material];
+        }
+        material
+    };
+    for &[a, b] in variants.iter().flat_map(|variant| &variant.materials) {
+        let [a, b] = [a, b].map(|material| first(&mut earlier, material as usize));
+        earlier[a.max(b)] = a.min(b);
+    }
+    (0..materials)
+        .map(|material| first(&mut earlier, material))
+        .collect()
+}
+
+/// Keeps the sets that a mesh's materials look up, renumbered.
 fn coordinates(pruned: &mut Pruned) {
     let Scene {
-        meshes, materials, ..
+        meshes,
+        materials,
+        variants,
+        ..
     } = &mut pruned.scene;
-    let used: Vec<Vec<u32>> = materials
-        .iter_mut()
-        .map(|material| {
-            let mut sets: Vec<u32> = uses(material).map(|usage| usage.uv_set).collect();
-            sets.sort_unstable();
-            sets.dedup();
-            uses(material).for_each(|usage| {
-                usage.uv_set = sets.binary_search(&usage.uv_set).unwrap_or(0) as u32;
-            });
-            sets
-        })
-        .collect();
+    let alike = shown_alike(materials.len(), variants);
+    let mut used: Vec<Vec<u32>> = vec![Vec::new(); materials.len()];
+    for (material, &first) in materials.iter_mut().zip(&alike) {
+        used[first].extend(uses(material).map(|usage| usage.uv_set));
+    }
+    for sets in &mut used {
+        sets.sort_unstable();
+        sets.dedup();
+    }
+    for (material, &first) in materials.iter_mut().zip(&alike) {
+        uses(material).for_each(|usage| {
+            usage.uv_set = used[first].binary_search(&usage.uv_set).unwrap_or(0) as u32;
+        });
+    }
     let (mut count, mut bytes) = (0, 0);
     for mesh in meshes {
-        let wanted = used.get(mesh.material as usize).map_or(&[][..], Vec::as_slice);
+        let first = alike.get(mesh.material as usize);
+        let wanted = first.map_or(&[][..], |&first| used[first].as_slice());
         let sets = std::mem::take(&mut mesh.uvs);
         for (i, set) in sets.into_iter().enumerate() {
             if wanted.contains(&(i as u32)) {
@@ -238,12 +286,17 @@ fn textures(pruned: &mut Pruned) {
     let Scene {
         meshes,
         materials,
+        variants,
         textures,
         ..
     } = &mut pruned.scene;
     let mut material_used = vec![false; materials.len()];
-    for mesh in meshes.iter() {
-        if let Some(used) = material_used.get_mut(mesh.material as usize) {
+    let replacements = variants
+        .iter()
+        .flat_map(|variant| &variant.materials)
+        .map(|[_, by]| *by);
+    for material in meshes.iter().map(|mesh| mesh.material).chain(replacements) {
+        if let Some(used) = material_used.get_mut(material as usize) {
             *used = true;
         }
     }
@@ -286,4 +339,97 @@ fn textures(pruned: &mut Pruned) {
         keep
     });
     pruned.left_out.extend(left_out);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Affine2;
+    use relight_scene::material::{Texture, Wrap};
+    use relight_scene::scene::Mesh;
+
+    fn used(texture: u32, uv_set: u32) -> Option<TextureUse> {
+        Some(TextureUse {
+            texture,
+            uv_set,
+            texture_from_mesh: Affine2::IDENTITY,
+        })
+    }
+
+    fn texture(name: &str) -> Texture {
+        Texture {
+            name: name.into(),
+            encoded: name.as_bytes().to_vec(),
+            wrap: [Wrap::Repeat; 2],
+            nearest: false,
+        }
+    }
+
+    /// A triangle of material 0 with three sets of coordinates, told apart by their numbers, and tangents. Material 0 looks up nothing,
+    /// the variant's colours by set 2 and normals by set 1; nobody shows material 2.
+    fn scene() -> Scene {
+        let mesh = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            tangents: vec![Vec4::X; 3],
+            uvs: (0..3).map(|set| vec![Vec2::splat(set as f32); 3]).collect(),
+            triangles: vec![[0, 1, 2]],
+            ..Mesh::default()
+        };
+        let by = Material {
+            base_color_texture: used(2, 2),
+            normal_texture: used(1, 1),
+            ..Material::default()
+        };
+        let unused = Material {
+            base_color_texture: used(0, 0),
+            ..Material::default()
+        };
+        Scene {
+            meshes: vec![mesh],
+            materials: vec![Material::default(), by, unused],
+            textures: vec![texture("unused"), texture("normals"), texture("colours")],
+            variants: vec![Variant {
+                name: "v".into(),
+                materials: vec![[0, 1]],
+            }],
+            ..Scene::default()
+        }
+    }
+
+    #[test]
+    fn what_variants_look_up_is_kept() {
+        let pruned = prune(&scene(), Shading::Full, None, &BakeParams::default()).scene;
+        assert_eq!(pruned.variants, scene().variants);
+        assert_eq!(pruned.meshes[0].tangents.len(), 3);
+        assert_eq!(
+            pruned.meshes[0].uvs,
+            [vec![Vec2::splat(1.0); 3], vec![Vec2::splat(2.0); 3]]
+        );
+        let names: Vec<&str> = pruned.textures.iter().map(|t| t.name.as_str()).collect();
+        assert_eq!(names, ["normals", "colours"]);
+        assert_eq!(pruned.materials[1].base_color_texture, used(1, 1));
+        assert_eq!(pruned.materials[1].normal_texture, used(0, 0));
+        assert_eq!(pruned.materials[2].base_color_texture, None);
+    }
+
+    #[test]
+    fn variants_that_nobody_can_show_are_left_out_with_what_they_need() {
+        let solution = BakeParams {
+            solution: true,
+            ..BakeParams::default()
+        };
+        let mut long = scene();
+        long.variants[0].name = "x".repeat(MOST_OF_NAMES);
+        for (scene, shading, params, why) in [
+            (scene(), Shading::Lambert, &BakeParams::default(), "--lambert"),
+            (scene(), Shading::Full, &solution, "--solution"),
+            (long, Shading::Full, &BakeParams::default(), "1048576 bytes"),
+        ] {
+            let pruned = prune(&scene, shading, None, params);
+            assert!(pruned.scene.variants.is_empty() && pruned.scene.textures.is_empty());
+            assert!(pruned.scene.meshes[0].tangents.is_empty() && pruned.scene.meshes[0].uvs.is_empty());
+            let told = |l: &LeftOut| l.what == "1 variant of materials" && l.why.contains(why);
+            assert!(pruned.left_out.iter().any(told), "{:?}", pruned.left_out);
+        }
+    }
 }

@@ -84,6 +84,9 @@ impl Made<'_> {
         if let Some(lines) = convert::object_lines(&self.pruned.scene.object_names) {
             add(setting::OBJECTS, lines);
         }
+        if let Some(lines) = convert::variant_lines(&self.pruned.scene.variants) {
+            add(setting::VARIANTS, lines);
+        }
         all
     }
 

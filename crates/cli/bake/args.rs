@@ -110,8 +110,8 @@ pub struct BakeArgs {
     /// unitless (W/sr), or raw (watts).
     #[arg(long, value_enum, default_value_t = LightUnitsName::Spec)]
     pub light_units: LightUnitsName,
-    /// The variant of materials to show (KHR_materials_variants), by its name; without it, the materials that the
-    /// file shows by itself.
+    /// The variant of materials to bake alone (KHR_materials_variants), by its name; without it, the materials that the
+    /// file shows by itself, and material edits show any variant.
     #[arg(long, value_name = "NAME")]
     pub variant: Option<String>,
     #[command(flatten)]

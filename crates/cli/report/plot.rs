@@ -18,6 +18,10 @@ const LETTER: f64 = 7.0;
 /// Radius of a dot, and of what keeps numbers off it.
 const RADIUS: f64 = 4.0;
 const ROOM: f64 = 6.0;
+/// Width of a digit and height of a number beside a dot: the page draws them 13 units high on narrow screens, and digits are some
+/// 0.64 of that wide in the fonts that browsers fall back on.
+const DIGIT: f64 = 8.4;
+const TALL: f64 = 13.0;
 /// Errors below this are drawn here: a logarithm has no zero.
 const LEAST_ERROR: f64 = 1e-4;
 /// Pixels between two labels of an axis.
@@ -332,15 +336,15 @@ fn numbers(dots: &[Dot], places: &[[f64; 2]], within: Area) -> Vec<Shape> {
     let mut shapes = Vec::new();
     for i in order {
         let words = dots[i].number.to_string();
-        let (width, height) = (LETTER * words.len() as f64, 11.0);
+        let (width, height) = (DIGIT * words.len() as f64, TALL);
         let [px, py] = places[i];
         // Middle of the letters: beside, above and below, then askew.
         let far = ROOM + 0.5 * width + 1.0;
         let tried = [
             (far, 0.0),
             (-far, 0.0),
-            (0.0, -12.5),
-            (0.0, 12.5),
+            (0.0, -13.5),
+            (0.0, 13.5),
             (far, -10.0),
             (-far, -10.0),
             (far, 10.0),

@@ -101,8 +101,11 @@ pub mod setting {
     /// What the scene calls its instances, a line for each.
     pub const OBJECTS: &str = "objects";
 
+    /// Variants of materials, a line for each.
+    pub const VARIANTS: &str = "variants";
+
     /// All of these.
-    pub const ALL: [&str; 7] = [
+    pub const ALL: [&str; 8] = [
         BOUNCES,
         SOLUTION,
         OWN_LIGHTS,
@@ -110,6 +113,7 @@ pub mod setting {
         CAMERAS_ONLY,
         OFFSET,
         OBJECTS,
+        VARIANTS,
     ];
 
     /// Value: as many bounces as change anything.

@@ -3,7 +3,7 @@
 use glam::{Affine2, Affine3A, Mat2, Mat3A, Vec2, Vec3, Vec3A, Vec4};
 use relight_format as format;
 use relight_scene::material::{AlphaMode, Extensions, Material, Texture, TextureUse, Wrap};
-use relight_scene::scene::{Instance, Mesh};
+use relight_scene::scene::{Instance, Mesh, Variant};
 
 /// Meshes, in the asset's order. Takes the arrays over where their layout allows.
 pub fn meshes(meshes: Vec<format::Mesh>) -> Vec<Mesh> {
@@ -39,6 +39,27 @@ pub fn instance(instance: &format::Instance) -> Instance {
             translation: column(3),
         },
     }
+}
+
+/// Variants of so many materials from what the setting says; none if any line is wrong. SPEC 6.1.1.
+pub fn variants(lines: &str, materials: usize) -> Vec<Variant> {
+    let number = |text: &str| text.parse().ok().filter(|&number| (number as usize) < materials);
+    let pair = |text: &str| {
+        let (of, by) = text.split_once('=')?;
+        Some([number(of)?, number(by)?])
+    };
+    let variant = |line: &str| {
+        let (pairs, name) = line.split_once(": ")?;
+        Some(Variant {
+            name: name.to_owned(),
+            materials: pairs.split_terminator(' ').map(pair).collect::<Option<_>>()?,
+        })
+    };
+    lines
+        .split('\n')
+        .map(variant)
+        .collect::<Option<_>>()
+        .unwrap_or_default()
 }
 
 /// A material.
@@ -120,5 +141,41 @@ pub fn texture((index, texture): (usize, format::Texture)) -> Texture {
         encoded: texture.bytes,
         wrap: [wrap(texture.wrap_u), wrap(texture.wrap_v)],
         nearest: texture.filter == format::Filter::Nearest,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn variants_are_read_as_bakes_write_them_and_none_where_a_line_is_wrong() {
+        let variant = |name: &str, materials: &[[u32; 2]]| Variant {
+            name: name.into(),
+            materials: materials.to_vec(),
+        };
+        let read = variants("0=1 2=0: a: b\n: \n1=2: c", 3);
+        let expected = [
+            variant("a: b", &[[0, 1], [2, 0]]),
+            variant("", &[]),
+            variant("c", &[[1, 2]]),
+        ];
+        assert_eq!(read, expected);
+        for wrong in [
+            "",
+            "name",
+            "0=1",
+            "0=3: a",
+            "3=0: a",
+            "0: a",
+            "=: a",
+            "0=1=2: a",
+            "-1=0: a",
+            "0=1  2=0: a",
+            "0=1: a\n",
+            "0=99999999999: a",
+        ] {
+            assert_eq!(variants(wrong, 3), [], "{wrong:?}");
+        }
     }
 }

@@ -9,7 +9,7 @@ use glam::Vec3;
 use relight_format::layout::{Kind, setting};
 use relight_format::{self as format, Asset, FormatError, Limits, Provenance};
 use relight_scene::json::error::JsonError;
-use relight_scene::scene::Scene;
+use relight_scene::scene::{Scene, Variant};
 use relight_scene::sequence::{Sequence, stage_from_json};
 use relight_scene::traced::{Shading, TracedScene, TracedSceneError};
 use relight_transport::basis::{Level, NearestPoint};
@@ -136,6 +136,7 @@ pub(crate) fn opened(mut asset: Asset, path: &Path, sections: Sections) -> Resul
         meshes: convert::meshes(asset.geometry.meshes),
         object_names: object_names(&asset.provenance, asset.geometry.instances.len()),
         instances: (asset.geometry.instances.iter()).map(convert::instance).collect(),
+        variants: variants(&asset.provenance, materials.len()),
         materials,
         textures: (asset.textures.into_iter().enumerate())
             .map(convert::texture)
@@ -160,6 +161,12 @@ pub(crate) fn opened(mut asset: Asset, path: &Path, sections: Sections) -> Resul
         provenance: asset.provenance,
         estimates: asset.estimates,
     })
+}
+
+/// Variants of an asset's materials, of which there are so many; none if what the asset says of them is wrong. SPEC 6.1.1.
+pub fn variants(provenance: &Provenance, materials: usize) -> Vec<Variant> {
+    let lines = provenance.setting(setting::VARIANTS);
+    lines.map_or_else(Vec::new, |lines| convert::variants(lines, materials))
 }
 
 /// What the scene calls its instances. SPEC 6.1.1.

@@ -12,6 +12,8 @@
 //! those of the asset, by number or name, `null` for none; a new one is looked up where the material's texture of
 //! that kind was, else where its first texture is.
 //!
+//! `"variant": "beach"`, with or without `edits`, names a variant of the scene's materials that edits go on from.
+//!
 //! `docs/materials.md` has every field. What rays meet is fixed by the bake, so alpha and visibility cannot be edited. Links were chosen for the
 //! albedos of the bake: where an edit makes a dark surface bright, faint links are missing.
 

@@ -4,6 +4,7 @@ use crate::camera::CameraTrack;
 use crate::material::{Material, Texture};
 use crate::sequence::Sequence;
 use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
+use std::collections::HashMap;
 
 /// Triangles with one material, in their own space. All vertex arrays have the length of `positions` or,
 /// where the mesh lacks the attribute, are empty.
@@ -34,6 +35,34 @@ pub struct Instance {
     pub world_from_mesh: Affine3A,
 }
 
+/// A set of materials in place of others, which a scene may be shown with.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Variant {
+    /// What the source calls it.
+    pub name: String,
+    /// Materials that it replaces, and by which: indices into [`Scene::materials`].
+    pub materials: Vec<[u32; 2]>,
+}
+
+/// What variants put in place of materials: of each material that has any, rising.
+pub fn replacements(variants: &[Variant]) -> HashMap<u32, Vec<u32>> {
+    let mut all: HashMap<u32, Vec<u32>> = HashMap::new();
+    for &[of, by] in variants.iter().flat_map(|variant| &variant.materials) {
+        all.entry(of).or_default().push(by);
+    }
+    for replacements in all.values_mut() {
+        replacements.sort_unstable();
+        replacements.dedup();
+    }
+    all
+}
+
+/// A material, and its [`replacements`].
+pub fn shown_as(material: u32, replacements: &HashMap<u32, Vec<u32>>) -> impl Iterator<Item = u32> {
+    let by = replacements.get(&material).into_iter().flatten();
+    std::iter::once(material).chain(by.copied())
+}
+
 /// A whole scene: geometry at rest, materials, and the cameras and lights that came with it.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
@@ -45,6 +74,8 @@ pub struct Scene {
     pub object_names: Vec<String>,
     /// At least one if there are meshes.
     pub materials: Vec<Material>,
+    /// Sets of materials to choose from; all materials are those of none of them.
+    pub variants: Vec<Variant>,
     /// Referenced by the materials.
     pub textures: Vec<Texture>,
     /// Perspective camera nodes; the first is the default.

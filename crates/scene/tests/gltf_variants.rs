@@ -92,8 +92,103 @@ fn broken_mappings_are_told_by_place_if_a_variant_is_wanted() {
     ] {
         let mut doc = shoe();
         doc.set(&format!("{mapping}/{key}"), value);
-        assert!(shown(&doc, None).is_ok());
+        let scene = shown(&doc, None).unwrap();
+        let left_out = "primitives with broken mappings of material variants, which are left out: 1";
+        assert!(
+            scene.notes.iter().any(|note| note == left_out),
+            "{:?}",
+            scene.notes
+        );
+        // What is right of the others stays.
+        assert_eq!(scene.variants[1].materials, [[0, 2]]);
         let error = shown(&doc, Some("beach")).unwrap_err().to_string();
         assert!(error.contains(&what), "{error}");
     }
+}
+
+#[test]
+fn without_a_choice_all_variants_are_kept() {
+    let scene = shown(&shoe(), None).unwrap();
+    let found: Vec<(&str, &[[u32; 2]])> = (scene.variants.iter())
+        .map(|variant| (variant.name.as_str(), variant.materials.as_slice()))
+        .collect();
+    let expected: [(&str, &[[u32; 2]]); 4] = [
+        ("beach", &[[0, 1]]),
+        ("snow", &[[0, 2]]),
+        ("night", &[[0, 2]]),
+        ("plain", &[]),
+    ];
+    assert_eq!(found, expected);
+    assert_eq!(scene.materials.len(), 3);
+    // One that is chosen is imported alone.
+    assert!(shown(&shoe(), Some("beach")).unwrap().variants.is_empty());
+}
+
+/// Four primitives of leather: two that turn to canvas at the beach, one to fur, one stays; and one without a material.
+#[test]
+fn primitives_that_share_a_material_but_not_what_replaces_it_get_copies() {
+    let mut doc = shoe();
+    let mapped = |material: usize| json!({ "KHR_materials_variants": { "mappings": [{ "variants": [0], "material": material }] } });
+    let attributes = json!({ "POSITION": 0 });
+    // Different points, so that no primitive is another one's copy.
+    let others: Vec<usize> = (1..5)
+        .map(|i| doc.floats(&[0.0, 0.0, i as f32, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0], "VEC3"))
+        .collect();
+    doc.set(
+        "/meshes/0/primitives",
+        json!([
+            { "attributes": attributes, "material": 0 },
+            { "attributes": { "POSITION": others[0] }, "material": 0, "extensions": mapped(1) },
+            { "attributes": { "POSITION": others[1] }, "material": 0, "extensions": mapped(1) },
+            { "attributes": { "POSITION": others[2] }, "material": 0, "extensions": mapped(2) },
+            { "attributes": { "POSITION": others[3] }, "extensions": mapped(2) },
+        ]),
+    );
+    let scene = shown(&doc, None).unwrap();
+    let numbers: Vec<u32> = scene.meshes.iter().map(|mesh| mesh.material).collect();
+    // 3 is that of primitives without a material.
+    assert_eq!(numbers, [0, 4, 4, 5, 3]);
+    assert_eq!(scene.variants[0].materials, [[4, 1], [5, 2], [3, 2]]);
+    let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
+    assert_eq!(names, ["leather", "canvas", "fur", "", "leather", "leather"]);
+}
+
+/// A primitive without a material whose only triangle comes to nothing leaves no pair that points beyond the materials.
+#[test]
+fn pairs_never_point_beyond_the_materials() {
+    let mut doc = shoe();
+    let none = doc.floats(&[], "VEC3");
+    doc.push(
+        "/meshes/0/primitives",
+        json!({ "attributes": { "POSITION": none }, "extensions": { "KHR_materials_variants": { "mappings": [
+            { "variants": [0], "material": 1 }] } } }),
+    );
+    let scene = shown(&doc, None).unwrap();
+    for &[of, by] in scene.variants.iter().flat_map(|variant| &variant.materials) {
+        assert!((of.max(by) as usize) < scene.materials.len(), "{of} {by}");
+    }
+}
+
+/// A scene that can be shown is, whatever is wrong with the materials of variants that nobody asked for.
+#[test]
+fn variants_with_broken_materials_are_left_out() {
+    let mut doc = shoe();
+    doc.set("/images", json!([{ "uri": "gone.png" }]));
+    doc.set("/textures", json!([{ "source": 0 }]));
+    doc.set(
+        "/materials/1/pbrMetallicRoughness",
+        json!({ "baseColorTexture": { "index": 0 } }),
+    );
+    let scene = shown(&doc, None).unwrap();
+    assert!(scene.variants.is_empty());
+    let said =
+        |note: &String| note.starts_with("variants of materials are left out") && note.contains("gone.png");
+    assert!(scene.notes.iter().any(said), "{:?}", scene.notes);
+    assert!(
+        shown(&doc, Some("beach"))
+            .unwrap_err()
+            .to_string()
+            .contains("gone.png")
+    );
+    assert!(shown(&doc, Some("snow")).is_ok());
 }

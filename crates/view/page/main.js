@@ -353,7 +353,7 @@ addEventListener("drop", (event) => {
 const quoted = (word) => (/^[\w./:@%+=,-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
 $("render").onclick = () => {
   const frame = Math.round(state.time);
-  const edited = Object.keys(state.edits).length > 0;
+  const { edited } = state;
   const words = ["relight", "play", state.hello.asset, "--lights", `${stem()}.lights.json`];
   if (edited) words.push("--materials", `${stem()}.materials.json`);
   words.push("--size", state.size.join("x"), "--frames", `${frame}-${frame}`, "-o", "frame.exr");

@@ -23,12 +23,25 @@ export class MaterialCard {
     Object.assign(this, { panel, state: panel.state });
   }
 
+  // The set of materials that edits go on from.
+  variants() {
+    const { panel, state } = this;
+    const names = state.hello.variants.map(({ name }) => name);
+    const select = make("select", { "aria-label": "Variant", title: "Which of the scene's sets of materials is shown", onchange: () => {
+      state.work((work) => (work.variant = names[select.value] ?? null));
+      state.endGesture();
+    } }, make("option", { value: -1 }, "As baked"), ...names.map((name, i) => make("option", { value: i }, name)));
+    panel.fills.push(() => (select.value = names.indexOf(state.variant)));
+    return make("label", { class: "row wide" }, make("span", {}, "Variant"), select);
+  }
+
   build() {
     const { panel, state } = this;
     const hit = state.picked;
     const heading = make("h2", {}, "Material");
-    if (!hit) return [heading, make("p", { class: "note" }, "Click on a surface in the picture.")];
-    const own = state.hello.materials[hit.material] ?? {};
+    const variants = state.hello.variants.length ? [this.variants()] : [];
+    if (!hit) return [heading, ...variants, make("p", { class: "note" }, "Click on a surface in the picture.")];
+    const own = state.hello.materials[state.inPlaceOf(hit.material)] ?? {};
     const edit = () => state.edits[hit.material] ?? {};
     const now = () => ({
       model: own.model ?? "metallic_roughness", base_color: own.base_color?.slice(0, 3) ?? [1, 1, 1], roughness: own.roughness ?? 1,
@@ -65,7 +78,7 @@ export class MaterialCard {
       });
       state.endGesture();
     } }, "As it was baked");
-    return [heading, make("section", { class: "card" }, make("div", { class: "body" },
+    return [heading, ...variants, make("section", { class: "card" }, make("div", { class: "body" },
       make("p", { class: "note" }, `${hit.name || `material ${hit.material}`} · ${hit.distance.toFixed(2)} m away`),
       make("label", { class: "row wide" }, make("span", {}, "Model"), model),
       color("Base colour", "base_color"), ...rows, make("div", { class: "buttons" }, reset)))];

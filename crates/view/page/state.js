@@ -6,7 +6,7 @@ const MOST_UNDO = 200;
 // What the address holds, beside what the browser keeps.
 const VIEW = ["eye", "time", "exposure", "tone", "layer", "by", "size", "selected"];
 // What undo brings back.
-const WORK = ["sequence", "muted", "solo", "edits", "suns"];
+const WORK = ["sequence", "muted", "solo", "edits", "variant", "suns"];
 
 const copy = (value) => JSON.parse(JSON.stringify(value));
 const pick = (from, names) => Object.fromEntries(names.map((name) => [name, from[name]]));
@@ -21,7 +21,7 @@ export class State {
     this.lightsVersion = 0;
     this.materialsVersion = 0;
     Object.assign(this, {
-      sequence: null, muted: [], solo: null, edits: {}, eye: null, time: 0, exposure: null, tone: "neutral", layer: "beauty",
+      sequence: null, muted: [], solo: null, edits: {}, variant: null, eye: null, time: 0, exposure: null, tone: "neutral", layer: "beauty",
       by: "asset", size: [640, 360], selected: null, picked: null,
       // Where suns stand by date and place, by the lights' names.
       suns: {},
@@ -48,12 +48,13 @@ export class State {
     if (renewed) {
       const named = (from, i) => from.materials[i]?.name;
       this.edits = Object.fromEntries(Object.entries(this.edits).filter(([i]) => named(before, i) === named(hello, i)));
+      if (!this.variantShown()) this.variant = null;
       this.picked = null;
       this.keep();
     } else if (!again) {
       this.sequence = copy(hello.sequence);
       this.eye = firstEye(hello);
-      Object.assign(this, { muted: [], solo: null, edits: {}, suns: {}, time: 0, past: [], future: [], picked: null });
+      Object.assign(this, { muted: [], solo: null, edits: {}, variant: null, suns: {}, time: 0, past: [], future: [], picked: null });
       this.recall();
       this.readAddress();
       if (!this.sequence.lights.some((light) => light.name === this.selected)) {
@@ -73,7 +74,7 @@ export class State {
   recall() {
     try {
       const kept = JSON.parse(localStorage.getItem(this.key));
-      if (Array.isArray(kept?.sequence?.lights)) Object.assign(this, { suns: {} }, pick(kept, WORK.filter((name) => name in kept)));
+      if (Array.isArray(kept?.sequence?.lights)) Object.assign(this, { suns: {}, variant: null }, pick(kept, WORK.filter((name) => name in kept)));
     } catch {
       // What can't be read was not kept.
     }
@@ -197,10 +198,24 @@ export class State {
     return { ...this.shining(), camera, lights };
   }
 
-  // The material edits as a file; null without any.
+  // The variant of materials that is shown, if the asset has it.
+  variantShown() {
+    return this.hello.variants.find(({ name }) => name === this.variant);
+  }
+
+  // The number of the material that is shown in place of one.
+  inPlaceOf(material) {
+    return this.variantShown()?.materials.find(([of]) => of === material)?.[1] ?? material;
+  }
+
+  get edited() {
+    return Boolean(this.variantShown()) || Object.keys(this.edits).length > 0;
+  }
+
+  // The material edits as a file.
   materials() {
     const edits = Object.entries(this.edits).map(([material, edit]) => ({ material: Number(material), ...edit }));
-    return { relight_materials: 1, edits };
+    return { relight_materials: 1, ...(this.variantShown() ? { variant: this.variant } : {}), edits };
   }
 }
 

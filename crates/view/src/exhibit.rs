@@ -6,7 +6,7 @@ use relight_play::scene::material::Model;
 use relight_play::scene::sequence::{Sequence, stage_to_json};
 use relight_play::scene::surface::Surfaces;
 use serde_json::{Value, json};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 
 /// Environment maps by the names that lights give them.
@@ -66,6 +66,12 @@ impl Exhibit {
                 })
             })
             .collect();
+        // Of several variants of one name the first is meant.
+        let mut known = HashSet::new();
+        let variants: Vec<Value> = (scene.variants.iter())
+            .filter(|variant| known.insert(&variant.name))
+            .map(|variant| json!({ "name": variant.name, "materials": variant.materials }))
+            .collect();
         let estimates: Option<HashMap<&str, f64>> = (self.player.estimates.as_ref()).map(|e| {
             e.values
                 .iter()
@@ -84,6 +90,7 @@ impl Exhibit {
             "triangles": self.player.prepared.scene.triangle_count(),
             "points": self.player.prepared.points.len(),
             "materials": materials,
+            "variants": variants,
             "estimates": estimates,
             "levels": self.player.prepared.transfer.as_ref().map_or(0, |transfer| transfer.parents().1.levels()),
             "cuts": self.player.prepared.cuts.is_some(),

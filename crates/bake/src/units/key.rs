@@ -167,7 +167,7 @@ pub fn scene(scene: &Scene) -> u128 {
         key.bytes(&texture.encoded);
     }
     // Small, and Debug prints every field, numbers so that they come back: none that is added can be forgotten.
-    let rest = (&scene.materials, &scene.cameras, &scene.sequence);
+    let rest = (&scene.materials, &scene.variants, &scene.cameras, &scene.sequence);
     key.bytes(format!("{rest:?}").as_bytes());
     key.hash()
 }

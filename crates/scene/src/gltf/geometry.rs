@@ -7,6 +7,7 @@ use super::accessors::Data;
 use super::deform::{self, Skin, SkinPose, Vertices};
 use super::json::Faults;
 use super::list::List;
+use super::material_numbers::MaterialNumbers;
 use super::nodes::{Graph, Node};
 use super::notes::Notes;
 use super::primitives::{MeshPrimitives, Mode, Primitive};
@@ -85,13 +86,12 @@ pub(super) struct Geometry {
 }
 
 /// Decodes what the scene's nodes show: each different primitive once, however often it is placed.
-/// `default_material` is used where a primitive has none.
 pub(super) fn build(
     data: &Data,
     meshes: &List<MeshPrimitives>,
     graph: &Graph,
     skins: &List<Skin>,
-    default_material: u32,
+    numbers: &MaterialNumbers,
     faults: &Faults,
     notes: &mut Notes,
 ) -> Geometry {
@@ -136,7 +136,7 @@ pub(super) fn build(
             let shape = Shape::new(primitive, node);
             let index = *mesh_of.entry(shape.clone()).or_insert_with(|| {
                 budget.take(element_count(data, primitive), path, faults)?;
-                let mesh = decode(data, &shape, pose, path, default_material, faults, notes)?;
+                let mesh = decode(data, &shape, pose, path, numbers, faults, notes)?;
                 extents.push(
                     mesh.positions
                         .iter()
@@ -259,7 +259,7 @@ fn decode(
     shape: &Shape,
     pose: Option<&SkinPose>,
     path: &str,
-    default_material: u32,
+    numbers: &MaterialNumbers,
     faults: &Faults,
     notes: &mut Notes,
 ) -> Option<Mesh> {
@@ -344,7 +344,7 @@ fn decode(
             .colors
             .map_or_else(Vec::new, |accessor| colors(data, accessor, notes)),
         triangles,
-        material: primitive.material.map_or(default_material, |m| m as u32),
+        material: numbers.of(primitive),
         positions,
     })
 }

@@ -45,6 +45,7 @@ mod json;
 mod ktx;
 mod layout;
 mod list;
+mod material_numbers;
 mod materials;
 mod mend;
 mod meshopt;
@@ -66,10 +67,11 @@ pub use units::{EMISSIVE, FPS, LightUnits};
 use crate::animated::Animated;
 use crate::light::{LightKind, LightTrack};
 use crate::material::Material;
-use crate::scene::Scene;
+use crate::scene::{Mesh, Scene, Variant, replacements, shown_as};
 use crate::sequence::Sequence;
 use glam::{DVec3, Vec2, Vec3};
 use json::{At, Faults};
+use material_numbers::MaterialNumbers;
 use notes::Notes;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -93,7 +95,7 @@ pub struct ImportOptions {
 /// # Errors
 /// See [`ImportError`]; never a panic.
 pub fn import(path: &Path, options: &ImportOptions) -> Result<Scene, ImportError> {
-    catch_unwind(AssertUnwindSafe(|| import_checked(path, options))).unwrap_or_else(|panic| {
+    catch_unwind(AssertUnwindSafe(|| import_shown(path, options))).unwrap_or_else(|panic| {
         let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
         let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
         Err(ImportError::Internal {
@@ -103,7 +105,27 @@ pub fn import(path: &Path, options: &ImportOptions) -> Result<Scene, ImportError
     })
 }
 
-fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportError> {
+/// Leaves variants of materials out where they are what keeps the scene from being shown without them.
+fn import_shown(path: &Path, options: &ImportOptions) -> Result<Scene, ImportError> {
+    let mut varied = false;
+    let scene = import_checked(path, options, true, &mut varied);
+    match scene {
+        Err(error) if varied => {
+            let mut scene = import_checked(path, options, false, &mut varied)?;
+            (scene.notes).push(format!("variants of materials are left out ({error})"));
+            Ok(scene)
+        }
+        scene => scene,
+    }
+}
+
+/// `keep`: whether variants of materials are kept that none is chosen of; `varied`: becomes whether there are any.
+fn import_checked(
+    path: &Path,
+    options: &ImportOptions,
+    keep: bool,
+    varied: &mut bool,
+) -> Result<Scene, ImportError> {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -123,9 +145,9 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
     }
 
     let layout = layout::Layout::parse(&root, container.bin.is_some(), streams, &mut notes);
-    let variants = variants::Variants::parse(&root, path, options.variant.as_deref(), &mut notes)?;
+    let variants = variants::Variants::parse(&root, path, options.variant.as_deref(), keep, &mut notes)?;
     let source = materials::Materials::parse(&root, &layout, &mut notes);
-    let meshes = primitives::parse(&root, &layout, source.materials.len(), variants, &mut notes);
+    let meshes = primitives::parse(&root, &layout, source.materials.len(), &variants, &mut notes);
     let profiles = ies::Profiles::parse(&root, &layout);
     let mut graph = nodes::Graph::parse(&root, &layout, meshes.len(), &profiles, &mut notes);
     let skins = deform::parse_skins(&root, &layout, &graph, &mut notes);
@@ -141,6 +163,17 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
             }
         }
     }
+    let default_material = used.len() as u32;
+    let shown = (graph.order.iter())
+        .filter_map(|&i| meshes.peek(graph.nodes[i].mesh?))
+        .flatten();
+    let numbers = MaterialNumbers::new(shown.map(|(primitive, _)| primitive), default_material);
+    for material in numbers.replacements() {
+        *varied = true;
+        source.materials.get(material, &faults);
+        glossy.get(material, &faults);
+        used[material] = true;
+    }
     meshes.note_unused(&mut notes);
     let channels = animation::parse(&root, &layout, &graph, &mut notes);
     animation::note_moving_meshes(&graph, &channels, &mut notes);
@@ -153,10 +186,9 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
     let mut materials: Vec<Material> = (0..used.len())
         .map(|i| source.materials.peek(i).cloned().unwrap_or_default())
         .collect();
-    let default_material = materials.len() as u32;
     specgloss::set_factors(&glossy, &mut materials, &mut notes);
     let build = |graph: &nodes::Graph, notes: &mut Notes| {
-        geometry::build(&data, &meshes, graph, &skins, default_material, &faults, notes)
+        geometry::build(&data, &meshes, graph, &skins, &numbers, &faults, notes)
     };
     let mut geometry = build(&graph, &mut notes);
     // Once is enough up to some ten million sizes; beyond, the first answer is as coarse as what it is to mend.
@@ -197,6 +229,8 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
         &mut notes,
     );
     source.note_unused(&mut notes);
+    numbers.append_copies(&mut materials);
+    let variants = numbers.variants(variants.names());
     let lamps: Vec<usize> = (graph.order.iter())
         .filter_map(|&i| Some(graph.nodes[i].lamp?.profile))
         .collect();
@@ -213,7 +247,7 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
         &mut notes,
     );
     faults.finish(path)?;
-    add_missing_uvs(&mut geometry, &materials, &mut notes);
+    add_missing_uvs(&mut geometry, &materials, &variants, &mut notes);
     if geometry.instances.is_empty() {
         let why = notes.into_sentences().join("; ");
         let why = if why.is_empty() {
@@ -228,11 +262,9 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
     }
     let mut lights = tracks.lights;
     let emits = |m: &Material| m.emission != Vec3::ZERO || m.unlit;
-    if geometry
-        .meshes
-        .iter()
-        .any(|mesh| emits(&materials[mesh.material as usize]))
-    {
+    let replacements = replacements(&variants);
+    let shown = |mesh: &Mesh| shown_as(mesh.material, &replacements);
+    if (geometry.meshes.iter().flat_map(shown)).any(|material| emits(&materials[material as usize])) {
         lights.push(LightTrack {
             name: EMISSIVE.to_owned(),
             kind: LightKind::Emissive {
@@ -246,6 +278,7 @@ fn import_checked(path: &Path, options: &ImportOptions) -> Result<Scene, ImportE
         instances: geometry.instances,
         object_names: geometry.names,
         materials,
+        variants,
         textures,
         cameras: tracks.cameras,
         sequence: Sequence {
@@ -287,10 +320,17 @@ fn check_version(root: &At) {
 }
 
 /// Gives meshes the sets of coordinates that their materials look up, so that no one has to ask again.
-fn add_missing_uvs(geometry: &mut geometry::Geometry, materials: &[Material], notes: &mut Notes) {
+fn add_missing_uvs(
+    geometry: &mut geometry::Geometry,
+    materials: &[Material],
+    variants: &[Variant],
+    notes: &mut Notes,
+) {
+    let replacements = replacements(variants);
     for mesh in &mut geometry.meshes {
-        let material = &materials[mesh.material as usize];
-        let needed = material.uv_sets() as usize;
+        let shown = shown_as(mesh.material, &replacements);
+        let sets = shown.map(|material| materials[material as usize].uv_sets() as usize);
+        let needed = sets.max().unwrap_or(0);
         if needed > mesh.uvs.len() {
             notes.count(
                 "textured meshes without the texture coordinates they need, which are taken as 0",

@@ -40,6 +40,8 @@ pub(super) struct Primitive {
     pub weights: Vec<u32>,
     pub indices: Option<usize>,
     pub material: Option<usize>,
+    /// Variants that put another material in its place, rising, and which.
+    pub variants: Vec<(usize, usize)>,
 }
 
 /// Accessors of displacements of a primitive's attributes.
@@ -63,7 +65,7 @@ pub(super) fn parse(
     root: &At,
     layout: &Layout,
     materials: usize,
-    variants: Variants,
+    variants: &Variants,
     notes: &mut Notes,
 ) -> List<MeshPrimitives> {
     List::parse(root, "meshes", |at| {
@@ -82,7 +84,7 @@ fn parse_primitive(
     at: &At,
     layout: &Layout,
     materials: usize,
-    variants: Variants,
+    variants: &Variants,
     notes: &mut Notes,
 ) -> Option<Primitive> {
     let mode = match at.uint("mode") {
@@ -110,6 +112,7 @@ fn parse_primitive(
     };
     let material = at.index("material", materials, "materials");
     let material = variants.material(at, materials).or(material);
+    let variants = variants.replacements(at, materials, notes);
     if attributes.get("POSITION").is_none() {
         notes.count("primitives without positions left out", 1);
         return None;
@@ -272,5 +275,6 @@ fn parse_primitive(
         weights: Vec::new(),
         indices,
         material,
+        variants,
     })
 }

@@ -410,6 +410,7 @@ fn screen(width: u32, height: u32, pixels: &[[u8; 4]]) -> TracedScene {
             lights: Vec::new(),
         },
         object_names: Vec::new(),
+        variants: Vec::new(),
         notes: Vec::new(),
         offset: Default::default(),
     };

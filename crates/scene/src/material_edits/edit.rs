@@ -11,7 +11,32 @@ use glam::{Affine2, Vec3};
 pub struct MaterialEdits {
     /// The file, as the caller names it.
     pub(super) name: String,
+    /// The variant that the edits go on from.
+    pub(super) variant: Option<Chosen>,
     pub(super) edits: Vec<Edit>,
+}
+
+/// A variant of materials.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Chosen {
+    /// Materials that it replaces, and by which.
+    pub(super) materials: Vec<[u32; 2]>,
+    /// Where it begins in the file.
+    pub(super) place: LineColumn,
+}
+
+impl Chosen {
+    /// Puts materials of a scene in place of others, which keep their names.
+    pub(super) fn apply(&self, scene: &[Material], materials: &mut [Material]) {
+        for &[of, by] in &self.materials {
+            if let (Some(material), Some(by)) = (materials.get_mut(of as usize), scene.get(by as usize)) {
+                *material = Material {
+                    name: std::mem::take(&mut material.name),
+                    ..by.clone()
+                };
+            }
+        }
+    }
 }
 
 /// Changes to some materials.
@@ -48,12 +73,15 @@ impl Setting {
 impl MaterialEdits {
     /// Whether nothing is changed.
     pub fn is_empty(&self) -> bool {
-        self.edits.is_empty()
+        self.edits.is_empty() && self.variant.is_none()
     }
 
     /// The materials at a frame, from those of the scene that the edits were read for.
     pub fn at(&self, frame: f64, scene: &[Material]) -> Vec<Material> {
         let mut materials = scene.to_vec();
+        if let Some(variant) = &self.variant {
+            variant.apply(scene, &mut materials);
+        }
         for edit in &self.edits {
             for &index in &edit.materials {
                 if let Some(material) = materials.get_mut(index as usize) {
@@ -66,7 +94,9 @@ impl MaterialEdits {
 
     /// Whether material `index` is edited.
     pub fn touches(&self, index: u32) -> bool {
-        self.edits.iter().any(|edit| edit.materials.contains(&index))
+        let replaces = |variant: &Chosen| variant.materials.iter().any(|[of, _]| *of == index);
+        self.variant.as_ref().is_some_and(replaces)
+            || self.edits.iter().any(|edit| edit.materials.contains(&index))
     }
 
     /// Whether material `index` changes from frame to frame.
@@ -90,6 +120,18 @@ impl MaterialEdits {
 
     /// A complaint about the first edit that changes how much a surface reflects, if there is one.
     pub fn refuse_reflectance(&self, why: &str) -> Option<JsonError> {
+        if let Some(variant) = self
+            .variant
+            .as_ref()
+            .filter(|variant| !variant.materials.is_empty())
+        {
+            return Some(JsonError::Field {
+                name: self.name.clone(),
+                path: "variant".into(),
+                message: why.into(),
+                place: variant.place,
+            });
+        }
         self.edits.iter().find_map(|edit| {
             let field = edit.model.map(|_| "model").or_else(|| {
                 (edit.changes.iter())

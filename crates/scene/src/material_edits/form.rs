@@ -17,7 +17,12 @@ pub(crate) struct EditsFile<E> {
     /// The version of this form.
     #[allow(dead_code, reason = "there is one")]
     relight_materials: Version1,
+    /// Name of the asset's variant of materials that edits go on from.
+    #[serde(default, deserialize_with = "given")]
+    #[schemars(with = "String")]
+    pub(super) variant: Option<String>,
     /// Applied one after the other.
+    #[serde(default = "Vec::<E>::new")]
     pub(super) edits: Vec<E>,
 }
 

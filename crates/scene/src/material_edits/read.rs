@@ -1,14 +1,14 @@
 //! Reads material edits. What [`super::form`] can't say is checked against the scene: names, parameters of the model,
 //! textures and their coordinates.
 
-use super::edit::{Edit, MaterialEdits, Setting, texture_place};
+use super::edit::{Chosen, Edit, MaterialEdits, Setting, texture_place};
 use super::form::{EditForm, EditsFile, Given, NameOrNumber, RefuseVisibility};
 use super::parameters::{ModelName, Parameter};
 use crate::animated::Animated;
 use crate::json::decode::{Document, read_text};
 use crate::json::error::JsonError;
 use crate::json::path::JsonPath;
-use crate::material::{AlphaMode, Material};
+use crate::material::{AlphaMode, Extensions, Material};
 use crate::scene::Scene;
 use serde_json::value::RawValue;
 use std::path::Path;
@@ -37,11 +37,13 @@ pub fn parse_material_edits(text: &str, scene: &Scene, name: &str) -> Result<Mat
         scene,
         materials: scene.materials.clone(),
     };
+    let variant = file.variant.map(|name| reader.variant(&name)).transpose()?;
     let edits = (file.edits.iter().enumerate())
         .map(|(i, edit)| reader.edit(edit.get(), &JsonPath::default().key("edits").index(i)))
         .collect::<Result<_, _>>()?;
     Ok(MaterialEdits {
         name: name.into(),
+        variant,
         edits,
     })
 }
@@ -78,6 +80,40 @@ impl<'a> Reader<'a> {
             edit.apply(0.0, &mut self.materials[index as usize]);
         }
         Ok(edit)
+    }
+
+    /// The variant of that name.
+    fn variant(&mut self, name: &str) -> Result<Chosen, JsonError> {
+        let path = JsonPath::default().key("variant");
+        let Some(variant) = self.scene.variants.iter().find(|variant| variant.name == name) else {
+            let names = listed(self.scene.variants.iter().map(|variant| &variant.name));
+            let message = match self.scene.variants.len() {
+                0 => "the asset has no variants of materials: the scene has none, or it was baked with --variant, --lambert or \
+                      --solution"
+                    .to_owned(),
+                _ => format!("no variant of the asset is {name:?}; it has {names}"),
+            };
+            return self.refuse(&path, message);
+        };
+        for &[of, by] in &variant.materials {
+            let [of, by] = [of, by].map(|index| self.scene.materials.get(index as usize));
+            if let (Some(of), Some(by)) = (of, by)
+                && stops_other_rays(of, by)
+            {
+                let message = format!(
+                    "in place of {:?} it puts {:?}, which stops other rays, and that is part of the baked transport: bake with \
+                     --variant {name:?}",
+                    of.name, by.name
+                );
+                return self.refuse(&path, message);
+            }
+        }
+        let chosen = Chosen {
+            materials: variant.materials.clone(),
+            place: path.place(self.document.text),
+        };
+        chosen.apply(&self.scene.materials, &mut self.materials);
+        Ok(chosen)
     }
 
     fn refuse<T>(&self, path: &JsonPath, message: impl Into<String>) -> Result<T, JsonError> {
@@ -231,6 +267,24 @@ impl<'a> Reader<'a> {
         }
         Ok(())
     }
+}
+
+/// Whether a material lets other rays pass than another.
+fn stops_other_rays(a: &Material, b: &Material) -> bool {
+    let alpha = |m: &Material| (m.base_color.w, m.base_color_texture);
+    let metallic = |m: &Material| (m.metallic, m.metallic_roughness_texture);
+    let mirrored = |m: &Material| {
+        let none = Extensions::default();
+        let e = m.extensions.as_deref().unwrap_or(&none);
+        (e.ior, e.specular, e.specular_color)
+    };
+    let pane = |m: &Material| (m.base_color, metallic(m), mirrored(m));
+    let differs = match a.alpha_mode {
+        AlphaMode::Opaque => false,
+        AlphaMode::Mask { .. } | AlphaMode::Blend => alpha(a) != alpha(b),
+        AlphaMode::Pane { .. } => alpha(a) != alpha(b) || pane(a) != pane(b),
+    };
+    differs || a.alpha_mode != b.alpha_mode
 }
 
 /// Names with quotes and commas; the rest counted where there are many.

@@ -3,7 +3,7 @@
 use super::*;
 use crate::material::{AlphaMode, Texture, Wrap};
 use crate::material::{Material, Model};
-use crate::scene::{Instance, Mesh, Scene};
+use crate::scene::{Instance, Mesh, Scene, Variant};
 use crate::surface::Surfaces;
 use crate::traced::{Shading, TracedScene};
 use glam::{Affine3A, Vec2, Vec3, Vec4};
@@ -403,5 +403,136 @@ proptest! {
         if let Ok(edits) = parse_material_edits(&String::from_utf8_lossy(&bytes), &scene(), "e") {
             let _ = edits.at(3.0, &scene().materials);
         }
+    }
+}
+
+/// The scene with variants: dark puts Bare in place of the first Wood, clear Glass, lit a textured one.
+fn varied() -> Scene {
+    let variant = |name: &str, pair: [u32; 2]| Variant {
+        name: name.into(),
+        materials: vec![pair],
+    };
+    let mut scene = scene();
+    scene.materials[4].base_color = Vec4::new(0.1, 0.1, 0.1, 0.3);
+    scene.materials[4].double_sided = true;
+    scene.variants = vec![variant("dark", [0, 4]), variant("clear", [0, 2])];
+    scene
+}
+
+fn parsed(text: &str, scene: &Scene) -> Result<MaterialEdits, String> {
+    parse_material_edits(text, scene, "edits.json").map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_variant_puts_materials_in_place_of_others_and_edits_go_on_from_it() {
+    let scene = varied();
+    let alone = parsed(r#"{"relight_materials": 1, "variant": "dark"}"#, &scene).unwrap();
+    assert!(!alone.is_empty() && alone.touches(0) && !alone.touches(1) && !alone.touches(4));
+    let after = alone.at(0.0, &scene.materials);
+    let expected = Material {
+        name: "Wood".into(),
+        ..scene.materials[4].clone()
+    };
+    assert_eq!(after[0], expected);
+    assert_eq!(after[1..], scene.materials[1..]);
+    let text = r#"{"relight_materials": 1, "variant": "dark", "edits": [{"material": 0, "roughness": 0.9}]}"#;
+    let after = parsed(text, &scene).unwrap().at(0.0, &scene.materials);
+    let expected = Material {
+        roughness: 0.9,
+        ..expected
+    };
+    assert_eq!(after[0], expected);
+}
+
+#[test]
+fn wrong_variants_are_answered_with_what_there_is_and_what_helps() {
+    let chosen = |name: &str| format!(r#"{{"relight_materials": 1, "variant": "{name}"}}"#);
+    for (scene, name, told) in [
+        (
+            varied(),
+            "Dark",
+            &["variant: no variant of the asset is \"Dark\"; it has \"clear\", \"dark\""][..],
+        ),
+        (
+            scene(),
+            "dark",
+            &[
+                "variant: the asset has no variants",
+                "--variant",
+                "--lambert",
+                "--solution",
+            ],
+        ),
+        (
+            varied(),
+            "clear",
+            &[
+                "in place of \"Wood\" it puts \"Glass\"",
+                "bake with --variant \"clear\"",
+            ],
+        ),
+    ] {
+        let error = parsed(&chosen(name), &scene).unwrap_err();
+        for part in told {
+            assert!(error.contains(part), "{error}");
+        }
+    }
+    assert!(parsed(r#"{"relight_materials": 1, "variant": 3}"#, &varied()).is_err());
+    // Pairs of a damaged scene change nothing.
+    let mut damaged = varied();
+    damaged.variants[0].materials = vec![[9, 0], [0, 9]];
+    let edits = parsed(&chosen("dark"), &damaged).unwrap();
+    assert_eq!(edits.at(0.0, &damaged.materials), damaged.materials);
+}
+
+/// Of a pane the colour, too, decides what passes.
+#[test]
+fn variants_may_not_change_what_panes_let_pass() {
+    let mut scene = varied();
+    let pane = Material {
+        alpha_mode: AlphaMode::Pane { transmission: 1.0 },
+        ..named("Pane")
+    };
+    scene.materials[0] = pane.clone();
+    let text = r#"{"relight_materials": 1, "variant": "dark"}"#;
+    for (by, fits) in [
+        (
+            Material {
+                roughness: 0.1,
+                ..pane.clone()
+            },
+            true,
+        ),
+        (
+            Material {
+                base_color: Vec4::ONE,
+                ..pane.clone()
+            },
+            false,
+        ),
+        (
+            Material {
+                metallic: 1.0,
+                ..pane.clone()
+            },
+            false,
+        ),
+        (
+            Material {
+                alpha_mode: AlphaMode::Pane { transmission: 0.5 },
+                ..pane.clone()
+            },
+            false,
+        ),
+        (
+            Material {
+                alpha_mode: AlphaMode::Opaque,
+                ..pane.clone()
+            },
+            false,
+        ),
+    ] {
+        scene.materials[4] = by;
+        assert_eq!(parsed(text, &scene).is_ok(), fits, "{:?}", scene.materials[4]);
     }
 }
