@@ -1,13 +1,16 @@
 //! `relight export`: what an asset holds, for other tools: numpy arrays, PLY point clouds, Matrix Market and Radiance
-//! matrices.
+//! matrices, and its light as engines take it: lightmaps and irradiance volumes.
 
 mod args;
 mod files;
+mod glb;
 mod ktx2;
+mod lightmap;
 mod lit;
 mod operators;
 mod readme;
 mod report;
+mod unwrap;
 mod volume;
 
 use crate::console::Console;
@@ -30,17 +33,7 @@ use std::path::PathBuf;
 
 /// Runs the command.
 pub fn run(args: &ExportArgs, seed: u64, console: &Console) -> Result<Outcome, Failure> {
-    let lit = matches!(args.what, What::PointCloud | What::IrradianceVolume);
-    if !lit && (args.lights.is_some() || args.frame != 0) {
-        return Err(Failure::Usage(
-            "--lights and --frame are for --what point-cloud and irradiance-volume; what else is exported is the same under \
-             all lights"
-                .into(),
-        ));
-    }
-    if args.grid.is_some() && args.what != What::IrradianceVolume {
-        return Err(Failure::Usage("--grid is for --what irradiance-volume".into()));
-    }
+    check_options(args)?;
     let kinds: &[Kind] = match args.what {
         What::Points => &[Kind::Points],
         What::Links => &[Kind::LinksTransfer, Kind::LinksBounce, Kind::LinksSolution],
@@ -48,7 +41,7 @@ pub fn run(args: &ExportArgs, seed: u64, console: &Console) -> Result<Outcome, F
         What::Cuts => &[Kind::Cuts],
         What::Lights => &[Kind::LightTree],
         // Read as a player reads them.
-        What::Transfer | What::Factors | What::PointCloud | What::IrradianceVolume => &[],
+        What::Transfer | What::Factors | What::PointCloud | What::IrradianceVolume | What::Lightmap => &[],
     };
     kinds::check(&args.asset, Wanted::Asset)?;
     let name = args.asset.display();
@@ -69,6 +62,7 @@ pub fn run(args: &ExportArgs, seed: u64, console: &Console) -> Result<Outcome, F
         // Names what is wrong with which file by itself.
         What::PointCloud => Ok(lit::points(args, seed, &mut folder, console)?),
         What::IrradianceVolume => Ok(volume::write(args, seed, &mut folder, console)?),
+        What::Lightmap => Ok(lightmap::write(args, seed, &mut folder, console)?),
     };
     signals::go_on()?;
     let facts = facts.map_err(|error| match error.is::<Unwritten>() {
@@ -94,6 +88,29 @@ pub fn run(args: &ExportArgs, seed: u64, console: &Console) -> Result<Outcome, F
         })?;
     }
     Ok(Outcome::Done)
+}
+
+/// Refuses options that mean nothing to what is exported.
+fn check_options(args: &ExportArgs) -> Result<(), Failure> {
+    let usage = |text: &str| Err(Failure::Usage(text.into()));
+    let lit = matches!(
+        args.what,
+        What::PointCloud | What::IrradianceVolume | What::Lightmap
+    );
+    if !lit && (args.lights.is_some() || args.frame != 0) {
+        return usage(
+            "--lights and --frame are for --what point-cloud, irradiance-volume and lightmap; what else is exported is the same \
+             under all lights",
+        );
+    }
+    if args.grid.is_some() && args.what != What::IrradianceVolume {
+        return usage("--grid is for --what irradiance-volume");
+    }
+    let of_lightmap = args.uv.is_some() || args.size.is_some() || args.part.is_some() || args.per_light;
+    if of_lightmap && args.what != What::Lightmap {
+        return usage("--uv, --size, --part and --per-light are for --what lightmap");
+    }
+    Ok(())
 }
 
 /// Positions in the coordinates of the scene's file: 64-bit numbers where the asset's are moved.

@@ -114,6 +114,9 @@ const HEADINGS: [(&str, &[&str]); 9] = [
             "what",
             "matrix_limit",
             "grid",
+            "uv",
+            "part",
+            "per_light",
             "layers",
             "png",
             "exposure",
@@ -171,7 +174,7 @@ const EXAMPLES: [(&str, [&str; 3]); 13] = [
     (
         "export",
         [
-            "relight export hall.relight --what points -o points",
+            "relight export hall.relight --what lightmap --lights evening.json -o lightmap",
             "relight export hall.relight --what point-cloud --lights evening.json -o cloud",
             "relight export hall.relight --what transfer -o matrices --matrix-limit 4G",
         ],

@@ -23,6 +23,8 @@ mod inspect;
 mod kinds;
 mod lamps;
 mod left_out;
+mod lightmap;
+mod lightmap_in_three;
 mod limits;
 mod loss;
 mod materials;

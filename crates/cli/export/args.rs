@@ -20,15 +20,27 @@ pub struct ExportArgs {
     /// What to write.
     #[arg(long, value_enum)]
     pub what: What,
-    /// Lighting sequence, for point-cloud and irradiance-volume; without it the scene's own lights shine.
+    /// Lighting sequence, for lightmap, point-cloud and irradiance-volume; without it the scene's own lights shine.
     #[arg(long, value_name = "SEQ.json")]
     pub lights: Option<PathBuf>,
-    /// Frame of the sequence, for point-cloud and irradiance-volume.
+    /// Frame of the sequence, for lightmap, point-cloud and irradiance-volume.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub frame: u32,
     /// Places of irradiance-volume along each axis, in the middles of equal parts of the points' bounds [default: 16 along the longest].
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_grid)]
     pub grid: Option<Grid>,
+    /// Coordinates of lightmap: the scene's own set of that number, from 0, or auto, which unwraps the scene anew [default: auto].
+    #[arg(long, value_name = "N|auto", value_parser = parse_uv)]
+    pub uv: Option<Uv>,
+    /// Texels of lightmap along each side, 16 to 4096 [default: 1024].
+    #[arg(long, value_name = "TEXELS", value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub size: Option<u32>,
+    /// Which light lightmap holds [default: all].
+    #[arg(long, value_enum)]
+    pub part: Option<PartName>,
+    /// Also write a lightmap of each light by itself; together they are the one of all.
+    #[arg(long)]
+    pub per_light: bool,
     /// Folder for the files; made if it is not there. Files of the same names and kinds are replaced, once all are written.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
@@ -65,6 +77,38 @@ pub enum What {
     PointCloud,
     /// The light that arrives at the places of a grid: spherical harmonics (.npy), and ambient cubes as Bevy reads them (.npy, .ktx2).
     IrradianceVolume,
+    /// Irradiance of all surfaces in the light of --lights as a texture (.exr, .ktx2), and the scene with its coordinates (.glb).
+    Lightmap,
+}
+
+/// Light of a lightmap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum PartName {
+    /// Direct and indirect: engines show the map alone.
+    #[default]
+    All,
+    /// Straight from the lights.
+    Direct,
+    /// By way of other surfaces: engines add the lights by themselves.
+    Indirect,
+}
+
+/// Where the coordinates of a lightmap come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Uv {
+    /// The scene is unwrapped.
+    #[default]
+    Auto,
+    /// A set of the scene's own.
+    Own(u32),
+}
+
+fn parse_uv(text: &str) -> Result<Uv, String> {
+    if text == "auto" {
+        return Ok(Uv::Auto);
+    }
+    let number = text.parse().ok().filter(|n| *n < 8);
+    (number.map(Uv::Own)).ok_or_else(|| "give auto, or the number of a set from 0 to 7".into())
 }
 
 fn parse_bytes(text: &str) -> Result<u64, String> {

@@ -223,7 +223,7 @@ impl<'a> Folder<'a> {
         self.npy(name, unit, "<f4", shape, |out| write_all_le(out, bytes))
     }
 
-    /// A texture, whole.
+    /// A texture or a scene, whole.
     pub fn texture(&mut self, file: &str, shape: &[usize], unit: &str, bytes: &[u8]) -> Result<()> {
         self.write(file.to_owned(), shape, unit, |out| out.write_all(bytes))
     }
@@ -349,6 +349,8 @@ fn kind_of(file: &str) -> Kind {
         Some("mtx") => Kind::Market,
         Some("txt") => Kind::ExportPage,
         Some("ktx2") => Kind::Ktx2,
+        Some("exr") => Kind::Exr,
+        Some("glb") => Kind::Scene,
         _ => Kind::RadianceMatrix,
     }
 }

@@ -1,4 +1,4 @@
-//! KTX 2.0 files of one three-dimensional texture of half floats.
+//! KTX 2.0 files of one texture of half floats, of two or three dimensions.
 //!
 //! Source: the KTX file format specification, version 2.0, sections 3 and 4; Khronos Data Format 1.3, section 5, for the descriptor.
 
@@ -12,7 +12,7 @@ const HEAD: u32 = 80 + 24;
 /// Bytes of the descriptor: its length, the head of a basic block, and four samples.
 const DESCRIPTOR: u32 = 4 + 24 + 4 * 16;
 
-/// A texture of `size` (across, down, deep), its texels row by row and slice by slice, linear Rec. 709 and opaque.
+/// A texture of `size` (across, down, deep; 0 deep is one of two dimensions), its texels row by row and slice by slice, linear Rec. 709 and opaque.
 pub fn texture(size: [u32; 3], texels: &[[f32; 3]]) -> Vec<u8> {
     // Texels of 8 bytes begin at multiples of 8.
     let data = (HEAD + DESCRIPTOR).next_multiple_of(8);

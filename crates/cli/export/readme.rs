@@ -39,6 +39,29 @@ pub fn text(what: What, facts: &Facts, files: &[Written]) -> String {
              scaled by {size:?} at {middle:?}."
         );
     }
+    if let Facts::Lightmap {
+        maps,
+        frame,
+        size,
+        part,
+        intensity,
+        covered,
+        hidden,
+        ..
+    } = facts
+    {
+        let _ = writeln!(
+            text,
+            "\nFrame {frame}, {part}, {size} x {size} texels, of which {:.1} % show surfaces; {:.1} % lie hidden under others and were filled.\n\
+             White in the picture within lightmap.glb is {intensity} W/m2. Maps (.exr, .ktx2):",
+            100.0 * covered,
+            100.0 * hidden
+        );
+        for [file, light] in maps {
+            let _ = writeln!(text, "{file}  {light:?}");
+        }
+        text += ENGINES;
+    }
     if let Facts::PointCloud { lights, frame } = facts {
         let _ = writeln!(
             text,
@@ -63,6 +86,7 @@ fn subject(what: What) -> &'static str {
         What::Bounce => "bounces between clusters",
         What::PointCloud => "the finest points in the light of a sequence",
         What::IrradianceVolume => "the light that arrives at the places of a grid",
+        What::Lightmap => "irradiance of all surfaces as a texture",
     }
 }
 
@@ -115,8 +139,36 @@ fn formula(what: What) -> &'static str {
              There is light of surfaces, skies and lamps with extent, as rays meet it. Lamps without extent (points, spots, directional) are not in it;\n\
              what they light is: engines add them by themselves.\n"
         }
+        What::Lightmap => {
+            "A texel holds the irradiance E of the front of the surface that it shows: a matt surface has the radiance albedo E / pi there. (0, 0) is\n\
+             the upper left corner of the upper left texel, as in glTF. Coordinates are TEXCOORD_1 of lightmap.glb. What no surface covers has the\n\
+             light of the nearest texel that one does.\n"
+        }
     }
 }
+
+const ENGINES: &str = r#"
+lightmap.glb has the scene without its lights, which are in the map: don't add them again. It has the map of all lights in 8 bits, linear,
+by the extension MOZ_lightmap; the files beside it are finer.
+
+three.js: load lightmap.glb with GLTFLoader; then, with a texture of lightmap.ktx2 (KTX2Loader, or EXRLoader and lightmap.exr with
+texture.flipY = true),
+
+    texture.channel = 1;
+    model.traverse((o) => { if (o.isMesh) { o.material.lightMap = texture; o.material.lightMapIntensity = 1; } });
+
+Bevy: spawn the scene of lightmap.glb; give each of its Mesh3d entities
+Lightmap { image: asset_server.load("lightmap.ktx2"), uv_rect: Rect::new(0.0, 0.0, 1.0, 1.0), bicubic_sampling: false }, and each
+StandardMaterial lightmap_exposure: 1.0 / PI (Bevy multiplies with the albedo, without the pi).
+
+Godot 4: import lightmap.glb and lightmap.exr; give each surface a ShaderMaterial with
+
+    shader_type spatial;
+    render_mode ambient_light_disabled;
+    uniform sampler2D map : filter_linear, repeat_disable;
+    uniform vec4 albedo : source_color = vec4(1.0);
+    void fragment() { ALBEDO = albedo.rgb; EMISSION = albedo.rgb * texture(map, UV2).rgb / PI; }
+"#;
 
 const EXAMPLE: &str = r#"
 An example, run in this folder as `python example.py X Y Z NX NY NZ`, prints the irradiance there; times the albedo over pi it is the pixel:

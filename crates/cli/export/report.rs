@@ -49,6 +49,25 @@ pub enum Facts {
         grid: [u32; 3],
         frame: u32,
     },
+    Lightmap {
+        /// File's name without its ending, and the light; of the first all.
+        maps: Vec<[String; 2]>,
+        frame: u32,
+        size: u32,
+        part: &'static str,
+        /// `auto`, or the number of the set.
+        uv: String,
+        /// Where the scene was unwrapped.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        texels_per_metre: Option<f32>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        charts: Option<u32>,
+        /// Shares of the map: what shows surfaces, and what of that lies hidden under others.
+        covered: f64,
+        hidden: f64,
+        /// Irradiance of white in the picture within the .glb, W/m².
+        intensity: f32,
+    },
     Transfer {
         finest_points: usize,
         receivers: usize,

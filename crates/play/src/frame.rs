@@ -15,6 +15,7 @@ pub mod illuminance;
 mod indirect;
 pub mod light;
 pub mod light_cut;
+pub mod lightmap;
 pub(crate) mod parts;
 pub mod points;
 pub mod probes;

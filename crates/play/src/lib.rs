@@ -41,6 +41,7 @@
 //!    `frame/indirect.rs`.
 //! 5. The [`Frame`] has its layers by name, what it took by stage, and how its light was made and why ([`Choice`]).
 //!
+//! [`frame::lightmap`] lights the [`texels`] of a map of the whole scene instead of a camera's pixels.
 //! [`daylight`] keeps the images of a sky's patches, and adds them up to frames of any sky.
 //!
 //! Any number of shots and lights share a player. Moving lights take another time, or other [`Lights`]; a moving camera another
@@ -82,6 +83,7 @@ mod still;
 #[allow(dead_code, reason = "shared with `relight_render`, whose tests use all of it")]
 #[path = "../../render/src/test_scenes.rs"]
 mod test_scenes;
+pub mod texels;
 pub mod transfer;
 mod transferred;
 mod virtual_points;

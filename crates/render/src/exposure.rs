@@ -31,6 +31,8 @@ pub struct Exposure {
     pub points: Vec<Option<ShadingPoint>>,
     /// Unit direction from the camera.
     pub directions: Vec<Vec3>,
+    /// Whether nobody looks from `eye`: every place is looked at along its own normal, and shows no light of its own.
+    pub apart: bool,
     /// Camera position.
     pub eye: Vec3,
     /// The camera's unit view direction.
@@ -146,7 +148,10 @@ impl Exposure {
         let point = self.points[f];
         self.ends_of(scene, f).filter_map(move |hit| {
             let point = point?;
-            let view = (self.eye - hit.position).normalize_or_zero();
+            let view = match self.apart {
+                true => hit.normal,
+                false => (self.eye - hit.position).normalize_or_zero(),
+            };
             let own = if point.lambert {
                 ShadingPoint::lambert(&hit, point.diffuse)
             } else {

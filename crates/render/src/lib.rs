@@ -51,7 +51,7 @@
 //!
 //! All render a [`picture`]. The references: [`path`] traces paths, [`brute`] casts a shadow ray per light. [`many_lights`] makes points of all
 //! lights; [`lightcuts`] cluster those for each place, [`pixelcuts`] send their light to clusters of pixels.
-//! [`mod@expose`] finds what a camera sees; [`lighting`] and [`irradiance`] find direct light at many places at once, from which `relight_play` starts;
+//! [`mod@expose`] finds what a camera sees, [`texels`] does what texels of a lightmap do; [`lighting`] and [`irradiance`] find direct light at many places at once, from which `relight_play` starts;
 //! [`edges`] makes its shadows' edges smooth, [`refine`] light with extent as clean as is wanted. All share [`layers`], and [`watch`] for progress and an early end.
 //!
 //! Radiance is in W/(m² sr), linear RGB; lengths are in metres, world space. Images depend on scene, lights, settings and seed, not on
@@ -83,5 +83,6 @@ pub mod sum;
 mod test_images;
 #[cfg(test)]
 mod test_scenes;
+pub mod texels;
 pub mod views;
 pub mod watch;

@@ -17,7 +17,7 @@ pub(super) fn emission_at(
     only: Option<usize>,
 ) -> Vec<Vec3> {
     // Looking at all fragments takes as long as their reconstruction.
-    if scene.emissive_triangles().is_empty() && !lights.any_along() {
+    if seen.apart || (scene.emissive_triangles().is_empty() && !lights.any_along()) {
         return vec![Vec3::ZERO; seen.len()];
     }
     (0..seen.len())

@@ -41,6 +41,8 @@ impl Chromium {
                         "--no-sandbox",
                         "--disable-gpu",
                         "--disable-dev-shm-usage",
+                        // WebGL without a GPU.
+                        "--enable-unsafe-swiftshader",
                     ])
                     .args([
                         "--remote-debugging-port=0",
