@@ -15,6 +15,7 @@ use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces};
 use relight_scene::traced::TracedScene;
 use relight_transport::sampling::r2;
+use std::ops::Range;
 
 /// Ray ends that are kept of a pixel that sees one thing: the error of a straight edge of a shadow
 /// falls with the power 3/4 of their number, to a quarter.
@@ -102,6 +103,19 @@ pub fn expose_watched(
     Ok(whole)
 }
 
+/// Rays of pixels side by side that are cast together.
+const TOGETHER: usize = 128;
+
+/// Pixels along each side of a tile whose rays make a packet.
+const TILE: usize = 4;
+
+/// Rays of some pixels and what they see; to be used again.
+#[derive(Default)]
+struct Buffers {
+    rays: Vec<Ray>,
+    samples: Vec<Sample>,
+}
+
 /// What pixels are exposed with.
 struct Exposing<'a> {
     scene: &'a TracedScene,
@@ -123,18 +137,23 @@ impl Exposing<'_> {
     fn first_row(&self, y: usize) -> Exposure {
         let mut row = self.empty(1);
         let first = &self.pattern[..self.samples];
-        (0..self.width).for_each(|x| self.append_pixel((x, y), (first, ENDS), &mut row));
+        let (mut buffers, at_once) = (Buffers::default(), TOGETHER.div_ceil(self.samples));
+        for x in (0..self.width).step_by(at_once) {
+            let pixels = x..(x + at_once).min(self.width);
+            self.append_pixels((pixels, y), (first, ENDS), &mut buffers, &mut row);
+        }
         row.offsets.push(row.coverage.len() as u32);
         row
     }
 
     /// A row of pixels, of those that first rays saw.
     fn row(&self, first: &[Exposure], y: usize) -> Exposure {
-        let mut row = self.empty(1);
+        let (mut row, mut buffers) = (self.empty(1), Buffers::default());
         for x in 0..self.width {
             let slender = self.slender.get(y * self.width + x) == Some(&true);
             if slender || self.sees_several(first, (x, y)) {
-                self.append_pixel((x, y), (&self.pattern, FINER_ENDS), &mut row);
+                let finer = (&self.pattern[..], FINER_ENDS);
+                self.append_pixels((x..x + 1, y), finer, &mut buffers, &mut row);
             } else {
                 row.push_pixels(&first[y], x..x + 1);
             }
@@ -153,22 +172,36 @@ impl Exposing<'_> {
         }
     }
 
-    /// Appends the fragments of a pixel by rays through some places in it, about `ends` of which are kept.
-    fn append_pixel(&self, (x, y): (usize, usize), (places, ends): (&[Vec2], f32), to: &mut Exposure) {
-        let corner = Vec2::new(x as f32, y as f32);
+    /// Appends the fragments of pixels of a row by rays through some places in each, about `ends` of which are kept.
+    fn append_pixels(
+        &self,
+        (pixels, y): (Range<usize>, usize),
+        (places, ends): (&[Vec2], f32),
+        buffers: &mut Buffers,
+        to: &mut Exposure,
+    ) {
         let size = Vec2::new(self.width as f32, self.height as f32);
-        let sample = |&place: &Vec2| {
-            let direction = self.camera.direction(corner + place, size);
-            Sample {
-                direction,
-                seen: seen_along(self.scene, self.camera.position, direction),
+        let Buffers { rays, samples } = buffers;
+        rays.clear();
+        for x in pixels {
+            let corner = Vec2::new(x as f32, y as f32);
+            let toward = |&place: &Vec2| self.camera.direction(corner + place, size);
+            let through = places.iter().map(toward);
+            rays.extend(through.map(|direction| Ray::endless(self.camera.position, direction)));
+        }
+        samples.clear();
+        self.scene.closest_hits_packet(rays, |i, hit| {
+            samples.push(Sample {
+                direction: rays[i].direction,
+                seen: hit.map(|hit| (hit, seen_at(self.scene, &rays[i], &hit))),
                 group: 0,
-            }
-        };
-        let mut pixel: Vec<Sample> = places.iter().map(sample).collect();
-        group(&mut pixel, self.footprint);
-        to.offsets.push(to.coverage.len() as u32);
-        append_fragments(&pixel, ends, to);
+            });
+        });
+        for pixel in samples.chunks_mut(places.len()) {
+            group(pixel, self.footprint);
+            to.offsets.push(to.coverage.len() as u32);
+            append_fragments(pixel, ends, to);
+        }
     }
 
     /// Whether a pixel, or it together with one of those around it, has fragments of several things.
@@ -206,19 +239,13 @@ fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: us
             camera.direction(corner + 0.5, size)
         })
         .collect_into_vec(&mut whole.directions);
-    (whole.directions.par_iter())
-        .with_min_len(256)
-        .map(|&direction| seen_along(scene, camera.position, direction).unzip())
-        .unzip_into_vecs(&mut whole.hits, &mut whole.points);
+    (whole.hits, whole.points) = seen_from(scene, camera.position, &whole.directions, width);
     whole
 }
 
 /// What is seen from a place along some unit directions: a row of pixels of one fragment each. It has no view direction.
 pub fn expose_around(scene: &TracedScene, eye: Vec3, directions: &[Vec3]) -> Exposure {
-    let (hits, points) = (directions.par_iter())
-        .with_min_len(256)
-        .map(|&direction| seen_along(scene, eye, direction).unzip())
-        .unzip();
+    let (hits, points) = seen_from(scene, eye, directions, directions.len());
     Exposure {
         width: directions.len(),
         height: 1,
@@ -232,23 +259,51 @@ pub fn expose_around(scene: &TracedScene, eye: Vec3, directions: &[Vec3]) -> Exp
     }
 }
 
-/// What a ray from an eye meets.
-fn seen_along(scene: &TracedScene, eye: Vec3, direction: Vec3) -> Seen {
-    let ray = Ray::endless(eye, direction);
-    scene.closest_hit(&ray).map(|hit| {
-        let mut point = scene.shading_point(&hit).facing(-direction);
-        // As if what lies behind panes had their colour.
-        let tint = scene.tint(&ray, hit.t);
-        for color in [
-            &mut point.base_color,
-            &mut point.diffuse,
-            &mut point.f0,
-            &mut point.emission,
-        ] {
-            *color *= tint;
-        }
-        (hit, point)
-    })
+/// What each of some rays from an eye meets, and how that reflects; through pixels' centres row by row, cast in tiles.
+fn seen_from(
+    scene: &TracedScene,
+    eye: Vec3,
+    directions: &[Vec3],
+    width: usize,
+) -> (Vec<Option<SurfaceHit>>, Vec<Option<ShadingPoint>>) {
+    let mut hits = vec![None; directions.len()];
+    let mut points = vec![None; directions.len()];
+    let band = TILE * width.max(1);
+    (directions.par_chunks(band))
+        .zip(hits.par_chunks_mut(band))
+        .zip(points.par_chunks_mut(band))
+        .for_each(|((directions, hits), points)| {
+            let tiles = (0..width).step_by(TILE).flat_map(|x| {
+                let columns = x..(x + TILE).min(width);
+                let rows = (0..directions.len()).step_by(width);
+                rows.flat_map(move |row| columns.clone().map(move |x| row + x))
+            });
+            let order: Vec<usize> = tiles.collect();
+            let rays: Vec<Ray> = (order.iter())
+                .map(|&pixel| Ray::endless(eye, directions[pixel]))
+                .collect();
+            scene.closest_hits_packet(&rays, |i, hit| {
+                points[order[i]] = hit.as_ref().map(|hit| seen_at(scene, &rays[i], hit));
+                hits[order[i]] = hit;
+            });
+        });
+    (hits, points)
+}
+
+/// How what a ray from an eye meets reflects.
+fn seen_at(scene: &TracedScene, ray: &Ray, hit: &SurfaceHit) -> ShadingPoint {
+    let mut point = scene.shading_point(hit).facing(-ray.direction);
+    // As if what lies behind panes had their colour.
+    let tint = scene.tint(ray, hit.t);
+    for color in [
+        &mut point.base_color,
+        &mut point.diffuse,
+        &mut point.f0,
+        &mut point.emission,
+    ] {
+        *color *= tint;
+    }
+    point
 }
 
 /// Each ray joins the first group whose first ray it is like.

@@ -4,7 +4,7 @@ mod rays_common;
 
 use glam::Vec3;
 use rays_common::*;
-use relight_scene::rays::{Kernel, Ray, TriangleBvh};
+use relight_scene::rays::{Hit, Kernel, Ray, TriangleBvh};
 
 /// Casts all rays with both kernels, singly and as a packet, demands bitwise agreement, and compares with the truth.
 fn check(name: &str, mesh: &Mesh, rays: &[Ray]) {
@@ -13,9 +13,17 @@ fn check(name: &str, mesh: &Mesh, rays: &[Ray]) {
     let mut packet = [vec![false; rays.len()], vec![false; rays.len()]];
     simd.any_hit_packet(rays, &mut packet[0]);
     scalar.any_hit_packet(rays, &mut packet[1]);
+    let mut closest = [vec![None; rays.len()], vec![None; rays.len()]];
+    simd.closest_hit_packet(rays, &mut closest[0], |_, _| true);
+    scalar.closest_hit_packet(rays, &mut closest[1], |_, _| true);
     let mut certain = 0;
     for (index, ray) in rays.iter().enumerate() {
         let hit = simd.closest_hit(ray);
+        assert_eq!(closest[0][index], hit, "{name}: closest of a packet, {ray:?}");
+        assert_eq!(
+            closest[1][index], hit,
+            "{name}: closest of a packet (scalar), {ray:?}"
+        );
         assert_eq!(hit, scalar.closest_hit(ray), "{name}: kernels differ for {ray:?}");
         let any = hit.is_some();
         assert_eq!(simd.any_hit(ray), any, "{name}: any hit, {ray:?}");
@@ -314,7 +322,15 @@ fn rejected_hits_are_passed_through() {
     let odd_bvh = TriangleBvh::build(&odd.positions, &odd.triangles);
     for kernel in [Kernel::Scalar, Kernel::Avx2] {
         let bvh = TriangleBvh::build(&mesh.positions, &mesh.triangles).with_kernel(kernel);
-        for ray in awkward_rays(&mesh, 1000) {
+        let rays = awkward_rays(&mesh, 1000);
+        // Every ray passes through triangles of its own.
+        let passes = |i: usize, hit: &Hit| hit.triangle as usize % 2 != i % 2;
+        let mut packet = vec![None; rays.len()];
+        bvh.closest_hit_packet(&rays, &mut packet, passes);
+        for (i, (ray, hit)) in rays.iter().zip(packet).enumerate() {
+            assert_eq!(hit, bvh.closest_hit_where(ray, |hit| passes(i, hit)), "{ray:?}");
+        }
+        for ray in rays {
             let hit = bvh.closest_hit_where(&ray, |hit| hit.triangle % 2 == 1);
             assert_eq!(
                 bvh.any_hit_where(&ray, |hit| hit.triangle % 2 == 1),
@@ -437,6 +453,11 @@ fn packets_with_a_common_end_return_what_single_rays_return() {
                 assert_eq!(occluded, scalar.any_hit(ray), "{ray:?}");
                 hits[usize::from(occluded)] += 1;
             }
+            let mut closest = vec![None; rays.len()];
+            bvh.closest_hit_packet(&rays, &mut closest, |_, _| true);
+            for (ray, closest) in rays.iter().zip(closest) {
+                assert_eq!(closest, scalar.closest_hit(ray), "{ray:?}");
+            }
         }
         assert!(hits[0] > 1000 && hits[1] > 1000, "free and occluded: {hits:?}");
     }
@@ -458,4 +479,9 @@ fn a_packet_longer_than_its_answer_fills_the_answer() {
     let mut occluded = [false; 400];
     bvh.any_hit_packet(&[ray; 3], &mut occluded);
     assert_eq!(occluded.iter().filter(|o| **o).count(), 3);
+    let mut hits = [None; 400];
+    bvh.closest_hit_packet(&[ray; 3], &mut hits, |_, _| true);
+    assert_eq!(hits.iter().flatten().count(), 3);
+    bvh.closest_hit_packet(&[ray; 400], &mut hits[..200], |i, _| i % 2 == 0);
+    assert_eq!(hits.iter().flatten().count(), 100);
 }

@@ -220,6 +220,32 @@ fn measure(scene: &str, positions: &[Vec3], triangles: &[[u32; 3]], place: Place
     );
 
     let (low, high) = simd.bounds().unwrap_or_default();
+    let camera = camera(low + (high - low) * EYE);
+    let count_closest_packet = |rays: &[Ray]| {
+        let mut hits = vec![None; rays.len()];
+        simd.closest_hit_packet(rays, &mut hits, |_, _| true);
+        hits.iter().flatten().count()
+    };
+    let file = embree::dump_rays(place.folder, scene, "camera", &camera);
+    compare(
+        scene,
+        "camera, 16 a pixel",
+        &camera,
+        PART,
+        embree
+            .as_mut()
+            .map(|embree| (embree, &file, ["closest"].as_slice())),
+        &[
+            (
+                "obvhs",
+                Box::new(|r| r.iter().filter(|ray| obvhs.closest(ray)).count()),
+            ),
+            ("avx2", Box::new(|r| count_closest(&simd, r))),
+            ("packet", Box::new(count_closest_packet)),
+            ("scalar", Box::new(|r| count_closest(&scalar, r))),
+        ],
+    );
+
     let light = low + (high - low) * Vec3::new(0.52, 0.6, 0.49);
     let shadow: Vec<Ray> = views
         .iter()
@@ -331,10 +357,30 @@ fn median(values: &mut [f64]) -> f64 {
     values[values.len() / 2]
 }
 
+/// Where cameras stand within the scene's bounds.
+const EYE: Vec3 = Vec3::new(0.47, 0.3, 0.51);
+
+/// Rays of a camera of 640 × 360 pixels that looks along x: 16 through each of every fourth pixel.
+fn camera(eye: Vec3) -> Vec<Ray> {
+    let mut random = Random(2);
+    let pixels = (0..360usize).flat_map(|y| (0..160usize).map(move |x| (4 * x, y)));
+    pixels
+        .flat_map(|(x, y)| {
+            (0..16)
+                .map(|_| {
+                    let across = (x as f32 + random.unit()) / 320.0 - 1.0;
+                    let down = (y as f32 + random.unit()) / 320.0 - 0.5625;
+                    Ray::endless(eye, Vec3::new(1.0, -down, across))
+                })
+                .collect::<Vec<_>>()
+        })
+        .collect()
+}
+
 /// What six cameras in the middle of the scene see: surface points in tiles of 8 × 8 pixels, as a renderer visits them.
 fn views(bvh: &TriangleBvh, width: usize) -> Vec<SurfacePoint> {
     let (low, high) = bvh.bounds().unwrap_or_default();
-    let eye = low + (high - low) * Vec3::new(0.47, 0.3, 0.51);
+    let eye = low + (high - low) * EYE;
     let mut points = Vec::new();
     let axes = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
     for forward in axes {

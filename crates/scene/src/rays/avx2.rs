@@ -5,6 +5,7 @@
 //! entries without bounds checks, which the shape of [`Tree`] allows.
 #![allow(unsafe_code)] // SIMD intrinsics; every block states why it is sound, and tests compare with `scalar`.
 
+mod closest_packet;
 mod kernel;
 mod packet;
 
@@ -68,5 +69,18 @@ impl Avx2 {
     pub(super) fn any_hit_packet(self, tree: &Tree, rays: &[Ray], occluded: &mut [bool]) {
         // SAFETY: a value of this type exists only where `detect` found the instructions.
         unsafe { packet::any_hit_packet(tree, rays, occluded) }
+    }
+
+    /// See [`super::TriangleBvh::closest_hit_packet`].
+    #[inline(always)]
+    pub(super) fn closest_hit_packet(
+        self,
+        tree: &Tree,
+        rays: &[Ray],
+        hits: &mut [Option<Hit>],
+        accept: &impl Fn(usize, &Hit) -> bool,
+    ) {
+        // SAFETY: a value of this type exists only where `detect` found the instructions.
+        unsafe { closest_packet::closest_hit_packet(tree, rays, hits, accept) }
     }
 }

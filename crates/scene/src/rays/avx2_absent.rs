@@ -42,4 +42,14 @@ impl Avx2 {
     pub(super) fn any_hit_packet(self, _: &Tree, _: &[Ray], _: &mut [bool]) {
         match self {}
     }
+
+    pub(super) fn closest_hit_packet(
+        self,
+        _: &Tree,
+        _: &[Ray],
+        _: &mut [Option<Hit>],
+        _: &impl Fn(usize, &Hit) -> bool,
+    ) {
+        match self {}
+    }
 }

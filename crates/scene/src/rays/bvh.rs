@@ -118,6 +118,20 @@ impl TriangleBvh {
         packet::any_hit_packet(&self.tree, self.simd, rays, occluded);
     }
 
+    /// The closest hit of each of `rays` that `accept` takes, asked with the ray's number: `hits[i]` is what
+    /// [`closest_hit_where`](Self::closest_hit_where) returns for `rays[i]`.
+    ///
+    /// Right for any rays, faster than single calls for rays that start at one place and lie close to each other in the slice. If the
+    /// slices differ in length, the shorter one counts.
+    pub fn closest_hit_packet(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Option<Hit>],
+        accept: impl Fn(usize, &Hit) -> bool,
+    ) {
+        packet::closest_hit_packet(&self.tree, self.simd, rays, hits, &accept);
+    }
+
     /// Appends to `kept` what rays within the shaft may meet of `among`, with up to `steps` boxes of boxes opened: the rest
     /// stays whole. `false` if it is more than `most` parts; then only some are appended.
     pub fn narrow(

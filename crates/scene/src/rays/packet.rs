@@ -1,8 +1,8 @@
-//! Shadow rays in packets.
+//! Rays in packets.
 
 use super::avx2::Avx2;
 use super::layout::Tree;
-use super::ray::Ray;
+use super::ray::{Hit, Ray};
 use super::ray_setup::RaySetup;
 use super::scalar;
 
@@ -16,5 +16,24 @@ pub(super) fn any_hit_packet(tree: &Tree, simd: Option<Avx2>, rays: &[Ray], occl
         let hit =
             RaySetup::new(tree, ray).and_then(|setup| scalar::traverse::<true>(tree, &setup, &|_| true));
         *occluded = hit.is_some();
+    }
+}
+
+/// See [`super::TriangleBvh::closest_hit_packet`].
+#[inline(always)]
+pub(super) fn closest_hit_packet(
+    tree: &Tree,
+    simd: Option<Avx2>,
+    rays: &[Ray],
+    hits: &mut [Option<Hit>],
+    accept: &impl Fn(usize, &Hit) -> bool,
+) {
+    if let Some(simd) = simd {
+        simd.closest_hit_packet(tree, rays, hits, accept);
+        return;
+    }
+    for (i, (ray, hit)) in rays.iter().zip(hits).enumerate() {
+        *hit = RaySetup::new(tree, ray)
+            .and_then(|setup| scalar::traverse::<false>(tree, &setup, &|hit: &Hit| accept(i, hit)));
     }
 }

@@ -342,6 +342,23 @@ impl TracedScene {
         }
     }
 
+    /// [`Surfaces::closest_hit`] of each of some rays that start at one place and lie close to each other in the slice: `visit(i, hit)` in
+    /// order. Right for any rays.
+    pub fn closest_hits_packet(&self, rays: &[Ray], mut visit: impl FnMut(usize, Option<SurfaceHit>)) {
+        for (chunk, rays) in rays.chunks(PACKETS).enumerate() {
+            let mut hits = [None; PACKETS];
+            if self.opaque {
+                self.bvh.closest_hit_packet(rays, &mut hits, |_, _| true);
+            } else {
+                let stops = |i: usize, hit: &Hit| self.stops(&rays[i], hit);
+                self.bvh.closest_hit_packet(rays, &mut hits, stops);
+            }
+            for (i, (hit, ray)) in hits.iter().zip(rays).enumerate() {
+                visit(chunk * PACKETS + i, hit.map(|hit| self.surface_hit(ray, &hit)));
+            }
+        }
+    }
+
     /// Whether the ray meets a surface where it meets this triangle.
     pub(super) fn stops(&self, ray: &Ray, hit: &Hit) -> bool {
         if self.traced_instance(hit.triangle).opaque {
@@ -359,6 +376,8 @@ impl TracedScene {
 
 /// Rays whose hits are looked up together.
 const TOGETHER: usize = 64;
+/// Rays that are cast in packets together: as many as the ray caster sorts.
+const PACKETS: usize = 128;
 
 impl Surfaces for TracedScene {
     fn bounds(&self) -> Option<(Vec3, Vec3)> {

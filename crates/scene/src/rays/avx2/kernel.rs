@@ -88,8 +88,7 @@ impl Lanes {
     }
 }
 
-/// Traversal from `root` on. Stack entries of a closest-hit query hold the parameter at which the child's box begins in
-/// their upper half, whose bits order like the number, since it is not negative.
+/// Traversal from `root` on.
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
 pub(super) fn traverse<const ANY: bool>(
@@ -98,10 +97,25 @@ pub(super) fn traverse<const ANY: bool>(
     root: u32,
     accept: &impl Fn(&Hit) -> bool,
 ) -> Option<Hit> {
+    let mut best = Best::new(ray);
+    improve::<ANY>(tree, ray, root, &mut best, accept);
+    if ANY { best.some_hit() } else { best.hit(ray) }
+}
+
+/// Offers `best` what the ray meets from `root` on; of an any-hit query, until one is taken. Stack entries of a closest-hit query hold
+/// the parameter at which the child's box begins in their upper half, whose bits order like the number, since it is not negative.
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+pub(super) fn improve<const ANY: bool>(
+    tree: &Tree,
+    ray: &RaySetup,
+    root: u32,
+    best: &mut Best,
+    accept: &impl Fn(&Hit) -> bool,
+) {
     let lanes = Lanes::new(ray);
     let mut stack = [MaybeUninit::<u64>::uninit(); STACK_SIZE];
     let mut top = 0usize;
-    let mut best = Best::new(ray);
     let mut current = root;
     let mut near_of = [0f32; 8];
     loop {
@@ -184,13 +198,13 @@ pub(super) fn traverse<const ANY: bool>(
         } else {
             // SAFETY: references with the leaf bit are indices of `blocks`.
             let block = unsafe { tree.blocks.get_unchecked((current & !LEAF_BIT) as usize) };
-            if meet_triangles(block, ray, &lanes, &mut best, accept) && ANY {
-                return best.some_hit();
+            if meet_triangles(block, ray, &lanes, best, accept) && ANY {
+                return;
             }
         }
         loop {
             if top == 0 {
-                return best.hit(ray);
+                return;
             }
             top -= 1;
             // SAFETY: all entries below `top` were written.

@@ -6,7 +6,7 @@
 //! before the rays themselves are asked. Once few rays are left in a subtree they go on singly.
 //!
 //! Whether a ray hits something depends on the triangle test alone, which repeats the single one operation by
-//! operation; so packets return what single rays return.
+//! operation; so packets return what single rays return. `closest_packet` looks for the closest hits by the same parts.
 
 use std::arch::x86_64::*;
 
@@ -16,64 +16,101 @@ use super::super::ray_setup::RaySetup;
 use super::kernel::{difference_of_products_8, traverse};
 
 /// Rays that are sorted together: their setups (25 KB) stay in the first-level cache.
-const WINDOW: usize = 128;
+pub(super) const WINDOW: usize = 128;
 
 /// Vectors of eight rays per packet: sixteen rays, as in the packets that measured best for Embree.
-const GROUPS: usize = 2;
-const LANES: usize = 8;
-const PACKET: usize = GROUPS * LANES;
+pub(super) const GROUPS: usize = 2;
+pub(super) const LANES: usize = 8;
+pub(super) const PACKET: usize = GROUPS * LANES;
 
 /// With at most this many rays left in a subtree, single traversal is faster (docs/notebook/rays.md).
-const FEW: u32 = 5;
+pub(super) const FEW: u32 = 5;
 
+/// See [`super::super::TriangleBvh::any_hit_packet`].
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
 pub(super) fn any_hit_packet(tree: &Tree, rays: &[Ray], occluded: &mut [bool]) {
-    let mut setups: Vec<RaySetup> = Vec::with_capacity(WINDOW);
-    // Signs (3 bits), dominant axis (2), place in the window (8), place in `setups` (8): sorted, alike rays are neighbours.
-    let mut order: Vec<u32> = Vec::with_capacity(WINDOW);
-    for (rays, occluded) in rays.chunks(WINDOW).zip(occluded.chunks_mut(WINDOW)) {
-        setups.clear();
-        order.clear();
-        for (index, ray) in rays.iter().enumerate().take(occluded.len()) {
-            occluded[index] = false;
-            if let Some(setup) = RaySetup::new(tree, ray) {
-                let [x, y, z] = setup.negative;
-                let class = (x + 2 * y + 4 * z) * 4 + setup.axes[2];
-                order.push((class << 16 | index << 8 | setups.len()) as u32);
-                setups.push(setup);
-            }
-        }
-        order.sort_unstable();
-        let setup = |member: u32| &setups[(member & 0xff) as usize];
-        for same_signs in order.chunk_by(|a, b| a >> 18 == b >> 18) {
-            for members in same_signs.chunks(PACKET) {
-                let mut of_packet = [setup(members[0]); PACKET];
-                for (slot, member) in of_packet.iter_mut().zip(members) {
-                    *slot = setup(*member);
-                }
-                let hits = cast_packet(tree, &of_packet, members.len());
-                for (lane, member) in members.iter().enumerate() {
-                    occluded[(member >> 8 & 0xff) as usize] = hits >> lane & 1 != 0;
-                }
+    let count = rays.len().min(occluded.len());
+    occluded[..count].fill(false);
+    let mut sorted = Sorted::new();
+    for (rays, occluded) in rays[..count].chunks(WINDOW).zip(occluded.chunks_mut(WINDOW)) {
+        sorted.sort(tree, rays);
+        for members in sorted.packets() {
+            let hits = cast_packet(tree, &sorted.of_packet(members), members.len());
+            for (lane, member) in members.iter().enumerate() {
+                occluded[place(*member)] = hits >> lane & 1 != 0;
             }
         }
     }
 }
 
+/// Rays of a window, alike ones together.
+pub(super) struct Sorted {
+    setups: Vec<RaySetup>,
+    /// Signs (3 bits), dominant axis (2), place in the window (8), place in `setups` (8).
+    order: Vec<u32>,
+}
+
+/// Place of a member of [`Sorted`] in its window.
+pub(super) fn place(member: u32) -> usize {
+    (member >> 8 & 0xff) as usize
+}
+
+impl Sorted {
+    pub(super) fn new() -> Sorted {
+        Sorted {
+            setups: Vec::with_capacity(WINDOW),
+            order: Vec::with_capacity(WINDOW),
+        }
+    }
+
+    /// Takes the rays of a window that can hit something.
+    #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+    pub(super) fn sort(&mut self, tree: &Tree, rays: &[Ray]) {
+        self.setups.clear();
+        self.order.clear();
+        for (index, ray) in rays.iter().enumerate().take(WINDOW) {
+            if let Some(setup) = RaySetup::new(tree, ray) {
+                let [x, y, z] = setup.negative;
+                let class = (x + 2 * y + 4 * z) * 4 + setup.axes[2];
+                self.order
+                    .push((class << 16 | index << 8 | self.setups.len()) as u32);
+                self.setups.push(setup);
+            }
+        }
+        self.order.sort_unstable();
+    }
+
+    /// Up to sixteen members each, whose directions have the same signs.
+    pub(super) fn packets(&self) -> impl Iterator<Item = &[u32]> {
+        let same_signs = self.order.chunk_by(|a, b| a >> 18 == b >> 18);
+        same_signs.flat_map(|members| members.chunks(PACKET))
+    }
+
+    /// The rays of a packet; unused slots repeat one of them.
+    pub(super) fn of_packet(&self, members: &[u32]) -> [&RaySetup; PACKET] {
+        let setup = |member: u32| &self.setups[(member & 0xff) as usize];
+        let mut rays = [setup(members[0]); PACKET];
+        for (slot, member) in rays.iter_mut().zip(members) {
+            *slot = setup(*member);
+        }
+        rays
+    }
+}
+
 /// Eight rays, one per lane.
-struct Group {
+pub(super) struct Group {
     near_inverse: [__m256; 3],
     near_offset: [__m256; 3],
     far_inverse: [__m256; 3],
     far_offset: [__m256; 3],
     t_min: __m256,
-    t_max: __m256,
+    pub(super) t_max: __m256,
     origin: [__m256; 3],
     shear: [__m256; 3],
 }
 
 /// What holds for all rays of a packet, in all lanes.
-struct Common {
+pub(super) struct Common {
     /// Index of the near plane of each axis.
     near_plane: [usize; 3],
     /// Per axis the origin that makes the near plane nearest, and the one that makes the far plane farthest.
@@ -83,7 +120,7 @@ struct Common {
     near_inverse: [[__m256; 2]; 3],
     far_inverse: [[__m256; 2]; 3],
     t_min: __m256,
-    t_max: __m256,
+    pub(super) t_max: __m256,
 }
 
 /// Casts up to sixteen rays whose directions have the same signs; unused slots repeat one of them. Returns a bit per ray.
@@ -169,7 +206,7 @@ struct Columns {
 
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-fn group(rays: &[&RaySetup]) -> Group {
+pub(super) fn group(rays: &[&RaySetup]) -> Group {
     let mut columns = Columns {
         per_axis: [[[0.0; LANES]; 3]; 6],
         t_min: [0.0; LANES],
@@ -213,7 +250,7 @@ fn group(rays: &[&RaySetup]) -> Group {
 /// The smallest lane, in all lanes.
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-fn lowest(v: __m256) -> __m256 {
+pub(super) fn lowest(v: __m256) -> __m256 {
     let v = _mm256_min_ps(v, _mm256_permute2f128_ps::<1>(v, v));
     let v = _mm256_min_ps(v, _mm256_permute_ps::<0b01_00_11_10>(v));
     _mm256_min_ps(v, _mm256_permute_ps::<0b10_11_00_01>(v))
@@ -222,7 +259,7 @@ fn lowest(v: __m256) -> __m256 {
 /// The largest lane, in all lanes.
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-fn highest(v: __m256) -> __m256 {
+pub(super) fn highest(v: __m256) -> __m256 {
     let v = _mm256_max_ps(v, _mm256_permute2f128_ps::<1>(v, v));
     let v = _mm256_max_ps(v, _mm256_permute_ps::<0b01_00_11_10>(v));
     _mm256_max_ps(v, _mm256_permute_ps::<0b10_11_00_01>(v))
@@ -230,7 +267,7 @@ fn highest(v: __m256) -> __m256 {
 
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-fn common(rays: &[&RaySetup; PACKET], groups: &[Group; GROUPS]) -> Common {
+pub(super) fn common(rays: &[&RaySetup; PACKET], groups: &[Group; GROUPS]) -> Common {
     let [a, b] = groups;
     let zero = _mm256_setzero_ps();
     let mut common = Common {
@@ -288,7 +325,7 @@ fn common(rays: &[&RaySetup; PACKET], groups: &[Group; GROUPS]) -> Common {
 /// roundings of t, is within the cone's slope, which leaves ten.
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-fn meet_any(node: &Node, common: &Common) -> u32 {
+pub(super) fn meet_any(node: &Node, common: &Common) -> u32 {
     let near = |axis: usize| {
         // SAFETY: plane indices are below 6, and each plane holds eight aligned floats.
         let plane = unsafe { _mm256_load_ps(node.planes.get_unchecked(common.near_plane[axis]).as_ptr()) };
@@ -316,28 +353,51 @@ fn meet_any(node: &Node, common: &Common) -> u32 {
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
 fn meet_box(node: &Node, lane: usize, common: &Common, groups: &[Group; GROUPS], mask: u32) -> u32 {
-    // SAFETY: plane indices are below 6.
-    let plane = |index: usize| _mm256_set1_ps(unsafe { node.planes.get_unchecked(index) }[lane]);
-    let [x, y, z] = common.near_plane;
-    let near = [plane(x), plane(y), plane(z)];
-    let far = [plane(x ^ 1), plane(y ^ 1), plane(z ^ 1)];
+    let planes = Planes::new(node, lane, common);
     let mut inside = 0;
     for (index, group) in groups.iter().enumerate() {
-        if mask >> (LANES * index) & 0xff == 0 {
-            continue;
+        if mask >> (LANES * index) & 0xff != 0 {
+            let (_, meets) = planes.meet(group);
+            inside |= (_mm256_movemask_ps(meets) as u32) << (LANES * index);
         }
+    }
+    inside & mask
+}
+
+/// Near and far planes of a child's box, in all lanes.
+pub(super) struct Planes {
+    near: [__m256; 3],
+    far: [__m256; 3],
+}
+
+impl Planes {
+    #[inline]
+    #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+    pub(super) fn new(node: &Node, lane: usize, common: &Common) -> Planes {
+        // SAFETY: plane indices are below 6.
+        let plane = |index: usize| _mm256_set1_ps(unsafe { node.planes.get_unchecked(index) }[lane]);
+        let [x, y, z] = common.near_plane;
+        Planes {
+            near: [plane(x), plane(y), plane(z)],
+            far: [plane(x ^ 1), plane(y ^ 1), plane(z ^ 1)],
+        }
+    }
+
+    /// Where each ray of a group enters the box, and which of them do.
+    #[inline]
+    #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+    pub(super) fn meet(&self, group: &Group) -> (__m256, __m256) {
         let near =
-            |axis: usize| _mm256_fmsub_ps(near[axis], group.near_inverse[axis], group.near_offset[axis]);
-        let far = |axis: usize| _mm256_fmsub_ps(far[axis], group.far_inverse[axis], group.far_offset[axis]);
+            |axis: usize| _mm256_fmsub_ps(self.near[axis], group.near_inverse[axis], group.near_offset[axis]);
+        let far =
+            |axis: usize| _mm256_fmsub_ps(self.far[axis], group.far_inverse[axis], group.far_offset[axis]);
         let enter = _mm256_max_ps(
             _mm256_max_ps(near(0), near(1)),
             _mm256_max_ps(near(2), group.t_min),
         );
         let leave = _mm256_min_ps(_mm256_min_ps(far(0), far(1)), _mm256_min_ps(far(2), group.t_max));
-        let meets = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(enter, leave)) as u32;
-        inside |= meets << (LANES * index);
+        (enter, _mm256_cmp_ps::<_CMP_LE_OQ>(enter, leave))
     }
-    inside & mask
 }
 
 /// The rays of `mask` that hit a triangle of the block. All rays share their axes.
@@ -355,9 +415,9 @@ fn meet_block(block: &Block, groups: &[Group; GROUPS], rays: &[&RaySetup; PACKET
             if wanted == 0 {
                 continue;
             }
-            let (hit, straddles) = meet_triangle(block, lane, axes, group);
-            let mut unsure = hit & straddles & wanted;
-            let mut hit = hit & wanted;
+            let met = meet_triangle(block, lane, axes, group);
+            let mut unsure = met.hit & met.straddles & wanted;
+            let mut hit = met.hit & wanted;
             while unsure != 0 {
                 let ray = unsure.trailing_zeros() as usize;
                 unsure &= unsure - 1;
@@ -371,10 +431,20 @@ fn meet_block(block: &Block, groups: &[Group; GROUPS], rays: &[&RaySetup; PACKET
     hits
 }
 
-/// Which of eight rays hit a triangle, and for which it straddles the origin; see `scalar::intersect` for the steps.
+/// How eight rays meet a triangle.
+pub(super) struct Met {
+    /// Those that hit it, and those for which it straddles the origin.
+    pub(super) hit: u32,
+    pub(super) straddles: u32,
+    /// Where, and by which edge functions, of those that hit it.
+    pub(super) t: __m256,
+    pub(super) edges: [__m256; 3],
+}
+
+/// See `scalar::intersect` for the steps.
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-fn meet_triangle(block: &Block, lane: usize, axes: [usize; 3], group: &Group) -> (u32, u32) {
+pub(super) fn meet_triangle(block: &Block, lane: usize, axes: [usize; 3], group: &Group) -> Met {
     let vertex = |index: usize| {
         let load = |axis: usize| _mm256_set1_ps(block.vertices[index][axis][lane]);
         let dx = _mm256_sub_ps(load(axes[0]), group.origin[0]);
@@ -395,7 +465,12 @@ fn meet_triangle(block: &Block, lane: usize, axes: [usize; 3], group: &Group) ->
     let negative = _mm256_cmp_ps::<_CMP_LE_OQ>(_mm256_max_ps(_mm256_max_ps(u, v), w), zero);
     let inside = _mm256_or_ps(positive, negative);
     if _mm256_movemask_ps(inside) == 0 {
-        return (0, 0);
+        return Met {
+            hit: 0,
+            straddles: 0,
+            t: zero,
+            edges: [zero; 3],
+        };
     }
     let det = _mm256_add_ps(_mm256_add_ps(u, v), w);
     let depth = _mm256_fmadd_ps(u, a.2, _mm256_fmadd_ps(v, b.2, _mm256_mul_ps(w, c.2)));
@@ -410,8 +485,10 @@ fn meet_triangle(block: &Block, lane: usize, axes: [usize; 3], group: &Group) ->
     );
     let behind = |depth: __m256| _mm256_cmp_ps::<_CMP_LE_OQ>(_mm256_mul_ps(depth, group.shear[2]), zero);
     let straddles = _mm256_or_ps(_mm256_or_ps(behind(a.2), behind(b.2)), behind(c.2));
-    (
-        _mm256_movemask_ps(hit) as u32,
-        _mm256_movemask_ps(straddles) as u32,
-    )
+    Met {
+        hit: _mm256_movemask_ps(hit) as u32,
+        straddles: _mm256_movemask_ps(straddles) as u32,
+        t,
+        edges: [u, v, w],
+    }
 }
