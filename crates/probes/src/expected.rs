@@ -117,16 +117,17 @@ impl Expected {
         (square - DOUBT * noise).max(0.0).sqrt()
     }
 
-    /// Whether it is beyond bounds by more than noise.
+    /// Whether it is beyond bounds by more than noise. Who errs by more than a bound in measuring knows nothing of it.
     pub fn verdict(&self) -> Verdict {
-        let beyond = |value: f64, least: f64, most: f64| match least > most {
+        let beyond = |value: f64, noise: f64, least: f64, most: f64| match least > most {
             true => Verdict::Wrong,
-            false if value > most => Verdict::Unsure,
+            false if value > most || noise > most => Verdict::Unsure,
             false => Verdict::Right,
         };
-        let bias = self.bias.abs();
-        let bias = beyond(bias, bias - DOUBT * self.bias_noise, MOST_BIAS);
-        match (bias, beyond(self.error, self.least_error(), MOST_ERROR)) {
+        let (bias, noise) = (self.bias.abs(), self.bias_noise);
+        let bias = beyond(bias, noise, bias - DOUBT * noise, MOST_BIAS);
+        let error = beyond(self.error, self.error_noise, self.least_error(), MOST_ERROR);
+        match (bias, error) {
             (Verdict::Wrong, _) | (_, Verdict::Wrong) => Verdict::Wrong,
             (Verdict::Unsure, _) | (_, Verdict::Unsure) => Verdict::Unsure,
             _ => Verdict::Right,
@@ -136,18 +137,11 @@ impl Expected {
     /// What is to be said, loudly where the verdict is [`Verdict::Wrong`]: why, and what mends it; `None` where all is within bounds. `radius`: the coarse radius, metres, if one
     /// was given.
     pub fn complaint(&self, radius: Option<f32>) -> Option<String> {
-        let found = format!(
-            "its indirect light is expected to err by {} with a bias of {}",
-            percent(self.error),
-            signed(self.bias)
-        );
+        let found = format!("its indirect light {}", self.words());
         match self.verdict() {
             Verdict::Right => None,
             Verdict::Unsure => Some(format!(
-                "the probes are too noisy to tell whether this asset is right: {found}, give or take {} and {}. A finer bake \
-                 has more of them.",
-                percent(DOUBT * self.error_noise),
-                percent(DOUBT * self.bias_noise)
+                "the probes are too noisy to tell whether this asset is right: {found}. A finer bake has more of them."
             )),
             Verdict::Wrong => Some(format!(
                 "this asset is wrong: {found} (more than {} or {}). {}",
@@ -156,6 +150,17 @@ impl Expected {
                 self.reasons(radius)
             )),
         }
+    }
+
+    /// Error and bias, each with its standard error.
+    fn words(&self) -> String {
+        format!(
+            "is expected to err by {:.1} ± {:.1} %, with a bias of {:+.1} ± {:.1} %",
+            100.0 * self.error,
+            100.0 * self.error_noise,
+            100.0 * self.bias,
+            100.0 * self.bias_noise
+        )
     }
 
     /// Why, and what mends it.
@@ -191,10 +196,6 @@ impl Expected {
     }
 }
 
-fn signed(bias: f64) -> String {
-    format!("{:+.1} %", 100.0 * bias)
-}
-
 /// One line on the error that a bake expects of its asset, if it has measured itself.
 pub fn line(estimates: Option<&Estimates>) -> Option<String> {
     let expected = Expected::of(estimates)?;
@@ -204,11 +205,7 @@ pub fn line(estimates: Option<&Estimates>) -> Option<String> {
         Verdict::Unsure => "; the probes were too noisy to tell whether that is so",
         Verdict::Wrong => "; that is wrong, bake finer",
     };
-    Some(format!(
-        "indirect light is expected to err by {}, with a bias of {}{asked}{doubt}",
-        percent(expected.error),
-        signed(expected.bias)
-    ))
+    Some(format!("indirect light {}{asked}{doubt}", expected.words()))
 }
 
 #[cfg(test)]
@@ -232,6 +229,9 @@ mod tests {
         assert_eq!(of(-0.12, 0.03, 0.2, 0.0), Verdict::Wrong);
         assert_eq!(of(0.0, 0.0, 0.4, 0.1), Verdict::Unsure);
         assert_eq!(of(0.0, 0.0, 0.4, 0.01), Verdict::Wrong);
+        // Probes that see one bright spot each know nothing, least of all that there is no error.
+        assert_eq!(of(0.0, 0.0, 0.0, 0.7), Verdict::Unsure);
+        assert_eq!(of(0.0, 0.06, 0.1, 0.01), Verdict::Unsure);
         // One window of many: its square is known to itself.
         let one = 9.0f64;
         assert_eq!(of(0.0, 0.0, one, one * (2f64.sqrt() - 1.0)), Verdict::Unsure);
@@ -252,5 +252,9 @@ mod tests {
         let mut estimates = None;
         expected.store(&mut estimates);
         assert_eq!(Expected::of(estimates.as_ref()), Some(expected));
+        assert_eq!(
+            line(estimates.as_ref()).unwrap(),
+            "indirect light is expected to err by 10.0 ± 1.0 %, with a bias of -2.0 ± 0.3 %"
+        );
     }
 }
