@@ -9,7 +9,7 @@
 use crate::expose::ENDS;
 use crate::exposure::Exposure;
 use crate::lighting::{DARK, LIT, Met};
-use crate::refine::lit_at_ends;
+use crate::refine::{SAME_FACING, lit_at_ends};
 use crate::samples::Samples;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -22,9 +22,6 @@ const TASK: usize = 64;
 /// How many times as bright as the next a pixel may be without more places of it being lit. Of light that goes on so, by e^g from pixel to
 /// pixel, the mean over a pixel is 1 + g²/24 times its middle's: 1 % more at g = 0.5.
 const STEEP: f32 = 1.65;
-
-/// Cosine between normals above which two pixels see one surface.
-const SAME_FACING: f32 = 0.97;
 
 /// Lights the fragments anew that an edge of a light's shadows may cross. `reflected`: what each sends towards the eye of it; `met`:
 /// what its samples met on their way there.

@@ -35,7 +35,7 @@ const MORE: u32 = 4;
 const DARK: f32 = 0.1;
 
 /// Cosine between normals above which two pixels see one surface.
-const SAME_FACING: f32 = 0.97;
+pub(crate) const SAME_FACING: f32 = 0.97;
 
 /// Fragments that are lit together: what they take stays in fast memory.
 const TASK: usize = 64;
