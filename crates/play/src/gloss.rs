@@ -3,8 +3,9 @@
 //! A link takes a cluster's radiosity to a receiver as if the cluster sent it evenly. Of light that comes from one side, a glossy surface sends
 //! most to the other, so that a receiver gets more or less. Of each cluster a few points stand for all: they know their irradiance and
 //! whence the lamp shines, and their BRDF says what they send to this receiver; the difference to what is matt goes over the same
-//! link. Lobes are as much wider as the piece of surface is that a point stands for, and as the lamp. All of it is linear in the lamps'
-//! light. Light of further reflections comes from all around, and is taken as ever.
+//! link. Each counts by the mean light around it, not by its own: a shadow's edge that passes one of four points would switch a quarter of
+//! the cluster. Lobes are as much wider as the piece of surface is that a point stands for, and as the lamp. All of it is linear in the
+//! lamps' light. Light of further reflections comes from all around, and is taken as ever.
 
 use crate::reflections;
 use crate::transfer::Transfer;
@@ -46,6 +47,8 @@ const NONE: u32 = u32::MAX;
 struct Cluster {
     /// Finest points that stand for it; [`NONE`] where it has none.
     samples: [u32; SAMPLES],
+    /// Of each the cluster of the next finer level around it; [`NONE`] on the finest.
+    around: [u32; SAMPLES],
     /// Radius of the surface that each of those stands for, m.
     radius: f32,
     /// The sender above it; itself on the coarsest level.
@@ -128,10 +131,16 @@ impl GlossySenders {
         }
         let radiosity = transfer.radiosity(direct);
         let means = transfer.senders.pulled(&radiosity).concat();
+        let around = |cluster: &Cluster, k: usize| match cluster.around[k] {
+            NONE => radiosity[cluster.samples[k] as usize],
+            around => means[around as usize],
+        };
         let is_lit = |sender: u32| {
-            let samples = self.clusters[sender as usize].samples;
-            let mut glossy = samples.into_iter().filter_map(|point| self.glossy(point));
-            glossy.any(|glossy| !lit[glossy].is_empty())
+            let cluster = &self.clusters[sender as usize];
+            cluster.samples.into_iter().enumerate().any(|(k, point)| {
+                let glossy = self.glossy(point).filter(|&glossy| !lit[glossy].is_empty());
+                glossy.is_some() && around(cluster, k) != Vec3::ZERO
+            })
         };
         let wanted: Vec<bool> = (0u32..)
             .zip(&self.clusters)
@@ -140,25 +149,21 @@ impl GlossySenders {
         let difference = |sender: usize, receiver: usize| -> Vec3 {
             let cluster = &self.clusters[sender];
             let (to, normal) = (transfer.position_of(receiver), transfer.normal_of(receiver));
-            let (mut sent, mut matt) = (Vec3::ZERO, Vec3::ZERO);
-            for &point in cluster.samples.iter().filter(|&&point| point != NONE) {
+            let (mut more, mut matt, mut seen) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+            for (k, &point) in (cluster.samples.iter().enumerate()).filter(|(_, point)| **point != NONE) {
                 // What lies behind a receiver, it does not see: a cluster goes on beyond the wall.
                 if normal.dot(transfer.finest.positions[point as usize] - to) <= 0.0 {
                     continue;
                 }
-                let [own, own_matt] = match self.glossy(point) {
-                    Some(glossy) => self.points[glossy].sent(&lit[glossy], to, cluster.radius),
-                    None => [radiosity[point as usize]; 2],
-                };
-                sent += own;
-                matt += own_matt;
+                let around = around(cluster, k);
+                matt += around;
+                seen += 1.0;
+                if let Some(glossy) = self.glossy(point) {
+                    let [own, own_matt] = self.points[glossy].sent(&lit[glossy], to, cluster.radius);
+                    more += around * share(own - own_matt, own_matt, around);
+                }
             }
-            let ratio = Vec3::select(
-                matt.cmpgt(Vec3::ZERO),
-                sent / matt.max(Vec3::splat(f32::MIN_POSITIVE)),
-                Vec3::ONE,
-            );
-            means[sender] * (ratio - 1.0)
+            means[sender] * share(more, matt, means[sender] * seen)
         };
         Some(transfer.over_links(&wanted, |sender, receiver| {
             let own = difference(sender, receiver);
@@ -174,6 +179,12 @@ impl GlossySenders {
         let glossy = *self.glossy_of.get(point as usize)?;
         (glossy != NONE).then_some(glossy as usize)
     }
+}
+
+/// What `more` is of the larger of what points have and what is `expected` of them; 0 of nothing. Those that have less than expected stand for
+/// what is dark: they send what they would if they were lit, and the first ray that reaches them does not turn all of a cluster's light.
+fn share(more: Vec3, had: Vec3, expected: Vec3) -> Vec3 {
+    more / had.max(expected).max(Vec3::splat(f32::MIN_POSITIVE))
 }
 
 /// All senders; `footprint` as above.
@@ -198,12 +209,21 @@ fn clusters(transfer: &Transfer, footprint: f32) -> Vec<Cluster> {
                 }
             }
         }
+        let finer = (level + 1 < senders.levels()).then(|| {
+            let start = senders.ranges.range(level + 1).start as u32;
+            (start, senders.cluster_of_point(level + 1))
+        });
+        let around = |point: u32| match &finer {
+            Some((start, cluster_of_point)) if point != NONE => start + cluster_of_point[point as usize],
+            _ => NONE,
+        };
         for (cluster, (samples, area)) in samples.into_iter().zip(areas).enumerate() {
             let parent = match level {
                 0 => range.start as u32 + cluster as u32,
                 _ => senders.ranges.range(level - 1).start as u32 + senders.parents[level - 1][cluster],
             };
             clusters.push(Cluster {
+                around: samples.map(around),
                 samples,
                 radius: (area / (PI * SAMPLES as f32)).sqrt(),
                 parent,

@@ -90,15 +90,14 @@ pub struct Incident {
 }
 
 /// Irradiance of one light at the `wanted` of some places, direction by direction, place by place: `samples` each, whose sum is the place's
-/// irradiance. Of a light without extent there is one, for which no ray is cast: it has the `irradiance` that [`irradiance_at`] found of
-/// all places.
+/// irradiance. Of a light without extent there is one, for which no ray is cast: it is what would arrive if nothing were in the way.
 pub fn incident_at(
     scene: &TracedScene,
     lights: &LightSet,
     light: usize,
     hits: &[Option<SurfaceHit>],
     wanted: &[u32],
-    irradiance: &[Vec3],
+    footprint: f32,
     samples: u32,
     seed: u64,
 ) -> Vec<Incident> {
@@ -107,24 +106,26 @@ pub fn incident_at(
     let runs: Vec<(usize, u32)> = (wanted.iter())
         .flat_map(|&place| (0..each).map(move |index| (place as usize, index)))
         .collect();
-    let irradiance: Vec<Vec3> = if one.is_delta() {
-        runs.iter().map(|run| irradiance[run.0]).collect()
-    } else {
+    let seen = (!one.is_delta()).then(|| {
         let own: Vec<Option<SurfaceHit>> = runs.iter().map(|run| hits[run.0]).collect();
         irradiance_by(scene, &one, &own, 0.0, |hit| runs[hit]).0
-    };
+    });
     let dark = Incident {
         irradiance: Vec3::ZERO,
         direction: Vec3::Y,
         distance: f32::INFINITY,
     };
-    (runs.par_iter().zip(&irradiance))
+    (runs.par_iter().enumerate())
         .with_min_len(256)
-        .map(|(&(place, index), &irradiance)| {
-            let hit = hits[place].as_ref().filter(|_| irradiance != Vec3::ZERO);
-            let sample = hit.and_then(|hit| one.at(place, hit, index));
-            sample.map_or(dark, |sample| Incident {
-                irradiance: irradiance / each as f32,
+        .map(|(run, &(place, index))| {
+            let irradiance = |hit: &SurfaceHit, sample: &LightSample| match &seen {
+                Some(seen) => seen[run] / each as f32,
+                None => contribution(hit, sample, footprint) * above(hit, sample.direction),
+            };
+            let hit = hits[place].as_ref();
+            let sample = hit.and_then(|hit| Some((hit, one.at(place, hit, index)?)));
+            sample.map_or(dark, |(hit, sample)| Incident {
+                irradiance: irradiance(hit, &sample),
                 direction: sample.direction,
                 distance: sample.distance,
             })
@@ -198,21 +199,16 @@ fn irradiance_by(
     footprint: f32,
     run_of: impl Fn(usize) -> (usize, u32) + Sync,
 ) -> (Vec<Vec3>, Told) {
-    let spread = samples.is_delta() && footprint > 0.0;
+    let footprint = if samples.is_delta() { footprint } else { 0.0 };
     let is_above = |place: usize, direction: Vec3| {
         hits[place]
             .as_ref()
-            .is_some_and(|hit| hit.normal.dot(direction) > 0.0 && hit.geometric_normal.dot(direction) > 0.0)
+            .is_some_and(|hit| is_above(hit, direction))
     };
     let contribution = |place: usize, sample: &LightSample| {
-        hits[place].as_ref().map_or(Vec3::ZERO, |hit| {
-            let cosine = hit.normal.dot(sample.direction);
-            if spread && sample.distance.is_finite() {
-                sample.radiance_over_pdf * cosine_over(footprint, sample.distance, cosine)
-            } else {
-                sample.radiance_over_pdf * cosine
-            }
-        })
+        hits[place]
+            .as_ref()
+            .map_or(Vec3::ZERO, |hit| contribution(hit, sample, footprint))
     };
     // A cosine is wider than what samples of a light miss.
     let reflection = Reflection {
@@ -232,6 +228,30 @@ fn irradiance_by(
         &mut out,
     );
     (out, told)
+}
+
+/// Whether a direction is on the side of a place where both its normals are.
+fn is_above(hit: &SurfaceHit, direction: Vec3) -> bool {
+    hit.normal.dot(direction) > 0.0 && hit.geometric_normal.dot(direction) > 0.0
+}
+
+/// The same, but not at once: 0 below either horizon, 1 where the geometric normal is nearer to the direction.
+fn above(hit: &SurfaceHit, direction: Vec3) -> f32 {
+    let (smooth, geometric) = (hit.normal.dot(direction), hit.geometric_normal.dot(direction));
+    match smooth > 0.0 && geometric > 0.0 {
+        true => (geometric / smooth).min(1.0),
+        false => 0.0,
+    }
+}
+
+/// Irradiance by a sample from above, of a lamp the mean over the `footprint` that the place stands for.
+fn contribution(hit: &SurfaceHit, sample: &LightSample, footprint: f32) -> Vec3 {
+    let cosine = hit.normal.dot(sample.direction);
+    if footprint > 0.0 && sample.distance.is_finite() {
+        sample.radiance_over_pdf * cosine_over(footprint, sample.distance, cosine)
+    } else {
+        sample.radiance_over_pdf * cosine
+    }
 }
 
 #[cfg(test)]

@@ -85,8 +85,7 @@ impl Receiving<'_> {
         let FrameSettings {
             point_samples, seed, ..
         } = *self.settings;
-        // Of lights without extent as it was softened at shadows' edges.
-        let incident = incident_at(scene, lights, light, points, &wanted, direct, point_samples, seed);
+        let incident = incident_at(scene, lights, light, points, &wanted, footprint, point_samples, seed);
         glossy.over_lobes(transfer, direct, &incident)
     }
 
