@@ -28,6 +28,8 @@ const INTENSITY: f32 = 150.0;
 const AHEAD: f32 = 1.0;
 const RADIUS: f32 = 0.2;
 const VIRTUAL_LIGHTS: u32 = 20_000;
+/// Samples a pixel of path tracing, which tells where the lamp's light is smooth.
+const TRUTH_SPP: u32 = 1024;
 const MAP: &str = "data/sky.hdr";
 /// Who makes the light.
 const BY: [&str; 5] = [
@@ -174,6 +176,27 @@ pub fn flicker(page: &mut Page, scene: &Scene) -> Result<()> {
         points,
         cuts: PixelcutsSettings::default(),
     };
+    let film = |integrator, layer, spp| Film {
+        player: &player,
+        camera,
+        size: scene.size,
+        integrator,
+        layer,
+        spp,
+    };
+    eprintln!("flicker: {}: truth", scene.name);
+    let path = Tracer::Path { max_bounces: None };
+    let truth = film(path.into(), "indirect", Some(TRUTH_SPP)).frames(&lamp)?;
+    page.row(
+        Table::Flicker,
+        &[
+            scene.name.into(),
+            "path tracing, point lamp".into(),
+            "–".into(),
+            percentiles(Flicker::of(truth.clone())),
+            "–".into(),
+        ],
+    )?;
     let ways: [(Integrator, &str, Light); BY.len()] = [
         (Integrator::Transfer, "indirect", &lamp),
         (Integrator::Transfer, "indirect", &globe),
@@ -183,23 +206,27 @@ pub fn flicker(page: &mut Page, scene: &Scene) -> Result<()> {
     ];
     for (((integrator, layer, light), by), before) in ways.into_iter().zip(BY).zip(scene.before) {
         eprintln!("flicker: {}: {by}", scene.name);
-        let film = Film {
-            player: &player,
-            camera,
-            size: scene.size,
-            integrator,
-            layer,
-        };
+        let frames = film(integrator, layer, None).frames(light)?;
         let before = if before.is_empty() { "–" } else { before };
         let cells = [
             scene.name.into(),
             by.into(),
             before.into(),
-            percentiles(film.flicker(light)?),
+            percentiles(Flicker::of(frames.clone())),
+            match by.ends_with("point lamp") {
+                true => where_smooth(frames, &truth),
+                false => "–".into(),
+            },
         ];
         page.row(Table::Flicker, &cells)?;
     }
     Ok(())
+}
+
+/// Percentiles where truth is smooth, and of how many pixels.
+fn where_smooth(frames: Vec<Vec<f32>>, truth: &[Vec<f32>]) -> String {
+    let (found, share) = Flicker::where_smooth(frames, truth);
+    format!("{} ({:.0} %)", percentiles(found), 100.0 * share)
 }
 
 /// A sequence of one light.
@@ -209,15 +236,17 @@ struct Film<'a> {
     size: [usize; 2],
     integrator: Integrator,
     layer: &'static str,
+    spp: Option<u32>,
 }
 
 impl Film<'_> {
-    /// Of its layer as `light` goes from 0 to 1; `None` without light.
-    fn flicker(&self, light: Light) -> Result<Option<Flicker>> {
+    /// Its layer's grey values as `light` goes from 0 to 1.
+    fn frames(&self, light: Light) -> Result<Vec<Vec<f32>>> {
         let settings = ShotSettings {
             integrator: self.integrator.clone(),
             width: self.size[0],
             height: self.size[1],
+            samples: self.spp,
             ..ShotSettings::default()
         };
         let shot = self.player.shot(&self.camera, &settings)?;
@@ -230,6 +259,6 @@ impl Film<'_> {
                 &layer.ok_or_else(|| format!("a frame has no layer {}", self.layer))?,
             ));
         }
-        Ok(Flicker::of(frames))
+        Ok(frames)
     }
 }

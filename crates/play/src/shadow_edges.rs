@@ -19,6 +19,10 @@ use std::sync::OnceLock;
 /// Spots of a place: a step of light is a sixteenth of the place's.
 const SPOTS: usize = 16;
 
+/// Spots of a place on which [`MUCH`] steps: a sixteenth of it would show. Of the atrium's flicker they take a third, for a thirtieth of the
+/// time.
+const MANY: usize = 64;
+
 /// Those asked first: along the rim, some 70° apart by the golden angle. Where they agree with the place, no edge passes it, or one that
 /// cuts off less than an eighth.
 const RIM: [u32; 5] = [9, 11, 12, 13, 15];
@@ -46,6 +50,8 @@ pub struct ShadowEdges {
     neighbours: OnceLock<SparseMatrix>,
     /// Spots of each place on its own surface, that nothing separates from it.
     spots: Vec<OnceLock<Box<[Spot]>>>,
+    /// The same, [`MANY`].
+    many: Vec<OnceLock<Box<[Spot]>>>,
 }
 
 /// A spot of the scene's surfaces.
@@ -76,37 +82,49 @@ impl<F: Fn(&[Option<SurfaceHit>], &[(usize, u32)]) -> (Vec<Vec3>, Vec<Met>)> Lig
 impl ShadowEdges {
     /// Nothing known yet of so many places.
     pub fn new(places: usize) -> ShadowEdges {
-        let mut spots = Vec::new();
-        spots.resize_with(places, OnceLock::new);
+        let unknown = || (0..places).map(|_| OnceLock::new()).collect();
         ShadowEdges {
             neighbours: OnceLock::new(),
-            spots,
+            spots: unknown(),
+            many: unknown(),
         }
     }
 
     /// Replaces light at shadows' edges by means over the places' surfaces. `met` and `lit`: of each place.
     pub fn soften(&self, places: Places, met: &[Met], lighting: impl Lighting, lit: &mut [Vec3]) {
-        let near_edges = self.near_edges(places, met, lit);
-        let rims = self.lit_at(places, &near_edges, true, &lighting);
+        let sum: f64 = lit.iter().map(|lit| f64::from(lit.max_element())).sum();
+        let mean = (sum / lit.len().max(1) as f64) as f32;
+        let near_edges = self.near_edges(places, met, mean, lit);
+        let rims = self.lit_at(places, &near_edges, Which::Rim, &lighting);
         let crossed: Vec<(u32, Lit)> = (near_edges.into_iter().zip(rims))
             .filter(|(place, rim)| rim.is_crossed(met[*place as usize]))
             .collect();
-        let inside: Vec<u32> = crossed.iter().map(|(place, _)| *place).collect();
-        let inner = self.lit_at(places, &inside, false, &lighting);
-        for ((place, rim), inner) in crossed.into_iter().zip(inner) {
-            let count = rim.count + inner.count;
-            if count > 0 {
-                lit[place as usize] = (rim.sum + inner.sum) / count as f32;
+        let mut set = |place: u32, found: &Lit| {
+            if found.count > 0 {
+                lit[place as usize] = found.sum / found.count as f32;
             }
+        };
+        let inside: Vec<u32> = crossed.iter().map(|(place, _)| *place).collect();
+        let inner = self.lit_at(places, &inside, Which::Inner, &lighting);
+        let mut bright = Vec::new();
+        for ((place, rim), inner) in crossed.into_iter().zip(inner) {
+            let all = rim.and(inner);
+            set(place, &all);
+            if all.step() > MUCH * mean {
+                bright.push(place);
+            }
+        }
+        let many = self.lit_at(places, &bright, Which::Many, &lighting);
+        for (&place, found) in bright.iter().zip(&many) {
+            set(place, found);
         }
     }
 
     /// Places that neighbours see the light otherwise than, that see it in part, or that have much of it: what passes between places
     /// steps most there.
-    fn near_edges(&self, places: Places, met: &[Met], lit: &[Vec3]) -> Vec<u32> {
+    /// `mean`: of all that is lit.
+    fn near_edges(&self, places: Places, met: &[Met], mean: f32, lit: &[Vec3]) -> Vec<u32> {
         let neighbours = self.neighbours.get_or_init(|| neighbours(places));
-        let sum: f64 = lit.iter().map(|lit| f64::from(lit.max_element())).sum();
-        let mean = (sum / lit.len().max(1) as f64) as f32;
         let is_near = |&place: &u32| {
             let place = place as usize;
             let own = lit[place].max_element();
@@ -124,11 +142,11 @@ impl ShadowEdges {
             .collect()
     }
 
-    /// Light at the spots of places on the rim, or at all others.
-    fn lit_at(&self, places: Places, wanted: &[u32], on_rim: bool, lighting: &impl Lighting) -> Vec<Lit> {
+    /// Light at some spots of places.
+    fn lit_at(&self, places: Places, wanted: &[u32], which: Which, lighting: &impl Lighting) -> Vec<Lit> {
         let spots: Vec<Vec<(SurfaceHit, u32)>> = (wanted.par_iter())
             .with_min_len(64)
-            .map(|&place| self.spots_of(places, place as usize, on_rim))
+            .map(|&place| self.spots_of(places, place as usize, which))
             .collect();
         let (mut hits, mut runs) = (Vec::new(), Vec::new());
         for (&place, spots) in wanted.iter().zip(&spots) {
@@ -139,55 +157,113 @@ impl ShadowEdges {
         let mut next = irradiance.into_iter().zip(met);
         (spots.iter())
             .map(|spots| {
-                let mut lit = Lit::default();
+                let mut lit = Lit::NONE;
                 for (sum, met) in next.by_ref().take(spots.len()) {
-                    lit.sum += sum;
-                    lit.count += 1;
-                    lit.met[usize::from(met)] = true;
+                    lit.add(sum, met);
                 }
                 lit
             })
             .collect()
     }
 
-    fn spots_of(&self, places: Places, place: usize, on_rim: bool) -> Vec<(SurfaceHit, u32)> {
+    fn spots_of(&self, places: Places, place: usize, which: Which) -> Vec<(SurfaceHit, u32)> {
         let Some(hit) = &places.hits[place] else {
             return Vec::new();
         };
         let reach = REACH * places.disk_radius;
-        let spots = self.spots[place].get_or_init(|| spots_around(places.scene, hit, place, reach));
+        let (spots, count) = match which {
+            Which::Many => (&self.many[place], MANY),
+            Which::Rim | Which::Inner => (&self.spots[place], SPOTS),
+        };
+        let spots = spots.get_or_init(|| spots_around(places.scene, hit, place, count, reach));
         let of = |spot: &Spot| {
             (
                 (places.scene).surface_at(spot.primitive, spot.barycentric, spot.front),
                 spot.which,
             )
         };
-        let wanted = (spots.iter()).filter(|spot| RIM.contains(&spot.which) == on_rim);
-        wanted.map(of).collect()
+        let is_wanted = |spot: &&Spot| match which {
+            Which::Rim => RIM.contains(&spot.which),
+            Which::Inner => !RIM.contains(&spot.which),
+            Which::Many => true,
+        };
+        spots.iter().filter(is_wanted).map(of).collect()
     }
 }
 
+/// Some of a place's spots.
+#[derive(Clone, Copy)]
+enum Which {
+    /// Of [`SPOTS`] those on the rim.
+    Rim,
+    /// All others.
+    Inner,
+    /// All of [`MANY`].
+    Many,
+}
+
 /// Light of several spots.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Lit {
     sum: Vec3,
     count: u32,
+    least: f32,
+    most: f32,
     /// What any of them met.
     met: [bool; 1 + (LIT | DARK) as usize],
 }
 
 impl Lit {
+    /// Of no spot.
+    const NONE: Lit = Lit {
+        sum: Vec3::ZERO,
+        count: 0,
+        least: f32::INFINITY,
+        most: 0.0,
+        met: [false; 1 + (LIT | DARK) as usize],
+    };
+
+    fn add(&mut self, lit: Vec3, met: Met) {
+        self.sum += lit;
+        self.count += 1;
+        self.least = self.least.min(lit.max_element());
+        self.most = self.most.max(lit.max_element());
+        self.met[usize::from(met)] = true;
+    }
+
+    /// Of these and others.
+    fn and(self, others: Lit) -> Lit {
+        Lit {
+            sum: self.sum + others.sum,
+            count: self.count + others.count,
+            least: self.least.min(others.least),
+            most: self.most.max(others.most),
+            met: std::array::from_fn(|met| self.met[met] || others.met[met]),
+        }
+    }
+
+    /// What an edge takes away that passes all of them.
+    fn step(&self) -> f32 {
+        self.most - self.least
+    }
+
     /// Whether any has met something else than the place.
     fn is_crossed(&self, place: Met) -> bool {
         (0..).zip(self.met).any(|(met, any)| any && met != place) || place == LIT | DARK
     }
 }
 
-/// Spots on the surface around a hit, on its own side of all others.
-fn spots_around(scene: &TracedScene, hit: &SurfaceHit, place: usize, reach: f32) -> Box<[Spot]> {
+/// So many spots on the surface around a hit, on its own side of all others.
+fn spots_around(
+    scene: &TracedScene,
+    hit: &SurfaceHit,
+    place: usize,
+    count: usize,
+    reach: f32,
+) -> Box<[Spot]> {
     let frame = Frame::around(hit.geometric_normal);
     let at = |which: usize, reach: f32| {
-        let offset = frame.world_from_local((sunflower(which, SPOTS, place) * reach).extend(0.0));
+        let offset = frame.world_from_local((sunflower(which, count, place) * reach).extend(0.0));
         let height = HEIGHT * offset.length();
         let way = Ray {
             t_max: 1.0,
@@ -212,7 +288,7 @@ fn spots_around(scene: &TracedScene, hit: &SurfaceHit, place: usize, reach: f32)
     };
     // On what is small or bent, nearer ones.
     let found = |which: usize| (NEARER.iter()).find_map(|nearer| at(which, reach * nearer));
-    (0..SPOTS).filter_map(found).collect()
+    (0..count).filter_map(found).collect()
 }
 
 /// Places near each other that face the same way: a row for each, weights of no use.
@@ -316,7 +392,7 @@ mod tests {
         );
         let from = Vec3::new(-0.01, 0.3, 0.0);
         let hit = scene.closest_hit(&Ray::endless(from, Vec3::NEG_Y)).unwrap();
-        let spots = spots_around(&scene, &hit, 0, REACH * RADIUS);
+        let spots = spots_around(&scene, &hit, 0, SPOTS, REACH * RADIUS);
         assert!(spots.len() > SPOTS / 2, "{}", spots.len());
         for spot in &spots {
             let at = scene

@@ -200,11 +200,8 @@ fn irradiance_by(
     run_of: impl Fn(usize) -> (usize, u32) + Sync,
 ) -> (Vec<Vec3>, Told) {
     let footprint = if samples.is_delta() { footprint } else { 0.0 };
-    let is_above = |place: usize, direction: Vec3| {
-        hits[place]
-            .as_ref()
-            .is_some_and(|hit| is_above(hit, direction))
-    };
+    let is_above =
+        |place: usize, direction: Vec3| hits[place].as_ref().is_some_and(|hit| is_above(hit, direction));
     let contribution = |place: usize, sample: &LightSample| {
         hits[place]
             .as_ref()

@@ -85,7 +85,16 @@ impl Receiving<'_> {
         let FrameSettings {
             point_samples, seed, ..
         } = *self.settings;
-        let incident = incident_at(scene, lights, light, points, &wanted, footprint, point_samples, seed);
+        let incident = incident_at(
+            scene,
+            lights,
+            light,
+            points,
+            &wanted,
+            footprint,
+            point_samples,
+            seed,
+        );
         glossy.over_lobes(transfer, direct, &incident)
     }
 

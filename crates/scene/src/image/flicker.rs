@@ -9,6 +9,9 @@ use super::metrics::grey;
 /// Share of the sequence's mean below which a pixel is dark.
 const DARK: f64 = 0.02;
 
+/// Second difference of a pixel over its mean from which on light is not smooth: what 99 of 100 pixels of a film may have.
+const SMOOTH: f64 = 0.005;
+
 /// Steps of the histogram for a factor of ten: percentiles are off by at most 2 %.
 const PER_DECADE: f64 = 64.0;
 /// Decades of the histogram, from 10⁻⁸ on.
@@ -38,6 +41,46 @@ impl Flicker {
         frames.into_iter().for_each(|frame| meter.add(frame));
         meter.flicker()
     }
+
+    /// The same of pixels alone whose light is smooth in `truth`, the same sequence of a reference: second differences of at most 0.5 % in
+    /// all frames. Second, their share of the pixels that are lit. Noise of the reference makes it less.
+    ///
+    /// # Panics
+    /// Frames are of different sizes.
+    pub fn where_smooth(frames: Vec<Vec<f32>>, truth: &[Vec<f32>]) -> (Option<Flicker>, f64) {
+        let (mut means, mut of_truth) = (PixelMeans::default(), PixelMeans::default());
+        frames.iter().for_each(|frame| means.add(frame));
+        truth.iter().for_each(|frame| of_truth.add(frame));
+        let of_truth = of_truth.of_lit();
+        let is_smooth = |pixel: usize| {
+            let second = |k: &[Vec<f32>]| second_difference(k[0][pixel], k[1][pixel], k[2][pixel]);
+            of_truth[pixel] > 0.0
+                && truth
+                    .windows(3)
+                    .all(|three| second(three) <= SMOOTH * of_truth[pixel])
+        };
+        let mut meter = FlickerMeter::new(&means);
+        let (mut lit, mut smooth) = (0, 0);
+        for (pixel, mean) in meter
+            .means
+            .iter_mut()
+            .enumerate()
+            .filter(|(_, mean)| **mean > 0.0)
+        {
+            lit += 1;
+            match is_smooth(pixel) {
+                true => smooth += 1,
+                false => *mean = 0.0,
+            }
+        }
+        frames.into_iter().for_each(|frame| meter.add(frame));
+        (meter.flicker(), f64::from(smooth) / f64::from(lit.max(1)))
+    }
+}
+
+/// Absolute.
+fn second_difference(first: f32, second: f32, third: f32) -> f64 {
+    (f64::from(first) - 2.0 * f64::from(second) + f64::from(third)).abs()
 }
 
 /// What pixels' differences are relative to: first pass over a sequence.
@@ -104,8 +147,8 @@ impl FlickerMeter {
         let [first, second] = &self.before;
         if !first.is_empty() {
             for (i, &mean) in self.means.iter().enumerate().filter(|(_, mean)| **mean > 0.0) {
-                let second = f64::from(first[i]) - 2.0 * f64::from(second[i]) + f64::from(greys[i]);
-                let steps = (second.abs() / mean / LEAST).max(1.0).log10() * PER_DECADE;
+                let second = second_difference(first[i], second[i], greys[i]);
+                let steps = (second / mean / LEAST).max(1.0).log10() * PER_DECADE;
                 let last = self.counts.len() - 1;
                 self.counts[(steps as usize).min(last)] += 1;
             }
@@ -166,5 +209,25 @@ mod tests {
         // A step of the histogram.
         assert!((found.p99 / 0.4 - 1.0).abs() < 0.04, "{found:?}");
         assert!(Flicker::of(vec![vec![0.0; 4]; 5]).is_none());
+    }
+    /// Truth by hand: of 100 pixels half jump in the reference by 10 %; of those that don't, one does here.
+    #[test]
+    fn where_light_jumps_in_truth_it_may_jump() {
+        let sequence = |jumps: &dyn Fn(usize) -> bool| -> Vec<Vec<f32>> {
+            let at = |k: usize, pixel: usize| if jumps(pixel) && k % 2 == 0 { 1.1 } else { 1.0 };
+            (0..8)
+                .map(|k| (0..100).map(|pixel| at(k, pixel)).collect())
+                .collect()
+        };
+        let truth = sequence(&|pixel| pixel < 50);
+        let (found, share) = Flicker::where_smooth(sequence(&|pixel| pixel < 40), &truth);
+        assert_eq!((found.unwrap().p999, share), (0.0, 0.5));
+        let (found, share) = Flicker::where_smooth(sequence(&|pixel| pixel < 51), &truth);
+        let found = found.unwrap();
+        assert!(
+            (found.p99 / (0.2 / 1.05) - 1.0).abs() < 0.04 && found.median == 0.0,
+            "{found:?}"
+        );
+        assert_eq!(share, 0.5);
     }
 }
