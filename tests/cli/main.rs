@@ -19,6 +19,7 @@ mod export;
 mod far;
 mod front_door;
 mod general;
+mod image_lights;
 mod inspect;
 mod kinds;
 mod lamps;

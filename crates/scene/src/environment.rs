@@ -29,21 +29,28 @@ const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// The file cannot be read or decoded, or holds negative, infinite or NaN pixels: the message counts them and
 /// names the first. They are not repaired here, because a repaired sun is a wrong sun.
 pub fn read_environment(path: &Path) -> Result<EnvironmentMap, ImageError> {
-    let file = path.display().to_string();
     // Once: it may come through a pipe.
     let bytes = read_file(path, &Limits::default())?;
+    decode_environment(&path.display().to_string(), &bytes, &Limits::default())
+}
+
+/// As [`read_environment`], from memory; `file` says in errors where the bytes came from.
+///
+/// # Errors
+/// As [`read_environment`].
+pub fn decode_environment(file: &str, bytes: &[u8], limits: &Limits) -> Result<EnvironmentMap, ImageError> {
     let image = if bytes.starts_with(&EXR_MAGIC) {
-        let layers = decode_exr(&file, &bytes, &Limits::default())?;
+        let layers = decode_exr(file, bytes, limits)?;
         let only = (layers.layers.len() == 1).then(|| layers.layers[0].name.clone());
         let image = layers.rgb(BEAUTY).or_else(|| layers.rgb(&only?));
         image.ok_or_else(|| ImageError::Invalid {
-            file: file.clone(),
+            file: file.into(),
             detail: "holds several layers and no plain R, G, B; save one layer of it".into(),
         })?
     } else {
-        decode_hdr(&file, &bytes, &Limits::default())?
+        decode_hdr(file, bytes, limits)?
     };
-    environment_from_image(&file, image)
+    environment_from_image(file, image)
 }
 
 fn environment_from_image(file: &str, image: FloatImage) -> Result<EnvironmentMap, ImageError> {

@@ -134,7 +134,7 @@ pub enum LightKind {
         #[serde(skip)]
         maps: EnvironmentMaps,
         /// An equirectangular map of radiance (`.hdr` or `.exr`), relative to the sequence's folder. With `####` for a number, a map for
-        /// each frame.
+        /// each frame; or the map's file itself, as a data URI in base64.
         file: MapFile,
         /// Multiplies the map.
         #[serde(with = "Keyed::<Factor>", default = "constant::<Factor, 1>")]

@@ -6,13 +6,12 @@ mod tests;
 
 use crate::animated::{Animated, Interpolation};
 use crate::camera::CameraTrack;
-use crate::environment::read_environment;
 use crate::json::decode::{Document, Object, read_text};
 use crate::json::error::JsonError;
 use crate::json::path::JsonPath;
 use crate::json::quantity::{Above0, Number, Range, Version1, given, positive};
 use crate::light::{Day, EnvironmentMaps, LightKind, LightTrack, MapFile};
-use crate::numbered;
+use crate::map_files::{self, MAX_MAP_BYTES, shown};
 use crate::photometry::{self, Photometry};
 use crate::weather::Weather;
 use glam::DVec3;
@@ -254,8 +253,8 @@ pub fn parse_sequence_with(
     .sequence(text, &JsonPath::default())
 }
 
-/// Reads what [`stage_to_json`] wrote: the scene's cameras and its own lights. Environment maps are
-/// not part of a scene and are refused.
+/// Reads what [`stage_to_json`] wrote: the scene's cameras and its own lights. Environment maps are read where they stand in
+/// the text as data URIs; names of files are refused.
 ///
 /// # Errors
 /// See [`JsonError`].
@@ -282,7 +281,7 @@ pub fn stage_from_json(text: &str) -> Result<(Vec<CameraTrack>, Sequence), JsonE
 }
 
 /// A sequence as JSON text, one that [`parse_sequence`] reads back to an equal sequence. Environment
-/// maps are named by their file, not included.
+/// maps are named by their file, not included, but for those that stand in the text already.
 pub fn sequence_to_json(sequence: &Sequence) -> String {
     pretty(&SequenceFile::of(sequence))
 }
@@ -458,7 +457,8 @@ impl<'a> Reader<'a> {
             }
             if bytes > MAX_MAP_BYTES {
                 let message = format!(
-                    "with {name} the maps take more than {MAX_MAP_BYTES} bytes of memory; make them smaller or fewer"
+                    "with {} the maps take more than {MAX_MAP_BYTES} bytes of memory; make them smaller or fewer",
+                    shown(name)
                 );
                 return Err(self.document.error(&path, message));
             }
@@ -466,7 +466,7 @@ impl<'a> Reader<'a> {
         }
         EnvironmentMaps::of_keys(maps.clone(), *interpolation == Interpolation::Linear).map_err(|sizes| {
             let (a, b) = sizes.unwrap_or((0, 0));
-            let [of_a, of_b] = [a, b].map(|i| format!("{} has {}x{}", keys[i].1, maps[i].1.width, maps[i].1.height));
+            let [of_a, of_b] = [a, b].map(|i| format!("{} has {}x{}", shown(&keys[i].1), maps[i].1.width, maps[i].1.height));
             let message = format!(
                 "maps that are blended must have one size, but {of_a} and {of_b} pixels; resize one, or use \"interpolation\": \"step\""
             );
@@ -479,22 +479,18 @@ impl<'a> Reader<'a> {
         if let (None, Some(maps)) = (self.base_dir, self.maps.get(Path::new(file))) {
             return Ok(maps.clone());
         }
+        if let Some(maps) = map_files::embedded(file) {
+            return maps.map_err(|error| self.document.error(path, error));
+        }
         let Some(base) = self.base_dir else {
-            let message = "no map of this name is here: assets hold none, use a sequence file";
+            let message = "no map of this name is here: assets hold none by name, use a sequence file";
             return Err(self.document.error(path, message));
         };
         let name = base.join(file);
         if let Some(maps) = self.maps.get(&name) {
             return Ok(maps.clone());
         }
-        // A file that is called so is meant itself.
-        let maps = if numbered::is_pattern(&name) && !name.exists() {
-            read_maps(&name, self.frames).map_err(|error| format!("{file}: {error}"))
-        } else {
-            read_environment(&name)
-                .map(|map| Arc::new(map).into())
-                .map_err(|error| error.to_string())
-        };
+        let maps = map_files::read(&name, file, self.frames);
         let maps = maps.map_err(|error| self.document.error(path, error))?;
         Ok(self.maps.entry(name).or_insert(maps).clone())
     }
@@ -589,26 +585,6 @@ impl<'a> Reader<'a> {
         }
         Ok(())
     }
-}
-
-/// Most bytes that the maps of a pattern take in memory.
-const MAX_MAP_BYTES: usize = 4 << 30;
-
-/// The maps of a pattern, as many as there are frames.
-fn read_maps(pattern: &Path, frames: u32) -> Result<EnvironmentMaps, String> {
-    let (mut maps, mut bytes) = (Vec::new(), 0);
-    for file in numbered::files(pattern)?.iter().take(frames as usize) {
-        let map = read_environment(file).map_err(|error| error.to_string())?;
-        bytes += map.pixels.len() * size_of::<glam::Vec3>();
-        if bytes > MAX_MAP_BYTES {
-            let name = file.display();
-            return Err(format!(
-                "with {name} the maps take more than {MAX_MAP_BYTES} bytes of memory; make them smaller, or the sequence shorter"
-            ));
-        }
-        maps.push(Arc::new(map));
-    }
-    EnvironmentMaps::of_frames(maps).ok_or_else(|| "there is no map".into())
 }
 
 /// The values of all keys, or the only one.

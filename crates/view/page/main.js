@@ -6,7 +6,7 @@ import { Beside } from "./beside.js";
 import { Link, wishOf } from "./link.js";
 import { Panel } from "./panel.js";
 import { Stage } from "./stage.js";
-import { State, eyeOf, outside } from "./state.js";
+import { State, eyeOf, outside, renamed } from "./state.js";
 
 const $ = (id) => document.getElementById(id);
 const LAYERS = { beauty: "Beauty", direct: "Direct light", indirect: "Indirect light", emission: "Light seen itself", albedo: "Reflectance", normal: "Normals", depth: "Distance" };
@@ -304,8 +304,11 @@ async function take(file) {
       for (const name of ["position", "center", "look_at"]) if (out[name]) out[name] = moved(out[name]);
       return out;
     };
+    // Maps that stand in the text and are known have short names here.
+    const known = new Map(Object.entries(state.hello.embedded ?? {}).map(([name, map]) => [map, name]));
+    const lights = text.lights.map((light) => renamed(here(light), (map) => known.get(map)));
     state.work((work) => {
-      work.sequence = { frames: text.frames ?? 1, fps: text.fps ?? 24, lights: text.lights.map(here) };
+      work.sequence = { frames: text.frames ?? 1, fps: text.fps ?? 24, lights };
       Object.assign(work, { muted: [], solo: null, time: 0, selected: text.lights[0]?.name ?? null });
     });
     const eye = camera?.node ? eyeOf(state.hello.cameras.find((c) => c.name === camera.node), 0) : camera && eyeOf(here(camera), 0);

@@ -187,7 +187,7 @@ export class State {
       return value.map((x, i) => x + offset[i]);
     };
     const far = offset.some((x) => x !== 0);
-    const lights = this.shining().lights.map((light) => {
+    const lights = this.shining().lights.map((light) => renamed(light, (name) => this.hello.embedded?.[name])).map((light) => {
       if (!far) return light;
       const out = { ...light };
       for (const name of ["position", "center"]) if (out[name]) out[name] = moved(out[name]);
@@ -217,6 +217,14 @@ export class State {
     const edits = Object.entries(this.edits).map(([material, edit]) => ({ material: Number(material), ...edit }));
     return { relight_materials: 1, ...(this.variantShown() ? { variant: this.variant } : {}), edits };
   }
+}
+
+// A light with other names of its maps, where a function has any.
+export function renamed(light, nameOf) {
+  const { file } = light;
+  if (light.type !== "environment" || !file) return light;
+  const other = (name) => nameOf(name) ?? name;
+  return { ...light, file: typeof file === "string" ? other(file) : { ...file, keys: file.keys.map(([f, name]) => [f, other(name)]) } };
 }
 
 // The sequence's camera, else the scene's first, else one from outside that sees all.

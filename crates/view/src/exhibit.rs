@@ -1,7 +1,7 @@
 //! What is shown, and what tabs are told of it.
 
 use relight_play::Player;
-use relight_play::scene::light::{EnvironmentMaps, LightKind};
+use relight_play::scene::light::{EnvironmentMaps, LightKind, MapFile};
 use relight_play::scene::material::Model;
 use relight_play::scene::sequence::{Sequence, stage_to_json};
 use relight_play::scene::surface::Surfaces;
@@ -30,20 +30,50 @@ pub struct Exhibit {
 }
 
 impl Exhibit {
-    /// The environment maps of the first lights.
+    /// The environment maps of the first lights, by the names that tabs are told.
     pub fn maps(&self) -> Maps {
-        let maps = self.sequence.lights.iter().flat_map(|light| match &light.kind {
+        let (sequence, _) = self.named();
+        let maps = sequence.lights.iter().flat_map(|light| match &light.kind {
             LightKind::Environment { maps, file, .. } => maps.by_name(file),
             _ => Vec::new(),
         });
         maps.map(|(name, maps)| (PathBuf::from(name), maps)).collect()
     }
 
+    /// The first lights with names in place of maps that stand in the text, as those of scenes do, and these maps by name: tabs say all lights
+    /// again whenever one changes, and browsers keep little.
+    fn named(&self) -> (Sequence, HashMap<String, String>) {
+        let mut sequence = self.sequence.clone();
+        let mut embedded = HashMap::new();
+        for light in &mut sequence.lights {
+            let LightKind::Environment { file, .. } = &mut light.kind else {
+                continue;
+            };
+            let names: Vec<&mut String> = match file {
+                MapFile::One(name) => vec![name],
+                MapFile::Keys { keys, .. } => keys.iter_mut().map(|key| &mut key.1).collect(),
+            };
+            for (i, name) in names
+                .into_iter()
+                .enumerate()
+                .filter(|(_, name)| name.starts_with("data:"))
+            {
+                let short = match i {
+                    0 => format!("map of {}", light.name),
+                    _ => format!("map {} of {}", i + 1, light.name),
+                };
+                embedded.insert(short.clone(), std::mem::replace(name, short));
+            }
+        }
+        (sequence, embedded)
+    }
+
     /// What a tab is told first, as JSON: cameras, lights, size, materials (`docs/view.md` has the fields).
     pub fn hello(&self) -> Value {
         let scene = self.player.scene();
+        let (sequence, embedded) = self.named();
         let stage: Value =
-            serde_json::from_str(&stage_to_json(&scene.cameras, &self.sequence)).unwrap_or(Value::Null);
+            serde_json::from_str(&stage_to_json(&scene.cameras, &sequence)).unwrap_or(Value::Null);
         let bounds = self.player.prepared.scene.bounds();
         let materials: Vec<Value> = (scene.materials.iter())
             .map(|material| {
@@ -85,6 +115,7 @@ impl Exhibit {
             "lights_file": self.lights_file,
             "cameras": stage["cameras"],
             "sequence": stage["sequence"],
+            "embedded": embedded,
             "offset": scene.offset.to_array(),
             "bounds": bounds.map(|(low, high)| [low.to_array(), high.to_array()]),
             "triangles": self.player.prepared.scene.triangle_count(),

@@ -521,6 +521,42 @@ fn an_asset_that_is_replaced_is_shown_anew() {
     assert_eq!(Tab::connect(&served.url).hello().unwrap()["asset"], "anew");
 }
 
+/// Truth: the same lights with the map in the text itself, as a command line takes them.
+#[test]
+fn maps_in_the_text_have_short_names_here() {
+    let map = "data:image/vnd.radiance;base64,Iz9SQURJQU5DRQpGT1JNQVQ9MzItYml0X3JsZV9yZ2JlCgotWSAxICtYIDIKgEAggSBAgII=";
+    let text = json!({ "relight_sequence": 1, "lights": [
+        { "name": "sky", "type": "environment", "file": map },
+        { "name": "dusk", "type": "environment", "scale": 0.5, "file": { "keys": [[0, map], [4, map]], "interpolation": "step" } } ] });
+    let sequence = parse_sequence(&text.to_string(), Path::new(""), "lights").unwrap();
+    let shown = || Exhibit {
+        sequence: sequence.clone(),
+        ..exhibit(player())
+    };
+    let served = Served::of(shown());
+    let mut tab = Tab::connect(&served.url);
+    let hello = tab.hello().unwrap();
+    let told = &hello["sequence"];
+    assert_eq!(told["lights"][0]["file"], "map of sky");
+    assert_eq!(
+        told["lights"][1]["file"]["keys"],
+        json!([[0.0, "map of dusk"], [4.0, "map 2 of dusk"]])
+    );
+    assert_eq!(
+        hello["embedded"],
+        json!({ "map of sky": map, "map of dusk": map, "map 2 of dusk": map })
+    );
+    let mut picture = |lights: &Value| {
+        let mut wish = show(1, false);
+        wish["lights"] = lights.clone();
+        tab.send(&json!({ "show": wish }));
+        tab.picture_at("final").1
+    };
+    let by_name = picture(told);
+    assert_eq!(by_name, picture(&text));
+    assert_ne!(by_name, picture(&lights(1.0)));
+}
+
 #[test]
 fn ten_thousand_messages_a_second_hold_up_nobody() {
     let served = Served::new();

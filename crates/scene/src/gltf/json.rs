@@ -131,16 +131,18 @@ impl<'a> At<'a> {
 
     /// The elements of an array; empty where it is absent.
     pub fn items(&self, key: &str) -> Vec<At<'a>> {
-        let Some(member) = self.get(key) else {
-            return Vec::new();
-        };
-        let Some(array) = member.value.as_array() else {
-            member.fault("must be an array");
+        self.get(key).map_or_else(Vec::new, |member| member.elements())
+    }
+
+    /// The elements of this array.
+    pub fn elements(&self) -> Vec<At<'a>> {
+        let Some(array) = self.value.as_array() else {
+            self.fault("must be an array");
             return Vec::new();
         };
         let element = |(i, value)| At {
             value,
-            path: format!("{}[{i}]", member.path),
+            path: format!("{}[{i}]", self.path),
             faults: self.faults,
         };
         array.iter().enumerate().map(element).collect()

@@ -3,7 +3,7 @@
 //! Implements the Khronos glTF 2.0 specification with KHR_draco_mesh_compression, KHR_lights_punctual,
 //! KHR_materials_emissive_strength, KHR_materials_pbrSpecularGlossiness (converted), KHR_materials_unlit,
 //! KHR_materials_variants, KHR_mesh_quantization, KHR_meshopt_compression, KHR_node_visibility, KHR_texture_basisu,
-//! KHR_texture_transform, EXT_mesh_gpu_instancing, EXT_meshopt_compression, EXT_texture_webp and, for lights and cameras,
+//! KHR_texture_transform, EXT_lights_image_based, EXT_mesh_gpu_instancing, EXT_meshopt_compression, EXT_texture_webp and, for lights and cameras,
 //! KHR_animation_pointer. Skins and morph targets are posed at rest. docs/import.md has the whole table.
 //!
 //! **Anybody may have written the file.** Every index, range, count and type is checked against the JSON and
@@ -25,13 +25,14 @@
 //!
 //! The way of the data: `container` splits the file, `mend` makes JSON of it, `list` holds entries, `layout`, `materials`,
 //! `nodes`, `primitives`, `instancing` and `animation` read and check, `accessors`, `meshopt`, `draco` and `basis` decode, `geometry`,
-//! `deform`, `specgloss` and `tracks` build the scene.
+//! `deform`, `specgloss`, `tracks`, `image_light` and `cube_map` build the scene.
 
 mod accessors;
 mod animation;
 mod basis;
 mod component;
 mod container;
+mod cube_map;
 mod deform;
 mod draco;
 mod duplicates;
@@ -40,6 +41,7 @@ mod extensions;
 mod geometry;
 mod guard;
 mod ies;
+mod image_light;
 mod instancing;
 mod json;
 mod ktx;
@@ -149,6 +151,7 @@ fn import_checked(
     let source = materials::Materials::parse(&root, &layout, &mut notes);
     let meshes = primitives::parse(&root, &layout, source.materials.len(), &variants, &mut notes);
     let profiles = ies::Profiles::parse(&root, &layout);
+    let image_lights = image_light::ImageLights::parse(&root, source.images.len(), &mut notes);
     let mut graph = nodes::Graph::parse(&root, &layout, meshes.len(), &profiles, &mut notes);
     let skins = deform::parse_skins(&root, &layout, &graph, &mut notes);
     let glossy = specgloss::parse(&root, &source);
@@ -228,6 +231,8 @@ fn import_checked(
         &faults,
         &mut notes,
     );
+    let environment = image_lights.load(&source, &data, folder, &faults, &mut notes);
+    image_lights.note_unused(&mut notes);
     source.note_unused(&mut notes);
     numbers.append_copies(&mut materials);
     let variants = numbers.variants(variants.names());
@@ -261,6 +266,10 @@ fn import_checked(
         });
     }
     let mut lights = tracks.lights;
+    if let Some((name, kind)) = environment {
+        let name = tracks::free_name(&name, &lights);
+        lights.push(LightTrack { name, kind });
+    }
     let emits = |m: &Material| m.emission != Vec3::ZERO || m.unlit;
     let replacements = replacements(&variants);
     let shown = |mesh: &Mesh| shown_as(mesh.material, &replacements);

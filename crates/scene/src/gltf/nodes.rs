@@ -485,17 +485,22 @@ fn drop_repeated(list: &mut Vec<usize>) -> u64 {
     (before - list.len()) as u64
 }
 
-/// The roots of the scene that is shown: `scene`, else the first scene, else all nodes that are no child.
-fn roots(root: &At, is_child: &[bool], notes: &mut Notes) -> Vec<usize> {
+/// The scene that is shown, and its index: `scene`, else the first one.
+pub(super) fn shown_scene<'a>(root: &At<'a>) -> Option<(usize, At<'a>)> {
     let scenes = root.items("scenes");
     let chosen = root.index("scene", scenes.len(), "scenes").unwrap_or(0);
-    let Some(scene) = scenes.get(chosen) else {
+    Some((chosen, scenes.get(chosen)?.clone()))
+}
+
+/// The roots of the scene that is shown; without any scene, all nodes that are no child.
+fn roots(root: &At, is_child: &[bool], notes: &mut Notes) -> Vec<usize> {
+    let Some((chosen, scene)) = shown_scene(root) else {
         return (0..is_child.len()).filter(|&i| !is_child[i]).collect();
     };
-    if scenes.len() > 1 {
+    let scenes = root.items("scenes").len();
+    if scenes > 1 {
         notes.say(format!(
-            "scenes[{chosen}] is imported; the file has {} scenes",
-            scenes.len()
+            "scenes[{chosen}] is imported; the file has {scenes} scenes"
         ));
     }
     if !scene.value.is_object() {

@@ -106,6 +106,13 @@ pub(super) fn build(
     }
 }
 
+/// A name like that of no other light, nor of the emissive materials.
+pub(super) fn free_name(name: &str, lights: &[LightTrack]) -> String {
+    let mut taken: BTreeSet<String> = lights.iter().map(|light| light.name.clone()).collect();
+    taken.insert(EMISSIVE.to_owned());
+    unique(name, &mut taken)
+}
+
 /// `name`, or `name.1`, `name.2`, … if it is taken; taken afterwards.
 fn unique(name: &str, taken: &mut BTreeSet<String>) -> String {
     let mut candidate = name.to_owned();

@@ -1,63 +1,12 @@
-//! URIs in glTF files: data URIs (RFC 2397) and relative paths (RFC 3986), nothing else.
+//! URIs in glTF files: data URIs (RFC 2397, read by `crate::data_uri`) and relative paths (RFC 3986), nothing else.
 //!
 //! A scene may come from anybody, so a relative path must stay inside the folder of the file that names it,
 //! whatever percent-encoding or symbolic links it uses.
 
+pub(super) use crate::data_uri::decode_data_uri;
+use crate::data_uri::percent_decode;
 use crate::lfs::{LFS_ADVICE, is_lfs_pointer};
-use base64::Engine;
-use base64::engine::DecodePaddingMode;
-use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
 use std::path::{Path, PathBuf};
-
-/// Decodes a data URI, or returns `None` where `uri` is not one.
-pub(super) fn decode_data_uri(uri: &str) -> Option<Result<Vec<u8>, String>> {
-    let rest = uri
-        .get(..5)
-        .filter(|scheme| scheme.eq_ignore_ascii_case("data:"))
-        .map(|_| &uri[5..])?;
-    let Some((head, data)) = rest.split_once(',') else {
-        return Some(Err("is a data URI without a comma; export the file again".into()));
-    };
-    if !head.to_ascii_lowercase().ends_with(";base64") {
-        return Some(percent_decode(data));
-    }
-    // Some writers leave out the padding, some percent-encode it.
-    let config = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
-    let engine = GeneralPurpose::new(&base64::alphabet::STANDARD, config);
-    let decoded = match data.contains('%') {
-        true => percent_decode(data).and_then(|data| decode_base64(&engine, &data)),
-        false => decode_base64(&engine, data.as_bytes()),
-    };
-    Some(decoded)
-}
-
-fn decode_base64(engine: &GeneralPurpose, data: &[u8]) -> Result<Vec<u8>, String> {
-    engine
-        .decode(data)
-        .map_err(|e| format!("holds damaged base64 ({e}); export the file again"))
-}
-
-/// Undoes percent-encoding, once, byte by byte.
-fn percent_decode(text: &str) -> Result<Vec<u8>, String> {
-    let mut bytes = Vec::with_capacity(text.len());
-    let mut rest = text.bytes();
-    while let Some(byte) = rest.next() {
-        if byte != b'%' {
-            bytes.push(byte);
-            continue;
-        }
-        let mut digit = || rest.next().and_then(|b| (b as char).to_digit(16));
-        match (digit(), digit()) {
-            (Some(high), Some(low)) => bytes.push((high * 16 + low) as u8),
-            _ => {
-                return Err(
-                    "has a % that two hexadecimal digits don't follow; write a literal % as %25".to_owned(),
-                );
-            }
-        }
-    }
-    Ok(bytes)
-}
 
 /// The path inside the file's folder that a relative URI means.
 ///
@@ -179,17 +128,5 @@ mod tests {
         ] {
             assert!(relative_path(uri).is_err(), "{uri}");
         }
-    }
-
-    #[test]
-    fn data_uris_decode() {
-        let ok = |uri| decode_data_uri(uri).unwrap().unwrap();
-        assert_eq!(ok("data:application/octet-stream;base64,AAEC"), [0, 1, 2]);
-        assert_eq!(ok("DATA:;base64,AAE"), [0, 1], "missing padding");
-        assert_eq!(ok("data:;base64,AAE%3D"), [0, 1], "encoded padding");
-        assert_eq!(ok("data:text/plain,a%20b"), b"a b");
-        assert!(decode_data_uri("data:;base64,A!").unwrap().is_err());
-        assert!(decode_data_uri("data:nothing").unwrap().is_err());
-        assert!(decode_data_uri("plain.bin").is_none());
     }
 }
