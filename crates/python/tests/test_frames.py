@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 import relight
-from conftest import DATA
+from conftest import DATA, SMALL
 
 MOVING = DATA / "cornell_moving.lights.json"
 LAMPS = [
@@ -107,6 +107,52 @@ def test_materials_are_edited_as_play_edits_them(asset, command_line, tmp_path):
         asset.edited([{"material": "nothing of that name", "roughness": 1}])
     with pytest.raises(TypeError, match="materials"):
         asset.edited(7)
+
+
+def varied(folder):
+    """The box with a variant "dusk", in which what is white is shown in the green wall's material."""
+    raw = (DATA / "cornell.glb").read_bytes()
+    length = int.from_bytes(raw[12:16], "little")
+    document = json.loads(raw[20 : 20 + length])
+    names = [material["name"] for material in document["materials"]]
+    document["extensionsUsed"] = [*document.get("extensionsUsed", []), "KHR_materials_variants"]
+    document.setdefault("extensions", {})["KHR_materials_variants"] = {"variants": [{"name": "dusk"}]}
+    for mesh in document["meshes"]:
+        for primitive in mesh["primitives"]:
+            if names[primitive["material"]] == "White":
+                mapping = {"variants": [0], "material": names.index("Green")}
+                primitive["extensions"] = {"KHR_materials_variants": {"mappings": [mapping]}}
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    rest = raw[20 + length :]
+    size = 20 + len(text) + len(rest)
+    file = folder / "varied.glb"
+    file.write_bytes(raw[:8] + size.to_bytes(4, "little") + len(text).to_bytes(4, "little") + b"JSON" + text + rest)
+    return file
+
+
+def test_a_variant_is_shown_as_play_shows_it(command_line, tmp_path):
+    """Truth: the command line, bit by bit, and a bake of that variant alone for what the camera sees of the materials."""
+    scene = varied(tmp_path)
+    asset = relight.bake(scene, tmp_path / "varied.relight", **SMALL)
+    edits = {"relight_materials": 1, "variant": "dusk", "edits": []}
+    file = tmp_path / "dusk.json"
+    file.write_text(json.dumps(edits))
+    command_line(
+        "play", asset.path, "--lights", MOVING, "--materials", file, "-o", tmp_path / "f_#.exr", "--size", "32x24",
+        "--frames", "4-4", "--float",
+    )  # fmt: skip
+    played = relight.read_exr(tmp_path / "f_4.exr")["beauty"]
+    plain = asset.shot(size=(32, 24)).frame(MOVING, 4)["beauty"]
+    for form in [file, edits, json.dumps(edits)]:
+        shown = asset.edited(form)
+        np.testing.assert_array_equal(shown.shot(size=(32, 24)).frame(MOVING, 4)["beauty"], played)
+    assert np.abs(plain - played).sum() > 0.1 * plain.sum(), "the variant changes what is seen"
+    alone = relight.bake(scene, tmp_path / "alone.relight", variant="dusk", **SMALL)
+    layers = [a.shot(size=(32, 24)).frame(MOVING, 4, surface_layers=True) for a in (asset.edited(edits), alone)]
+    np.testing.assert_allclose(layers[0]["albedo"], layers[1]["albedo"], atol=1e-6)
+    with pytest.raises(relight.Error, match="dusk"):
+        asset.edited({"relight_materials": 1, "variant": "dawn", "edits": []})
 
 
 def test_weather_shines_by_the_hour(asset, command_line, tmp_path):

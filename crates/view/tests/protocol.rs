@@ -557,6 +557,61 @@ fn maps_in_the_text_have_short_names_here() {
     assert_ne!(by_name, picture(&lights(1.0)));
 }
 
+/// Truth: what a variant shows, edited by hand.
+#[test]
+fn a_variant_is_shown_by_name() {
+    use relight_play::scene::scene::Variant;
+    use relight_play::{
+        PreparedScene,
+        scene::traced::{Shading, TracedScene},
+    };
+    let mut scene = player().scene().as_ref().clone();
+    // Everything that is of one material is shown in another's colours.
+    let green = (scene
+        .materials
+        .iter()
+        .position(|material| material.base_color.y > 2.0 * material.base_color.x))
+    .unwrap();
+    let white = (scene
+        .materials
+        .iter()
+        .position(|material| material.base_color.x == material.base_color.y))
+    .unwrap();
+    scene.variants = vec![Variant {
+        name: "dusk".into(),
+        materials: vec![[white as u32, green as u32]],
+    }];
+    let edit = json!({ "material": white, "base_color": scene.materials[green].base_color.to_array()[..3] });
+    let scene = TracedScene::new(scene.into(), Shading::Full).unwrap();
+    let varied = relight_play::Player::new(PreparedScene::new(scene, None, None));
+    let served = Served::of(exhibit(varied));
+    let mut tab = Tab::connect(&served.url);
+    assert_eq!(
+        tab.hello().unwrap()["variants"],
+        json!([{ "name": "dusk", "materials": [[white, green]] }])
+    );
+    let mut picture = |materials: Value| {
+        let mut wish = show(1, false);
+        wish["materials"] = materials;
+        tab.send(&json!({ "show": wish }));
+        tab.picture_at("final").1
+    };
+    let plain = picture(json!({ "relight_materials": 1, "edits": [] }));
+    let dusk = picture(json!({ "relight_materials": 1, "edits": [], "variant": "dusk" }));
+    assert_ne!(dusk, plain);
+    assert_eq!(dusk, picture(json!({ "relight_materials": 1, "edits": [edit] })));
+    assert_eq!(
+        picture(json!({ "relight_materials": 1, "edits": [] })),
+        plain,
+        "nothing of it stays"
+    );
+    let mut wish = show(2, false);
+    wish["materials"] = json!({ "relight_materials": 1, "edits": [], "variant": "dawn" });
+    tab.send(&json!({ "show": wish }));
+    let what = tab.refused();
+    assert!(what.contains("dawn") && what.contains("dusk"), "{what}");
+}
+
 #[test]
 fn ten_thousand_messages_a_second_hold_up_nobody() {
     let served = Served::new();
