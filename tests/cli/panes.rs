@@ -1,8 +1,9 @@
-//! Thin glass: light comes through window panes, for shadow rays, eyes and links alike.
+//! Glass: light comes through window panes, for shadow rays, eyes and links alike.
 
 use crate::stage::{bake_json, folder, mean, relight, sequence};
 use relight_scene::image::{Layers, Limits, read_exr};
 use serde_json::{Value, json};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// A corner and two sides.
@@ -22,6 +23,15 @@ const ROOM: [Quad; 10] = [
     [[-4.0, 0.0, 8.0], [8.0, 0.0, 0.0], [0.0, 0.0, -6.0]],
 ];
 const PANE: Quad = [[1.0, 1.0, 2.0], [-2.0, 0.0, 0.0], [0.0, 1.5, 0.0]];
+/// The same of solid glass, 25 cm thick; faces look outwards.
+const THICK: [Quad; 6] = [
+    PANE,
+    [[-1.0, 1.0, 2.25], [2.0, 0.0, 0.0], [0.0, 1.5, 0.0]],
+    [[-1.0, 1.0, 2.0], [0.0, 0.0, 0.25], [0.0, 1.5, 0.0]],
+    [[1.0, 1.0, 2.25], [0.0, 0.0, -0.25], [0.0, 1.5, 0.0]],
+    [[-1.0, 1.0, 2.0], [2.0, 0.0, 0.0], [0.0, 0.0, 0.25]],
+    [[-1.0, 2.5, 2.25], [2.0, 0.0, 0.0], [0.0, 0.0, -0.25]],
+];
 /// Behind the pane, seen by nobody outside: a lamp of 0.4 m, 2 m in front of the window.
 const LAMP: Quad = [[0.2, 2.6, 4.0], [-0.4, 0.0, 0.0], [0.0, 0.4, 0.0]];
 
@@ -35,7 +45,11 @@ fn room(folder: &Path, pane: Option<Value>, at_window: bool) -> PathBuf {
     let lamp = json!({ "emissiveFactor": [1, 1, 1], "doubleSided": true,
         "pbrMetallicRoughness": { "baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0 },
         "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 40 } } });
-    let panes: &[Quad] = if pane.is_some() { &[PANE] } else { &[] };
+    let panes: &[Quad] = match &pane {
+        None => &[],
+        Some(pane) if pane["extensions"]["KHR_materials_volume"].is_object() => &THICK,
+        Some(_) => &[PANE],
+    };
     for (material, quads) in [&ROOM[..], &[LAMP], panes].into_iter().enumerate() {
         if quads.is_empty() {
             continue;
@@ -62,7 +76,7 @@ fn room(folder: &Path, pane: Option<Value>, at_window: bool) -> PathBuf {
     nodes.push(json!({ "camera": 0, "translation": [0.0, 1.5, z], "rotation": turn }));
     let document = json!({
         "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
-        "extensionsUsed": ["KHR_materials_transmission", "KHR_materials_emissive_strength"],
+        "extensionsUsed": ["KHR_materials_transmission", "KHR_materials_volume", "KHR_materials_emissive_strength"],
         "nodes": nodes, "meshes": meshes, "materials": [wall, lamp, pane.unwrap_or_else(|| json!({}))],
         "cameras": [{ "type": "perspective", "perspective": { "yfov": 1.2, "aspectRatio": 1.5, "znear": 0.1 } }],
         "buffers": [{ "uri": "room.bin", "byteLength": bytes.len() }], "bufferViews": views, "accessors": accessors,
@@ -77,6 +91,14 @@ fn glass(color: [f32; 3], transmission: f32) -> Option<Value> {
     Some(json!({ "pbrMetallicRoughness":
             { "baseColorFactor": [r, g, b, 1], "metallicFactor": 0, "roughnessFactor": 0 },
         "extensions": { "KHR_materials_transmission": { "transmissionFactor": transmission } } }))
+}
+
+/// Of a metre 80, 60 and 40 % are left.
+fn solid() -> Option<Value> {
+    let mut glass = glass([1.0; 3], 1.0)?;
+    glass["extensions"]["KHR_materials_volume"] = json!({ "thicknessFactor": 0.25,
+        "attenuationDistance": 1, "attenuationColor": [0.8, 0.6, 0.4] });
+    Some(glass)
 }
 
 /// A lamp without extent beside the other one.
@@ -106,6 +128,17 @@ fn play(folder: &Path, asset: &Path, integrator: &str, spp: &str, more: &[&str])
     ]);
     play.arg("--lights").arg(lights).args(more).assert().success();
     read_exr(&frame, &Limits::default()).unwrap()
+}
+
+/// Of all pixels of some rows and columns.
+fn sums(layers: &Layers, layer: &str, rows: Range<usize>, columns: Range<usize>) -> [f64; 3] {
+    let image = layers.rgb(layer).unwrap();
+    let mut sums = [0f64; 3];
+    for (y, x) in rows.flat_map(|y| columns.clone().map(move |x| (y, x))) {
+        let p = image.pixels[y * 48 + x];
+        sums = [0, 1, 2].map(|k| sums[k] + f64::from(p[k]));
+    }
+    sums
 }
 
 fn mean_of(layers: &Layers, layer: &str) -> f64 {
@@ -193,18 +226,41 @@ fn eyes_look_through_panes() {
     let path = play(folder.path(), &asset, "path", "512", &[]);
     let relit = play(folder.path(), &asset, "transfer", "32", &[]);
     // The window's middle.
-    let middle = |layers: &Layers, layer: &str| {
-        let image = layers.rgb(layer).unwrap();
-        let mut sums = [0f64; 3];
-        for (y, x) in (8..20).flat_map(|y| (18..30).map(move |x| (y, x))) {
-            let p = image.pixels[y * 48 + x];
-            sums = [0, 1, 2].map(|k| sums[k] + f64::from(p[k]));
-        }
-        sums
-    };
+    let middle = |layers: &Layers, layer: &str| sums(layers, layer, 8..20, 18..30);
     let (found, truth) = (middle(&relit, "beauty"), middle(&path, "beauty"));
     for k in 0..3 {
         assert!((found[k] / truth[k] - 1.0).abs() < 0.05, "{found:?} {truth:?}");
     }
     assert!(truth[2] < 0.5 * truth[0], "{truth:?}");
+}
+
+/// Truth: the path tracer, with the same tolerances as for thin panes; and of light that goes straight through 25 cm and more Beer's law leaves
+/// what the colours say, at 20° to 50°.
+#[test]
+fn solid_glass_lets_light_in_and_is_looked_through() {
+    let folder = folder();
+    let asset = baked(folder.path(), &room(folder.path(), solid(), false));
+    let path = play(folder.path(), &asset, "path", "512", &[]);
+    let relit = play(folder.path(), &asset, "transfer", "16", &[]);
+    for layer in ["direct", "indirect"] {
+        let (found, truth) = (mean_of(&relit, layer), mean_of(&path, layer));
+        let bias = found / truth - 1.0;
+        assert!(truth > 0.0 && bias.abs() < 0.03, "{layer}: {bias}");
+    }
+    let [red, _, blue] = sums(&path, "direct", 0..32, 0..48);
+    let longest = 0.25 / 50f64.to_radians().cos();
+    let left = |length: f64| (0.4f64 / 0.8).powf(length);
+    let ratio = blue / red;
+    assert!((left(longest)..left(0.25)).contains(&ratio), "{ratio}");
+
+    let asset = baked(folder.path(), &room(folder.path(), solid(), true));
+    let path = play(folder.path(), &asset, "path", "512", &[]);
+    let relit = play(folder.path(), &asset, "transfer", "32", &[]);
+    let (found, truth) = (
+        sums(&relit, "beauty", 8..20, 18..30),
+        sums(&path, "beauty", 8..20, 18..30),
+    );
+    for k in 0..3 {
+        assert!((found[k] / truth[k] - 1.0).abs() < 0.05, "{found:?} {truth:?}");
+    }
 }

@@ -31,7 +31,7 @@ from codecs_of_spec import (
 from xxh3 import xxh3_64
 from zstd_frame import decompress
 
-VERSION = 6
+VERSION = 7
 MAGIC = bytes.fromhex("8b524c540d0a1a0a")
 KINDS = {
     1: "provenance",
@@ -259,12 +259,25 @@ def materials(cursor, version=1):
             "iridescence_thickness_texture": r.option(texture_ref),
         }
 
+    def glass():
+        return {
+            "material": cursor.u32(),
+            "thickness": r.floats(1),
+            "absorption": r.floats(3),
+            "transmission_texture": r.option(texture_ref),
+        }
+
     found = r.list_of(material)
-    for further in r.list_of(extensions) if version == 3 else []:
+    for further in r.list_of(extensions) if version >= 3 else []:
         require(further["material"] < len(found), "extensions of a material that is there")
         require("extensions" not in found[further["material"]], "extensions of each material once")
         require(not any("extensions" in later for later in found[further["material"] :]), "extensions by rising material")
         found[further.pop("material")]["extensions"] = further
+    for body in r.list_of(glass) if version >= 4 else []:
+        require(body["material"] < len(found), "glass of a material that is there")
+        require("glass" not in found[body["material"]], "glass of each material once")
+        require(not any("glass" in later for later in found[body["material"] :]), "glass by rising material")
+        found[body.pop("material")]["glass"] = body
     return found
 
 
@@ -449,6 +462,7 @@ DECODE = {
 # 6.3, version 2, 6.6, versions 2 and 3, and 6.7, version 2.
 DECODE["materials", 2] = lambda cursor: materials(cursor, version=2)
 DECODE["materials", 3] = lambda cursor: materials(cursor, version=3)
+DECODE["materials", 4] = lambda cursor: materials(cursor, version=4)
 DECODE["points", 2] = lambda cursor: points(cursor, version=2)
 DECODE["points", 3] = lambda cursor: points(cursor, version=3)
 DECODE["links_transfer", 2] = lambda cursor: links_transfer(cursor, bits=8)
@@ -480,6 +494,15 @@ def check_extensions(further, textures):
             require(((value >= 1) | ((value == 0) & (name == "ior"))).all(), f"materials: {name} of at least 1")
 
 
+def check_glass(body, textures):
+    """6.3, version 4."""
+    for name, value in body.items():
+        if name == "transmission_texture":
+            require(value is None or value["texture"] < textures, "materials: a texture that is there")
+        else:
+            require((value >= 0).all(), f"materials: {name} of at least 0")
+
+
 def check_whole(asset):
     """What section 6 says of several sections together."""
     shapes = asset.get("geometry", {"meshes": [], "instances": []})
@@ -494,6 +517,7 @@ def check_whole(asset):
             texture = surface[f"{use}_texture"]
             require(texture is None or texture["texture"] < len(asset.get("textures", [])), "materials: a texture that is there")
         check_extensions(surface.get("extensions", {}), len(asset.get("textures", [])))
+        check_glass(surface.get("glass", {}), len(asset.get("textures", [])))
     sizes = [len(level["positions"]) for level in asset.get("points", [])]
     require(sum(sizes) < 1 << 32, "points: at most 2^32 − 1")
     clusters = []

@@ -129,6 +129,7 @@ fn with_scene(pruned: &Pruned) -> format::Asset {
         geometry: convert::geometry(&pruned.scene),
         materials: convert::materials(&pruned.scene),
         material_extensions: convert::material_extensions(&pruned.scene),
+        material_glass: convert::material_glass(&pruned.scene),
         textures: convert::textures(&pruned.scene),
         stage: convert::stage(&pruned.scene),
         ..format::Asset::default()

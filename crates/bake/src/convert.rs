@@ -57,6 +57,21 @@ pub fn material_extensions(scene: &Scene) -> Vec<format::MaterialExtensions> {
         .collect()
 }
 
+/// What further extensions say of the panes that have any.
+pub fn material_glass(scene: &Scene) -> Vec<format::MaterialGlass> {
+    let glass = |(index, material): (u32, &Material)| {
+        let e = material.extensions.as_ref()?;
+        let says = e.thickness > 0.0 || e.transmission_texture.is_some();
+        says.then(|| format::MaterialGlass {
+            material: index,
+            thickness: e.thickness,
+            absorption: e.absorption.to_array(),
+            transmission_texture: e.transmission_texture.map(|usage| Box::new(texture_ref(usage))),
+        })
+    };
+    (0u32..).zip(&scene.materials).filter_map(glass).collect()
+}
+
 /// Images with their samplers, in the scene's order.
 pub fn textures(scene: &Scene) -> Vec<format::Texture> {
     scene.textures.iter().map(texture).collect()

@@ -16,6 +16,8 @@ pub struct Asset {
     pub materials: Vec<Material>,
     /// What further extensions say of some of them, by rising material, at most once each.
     pub material_extensions: Vec<MaterialExtensions>,
+    /// What further extensions say of some panes, by rising material, at most once each.
+    pub material_glass: Vec<MaterialGlass>,
     /// Images, indexed by [`TextureRef::texture`].
     pub textures: Vec<Texture>,
     /// Cameras, lights and animations of the scene.
@@ -274,6 +276,19 @@ impl Default for MaterialExtensions {
             iridescence_thickness_texture: None,
         }
     }
+}
+
+/// What KHR_materials_volume and the texture of KHR_materials_transmission say of a pane. All values finite.
+#[derive(Debug, Clone, PartialEq, Default, Encode, Decode)]
+pub struct MaterialGlass {
+    /// Index into [`Asset::materials`].
+    pub material: u32,
+    /// Above 0 for solid glass, 0 for thin panes; metres.
+    pub thickness: f32,
+    /// Of light that goes through solid glass the share exp(−absorption · length) is left: linear RGB, 1/m, not negative.
+    pub absorption: [f32; 3],
+    /// Multiplies the transmission, in red, linear.
+    pub transmission_texture: Option<Box<TextureRef>>,
 }
 
 /// How a material's alpha acts.

@@ -2,7 +2,7 @@
 //! numbers, and a test compares the two: a change here without one there fails.
 
 /// Version of the specification that this crate implements: the highest that it reads. SPEC 3.
-pub const SPEC_VERSION: u32 = 6;
+pub const SPEC_VERSION: u32 = 7;
 
 /// Version of the specification since which header and table are as they are: what the header says. SPEC 3.3.
 pub const CONTAINER_VERSION: u32 = 1;
@@ -233,7 +233,8 @@ impl Kind {
     /// the content.
     pub fn version(self) -> u16 {
         match self {
-            Kind::Points | Kind::Materials => 3,
+            Kind::Materials => 4,
+            Kind::Points => 3,
             Kind::LinksTransfer => 2,
             _ => 1,
         }
@@ -246,6 +247,7 @@ impl Kind {
             Kind::Points if layout == 3 => 4,
             Kind::Materials if layout == 2 => 5,
             Kind::Materials if layout == 3 => 6,
+            Kind::Materials if layout == 4 => 7,
             // Other layouts of version N came with specification version N.
             _ => u32::from(layout),
         }

@@ -68,8 +68,8 @@ mod validate;
 
 pub use asset::{
     AlphaMode, Asset, BounceLinks, Coding, Cuts, Estimates, Filter, Geometry, Instance, LeftOut, Level,
-    LightSamples, LightTree, Links, Material, MaterialExtensions, Mesh, Provenance, Senders, Separations,
-    Solution, Stage, Texture, TextureRef, WeightRows, Wrap,
+    LightSamples, LightTree, Links, Material, MaterialExtensions, MaterialGlass, Mesh, Provenance, Senders,
+    Separations, Solution, Stage, Texture, TextureRef, WeightRows, Wrap,
 };
 pub use container::{Limits, SectionInfo};
 pub use content::{Content, CutContent};

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::assets::{extended_asset, pane_asset, short_asset, wide_asset, widened_asset};
+use common::assets::{extended_asset, glass_asset, pane_asset, short_asset, wide_asset, widened_asset};
 use common::small_asset;
 use proptest::prelude::*;
 use relight_format::*;
@@ -114,6 +114,35 @@ fn extensions_of_materials_come_back_and_only_they_need_a_newer_reader() {
     assert!(refused(|a| a.material_extensions[0].material = 99).contains("material"));
     assert!(refused(|a| a.material_extensions.push(a.material_extensions[0].clone())).contains("each once"));
     assert!(refused(|a| a.textures.clear()).contains("texture"));
+}
+
+#[test]
+fn solid_glass_comes_back_and_only_it_needs_a_newer_reader() {
+    for extended in [true, false] {
+        let mut asset = glass_asset();
+        if !extended {
+            asset.material_extensions.clear();
+        }
+        let bytes = write_asset(&asset).unwrap();
+        let read = read_asset(&bytes, &Limits::default()).unwrap();
+        assert_eq!(read.material_extensions, asset.material_extensions);
+        assert_eq!(read.material_glass, asset.material_glass);
+        let sections = common::sections_of(&bytes);
+        let materials = (sections.iter())
+            .find(|s| s.kind == layout::Kind::Materials as u32)
+            .unwrap();
+        assert_eq!((materials.version, materials.needs), (4, 7));
+    }
+    let refused = |change: fn(&mut Asset)| {
+        let mut asset = glass_asset();
+        change(&mut asset);
+        write_asset(&asset).unwrap_err().to_string()
+    };
+    assert!(refused(|a| a.material_glass[0].thickness = -1.0).contains("none negative"));
+    assert!(refused(|a| a.material_glass[0].absorption[2] = f32::INFINITY).contains("finite"));
+    assert!(refused(|a| a.material_glass[0].material = 99).contains("material"));
+    assert!(refused(|a| a.material_glass.push(a.material_glass[0].clone())).contains("each once"));
+    assert!(refused(|a| a.material_extensions[0].clearcoat = 2.0).contains("within their ranges"));
 }
 
 #[test]

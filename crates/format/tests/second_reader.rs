@@ -3,7 +3,9 @@
 
 mod common;
 
-use common::assets::{empty_asset, extended_asset, pane_asset, short_asset, wide_asset, widened_asset};
+use common::assets::{
+    empty_asset, extended_asset, glass_asset, pane_asset, short_asset, wide_asset, widened_asset,
+};
 use common::{Forged, dump, fixtures, forge, sections_of, small_asset};
 use relight_format::*;
 use std::path::{Path, PathBuf};
@@ -89,6 +91,7 @@ fn both_readers_find_the_same_in_what_is_written_now() {
         short_asset(),
         pane_asset(),
         extended_asset(),
+        glass_asset(),
     ];
     for (i, asset) in assets.iter().enumerate() {
         let file = folder.path().join(format!("{i}.relight"));
@@ -112,6 +115,7 @@ fn both_readers_refuse_the_same_forgeries() {
         short_asset(),
         pane_asset(),
         extended_asset(),
+        glass_asset(),
     ] {
         forgeries.extend(forged_from(&write_asset(&asset).unwrap()));
     }
@@ -258,6 +262,7 @@ fn write_the_fixtures() {
         ("short", short_asset()),
         ("widened", widened_asset()),
         ("extended", extended_asset()),
+        ("glass", glass_asset()),
     ] {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!(
             "tests/fixtures/version_{}_{name}.relight",

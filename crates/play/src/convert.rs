@@ -114,7 +114,16 @@ pub fn extensions(e: format::MaterialExtensions) -> Extensions {
         anisotropy_texture: texture(e.anisotropy_texture),
         iridescence_texture: texture(e.iridescence_texture),
         iridescence_thickness_texture: texture(e.iridescence_thickness_texture),
+        ..Extensions::default()
     }
+}
+
+/// Puts what further extensions say of a pane to those that it has.
+pub fn glass(glass: format::MaterialGlass, material: &mut Material) {
+    let extensions = material.extensions.get_or_insert_default();
+    extensions.thickness = glass.thickness;
+    extensions.absorption = glass.absorption.into();
+    extensions.transmission_texture = glass.transmission_texture.map(|usage| texture_use(*usage));
 }
 
 fn texture_use(usage: format::TextureRef) -> TextureUse {

@@ -132,6 +132,11 @@ pub(crate) fn opened(mut asset: Asset, path: &Path, sections: Sections) -> Resul
             material.extensions = Some(Box::new(convert::extensions(extensions)));
         }
     }
+    for glass in asset.material_glass {
+        if let Some(material) = materials.get_mut(glass.material as usize) {
+            convert::glass(glass, material);
+        }
+    }
     let scene = Arc::new(Scene {
         meshes: convert::meshes(asset.geometry.meshes),
         object_names: object_names(&asset.provenance, asset.geometry.instances.len()),

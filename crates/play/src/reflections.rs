@@ -20,7 +20,7 @@ use relight_render::watch::{Cancelled, Watch, go_on};
 use relight_scene::bsdf;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
-use relight_scene::traced::TracedScene;
+use relight_scene::traced::{Look, TracedScene};
 use relight_transport::basis::{FunctionsInOrder, NearestPoint};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2};
 
@@ -253,13 +253,18 @@ impl Follower<'_> {
             let (wi, weight) = bsdf::sample_lobe(&point, wo, sampler.next_2d())?;
             throughput *= weight;
             let ray = ray_from(&hit, wi);
-            let next = self.scene.closest_hit(&ray);
-            throughput *= (self.scene).tint(&ray, next.as_ref().map_or(f32::INFINITY, |next| next.t));
-            let Some(next) = next else {
-                return (surface == 1).then_some((wi, throughput));
+            let look = if self.scene.bends_from(&hit, &point) {
+                self.scene.look(&ray, |_, _, _| ())
+            } else {
+                Look::straight(&ray, self.scene.closest_hit(&ray))
             };
-            blur += next.t * bsdf::width_facing(&point);
-            (hit, wo) = (next, -wi);
+            let end = look.hit.map_or(f32::INFINITY, |next| next.t);
+            throughput *= look.tint * self.scene.tint(&look.ray, end);
+            let Some(next) = look.hit else {
+                return (surface == 1).then_some((look.ray.direction, throughput));
+            };
+            blur += look.length() * bsdf::width_facing(&point);
+            (hit, wo) = (next, -look.ray.direction);
             point = self.scene.shading_point(&hit).facing(wo);
             let last = surface == MOST_SURFACES || rays(&point, wo, 1) == 0;
             self.functions_at(&hit, blur);

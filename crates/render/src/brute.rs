@@ -6,7 +6,7 @@
 
 use crate::direct::direct_sample;
 use crate::many_lights::{PointLights, clamp_limit, clamped};
-use crate::picture::Picture;
+use crate::picture::{Picture, Seen};
 use crate::sampler::Sampler;
 use crate::watch::Cancelled;
 use glam::{DVec3, Vec3};
@@ -33,11 +33,11 @@ pub fn render(picture: &Picture<'_>) -> Result<Layers, Cancelled> {
         || (),
         |(), pixel, sample, sums| {
             let (eye, _) = picture.eye_ray(pixel, sample);
-            let Some(hit) = picture.see(&eye, sums) else {
+            let Some(Seen { hit, ray, tint }) = picture.see(&eye, sums) else {
                 return;
             };
-            let wo = -eye.direction;
-            let tint = scene.tint(&eye, hit.t);
+            let wo = -ray.direction;
+            let tint = tint * scene.tint(&ray, hit.t);
             let point = scene.shading_point(&hit).facing(wo);
             for light in 0..lights.len() {
                 let count = if lights.is_delta(light) { 1 } else { LIGHT_SAMPLES };
@@ -72,11 +72,11 @@ pub fn render_points(picture: &Picture<'_>, points: &PointLights) -> Result<(Lay
     let layers = picture.by_samples(spp, buffers, |buffers, pixel, sample, sums| {
         let (rays, reached, passed_on, occluded) = buffers;
         let (eye, _) = picture.eye_ray(pixel, sample);
-        let Some(hit) = picture.see(&eye, sums) else {
+        let Some(Seen { hit, ray, tint }) = picture.see(&eye, sums) else {
             return;
         };
-        let wo = -eye.direction;
-        let tint = scene.tint(&eye, hit.t);
+        let wo = -ray.direction;
+        let tint = tint * scene.tint(&ray, hit.t);
         let point = scene.shading_point(&hit).facing(wo);
         let viewed = Viewed::new(&point, wo);
         let mut total = DVec3::ZERO;

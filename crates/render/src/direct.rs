@@ -46,7 +46,17 @@ pub(crate) fn direct_sample(
     if reflected == Vec3::ZERO {
         return None;
     }
-    let passed = scene.passed(&shadow_ray(scene, hit, &sample));
+    let ray = shadow_ray(scene, hit, &sample);
+    let mut reflected = reflected;
+    if scene.bends_from(hit, point) && scene.crosses_solid(&ray) {
+        // What the lobe shows behind solid glass is found by rays that bend.
+        let cos = point.shading_normal.dot(sample.direction).max(0.0);
+        reflected = bsdf::eval_diffuse(point, wo, sample.direction) * cos;
+        if reflected == Vec3::ZERO {
+            return None;
+        }
+    }
+    let passed = scene.passed(&ray);
     (passed != Vec3::ZERO).then(|| (reflected * sample.radiance_over_pdf * passed, sample))
 }
 

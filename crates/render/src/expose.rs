@@ -42,9 +42,20 @@ const SAME_PLANE: f32 = 2.0;
 const PATTERN_START: Vec2 = Vec2::new(0.6, 0.1);
 
 struct Sample {
-    direction: Vec3,
-    seen: Seen,
+    /// Unit direction from the camera.
+    through: Vec3,
+    sight: Sight,
     group: usize,
+}
+
+/// What a ray shows.
+#[derive(Clone, Copy)]
+struct Sight {
+    /// Unit direction of the last part of its way: of the ray itself, where no solid glass bends it.
+    direction: Vec3,
+    bent: bool,
+    /// `t` is the length of the whole way.
+    seen: Seen,
 }
 
 /// What a ray meets and how that reflects; `None` for the background.
@@ -190,23 +201,27 @@ impl Exposing<'_> {
             rays.extend(through.map(|direction| Ray::endless(self.camera.position, direction)));
         }
         samples.clear();
-        self.scene.closest_hits_packet(rays, |i, hit| {
+        sights(self.scene, rays, |i, sight| {
             samples.push(Sample {
-                direction: rays[i].direction,
-                seen: hit.map(|hit| (hit, seen_at(self.scene, &rays[i], &hit))),
+                through: rays[i].direction,
+                sight,
                 group: 0,
             });
         });
         for pixel in samples.chunks_mut(places.len()) {
             group(pixel, self.footprint);
             to.offsets.push(to.coverage.len() as u32);
-            append_fragments(pixel, ends, to);
+            append_fragments(pixel, ends, self.scene.bends(), to);
         }
     }
 
     /// Whether a pixel, or it together with one of those around it, has fragments of several things.
     fn sees_several(&self, rows: &[Exposure], (x, y): (usize, usize)) -> bool {
-        let seen = |row: &Exposure, f: usize| row.hits[f].zip(row.points[f]);
+        let seen = |row: &Exposure, f: usize| Sight {
+            direction: row.directions[f],
+            bent: row.is_bent(f),
+            seen: row.hits[f].zip(row.points[f]),
+        };
         let own = rows[y].fragments_of(x);
         let first = seen(&rows[y], own.start);
         let beside = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
@@ -239,62 +254,96 @@ fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: us
             camera.direction(corner + 0.5, size)
         })
         .collect_into_vec(&mut whole.directions);
-    (whole.hits, whole.points) = seen_from(scene, camera.position, &whole.directions, width);
+    let through = std::mem::take(&mut whole.directions);
+    see_from(scene, camera.position, through, width, &mut whole);
     whole
 }
 
 /// What is seen from a place along some unit directions: a row of pixels of one fragment each. It has no view direction.
 pub fn expose_around(scene: &TracedScene, eye: Vec3, directions: &[Vec3]) -> Exposure {
-    let (hits, points) = seen_from(scene, eye, directions, directions.len());
-    Exposure {
+    let mut around = Exposure {
         width: directions.len(),
         height: 1,
         offsets: (0..=directions.len() as u32).collect(),
         coverage: vec![1.0; directions.len()],
-        hits,
-        points,
-        directions: directions.to_vec(),
         eye,
         ..Exposure::default()
-    }
+    };
+    see_from(scene, eye, directions.to_vec(), directions.len(), &mut around);
+    around
 }
 
-/// What each of some rays from an eye meets, and how that reflects; through pixels' centres row by row, cast in tiles.
-fn seen_from(
-    scene: &TracedScene,
-    eye: Vec3,
-    directions: &[Vec3],
-    width: usize,
-) -> (Vec<Option<SurfaceHit>>, Vec<Option<ShadingPoint>>) {
-    let mut hits = vec![None; directions.len()];
-    let mut points = vec![None; directions.len()];
+/// Fills in what each of some rays from an eye, one per fragment, shows; through pixels' centres row by row, cast in tiles.
+fn see_from(scene: &TracedScene, eye: Vec3, through: Vec<Vec3>, width: usize, whole: &mut Exposure) {
+    let (mut hits, mut points) = (vec![None; through.len()], vec![None; through.len()]);
+    let mut ways = through.clone();
     let band = TILE * width.max(1);
-    (directions.par_chunks(band))
+    (through.par_chunks(band))
         .zip(hits.par_chunks_mut(band))
         .zip(points.par_chunks_mut(band))
-        .for_each(|((directions, hits), points)| {
+        .zip(ways.par_chunks_mut(band))
+        .for_each(|(((through, hits), points), ways)| {
             let tiles = (0..width).step_by(TILE).flat_map(|x| {
                 let columns = x..(x + TILE).min(width);
-                let rows = (0..directions.len()).step_by(width);
+                let rows = (0..through.len()).step_by(width);
                 rows.flat_map(move |row| columns.clone().map(move |x| row + x))
             });
             let order: Vec<usize> = tiles.collect();
             let rays: Vec<Ray> = (order.iter())
-                .map(|&pixel| Ray::endless(eye, directions[pixel]))
+                .map(|&pixel| Ray::endless(eye, through[pixel]))
                 .collect();
-            scene.closest_hits_packet(&rays, |i, hit| {
-                points[order[i]] = hit.as_ref().map(|hit| seen_at(scene, &rays[i], hit));
-                hits[order[i]] = hit;
+            sights(scene, &rays, |i, sight| {
+                ways[order[i]] = sight.direction;
+                (hits[order[i]], points[order[i]]) = sight.seen.unzip();
             });
         });
-    (hits, points)
+    (whole.hits, whole.points, whole.directions) = (hits, points, ways);
+    if scene.bends() {
+        whole.through = through;
+    }
 }
 
-/// How what a ray from an eye meets reflects.
-fn seen_at(scene: &TracedScene, ray: &Ray, hit: &SurfaceHit) -> ShadingPoint {
+/// What each of some rays from one place shows, in order: `visit(i, sight)`.
+fn sights(scene: &TracedScene, rays: &[Ray], mut visit: impl FnMut(usize, Sight)) {
+    if !scene.bends() {
+        scene.closest_hits_packet(rays, |i, hit| {
+            let direction = rays[i].direction;
+            let seen = hit.map(|hit| (hit, seen_at(scene, &rays[i], &hit, Vec3::ONE)));
+            visit(
+                i,
+                Sight {
+                    direction,
+                    bent: false,
+                    seen,
+                },
+            );
+        });
+        return;
+    }
+    for (i, ray) in rays.iter().enumerate() {
+        let look = scene.look(ray, |_, _, _| ());
+        let seen = look.hit.map(|hit| {
+            let point = seen_at(scene, &look.ray, &hit, look.tint);
+            let t = look.length();
+            (SurfaceHit { t, ..hit }, point)
+        });
+        let (direction, bent) = (look.ray.direction, look.bent);
+        visit(
+            i,
+            Sight {
+                direction,
+                bent,
+                seen,
+            },
+        );
+    }
+}
+
+/// How what a ray from an eye meets reflects; `tint`: what solid glass before the ray leaves.
+fn seen_at(scene: &TracedScene, ray: &Ray, hit: &SurfaceHit, tint: Vec3) -> ShadingPoint {
     let mut point = scene.shading_point(hit).facing(-ray.direction);
     // As if what lies behind panes had their colour.
-    let tint = scene.tint(ray, hit.t);
+    let tint = tint * scene.tint(ray, hit.t);
     for color in [
         &mut point.base_color,
         &mut point.diffuse,
@@ -311,7 +360,7 @@ fn group(pixel: &mut [Sample], footprint: f32) {
     // Indices of the groups' first rays.
     let mut firsts: Vec<usize> = Vec::new();
     for i in 0..pixel.len() {
-        let like = |&first: &usize| are_alike(&pixel[first].seen, &pixel[i].seen, footprint);
+        let like = |&first: &usize| are_alike(&pixel[first].sight, &pixel[i].sight, footprint);
         pixel[i].group = firsts.iter().position(like).unwrap_or_else(|| {
             firsts.push(i);
             firsts.len() - 1
@@ -320,8 +369,11 @@ fn group(pixel: &mut [Sample], footprint: f32) {
 }
 
 /// Whether two rays may share a fragment.
-fn are_alike(a: &Seen, b: &Seen, footprint: f32) -> bool {
-    match (a, b) {
+fn are_alike(a: &Sight, b: &Sight, footprint: f32) -> bool {
+    if a.bent != b.bent || (a.bent && a.direction.dot(b.direction) <= SAME_FACING) {
+        return false;
+    }
+    match (&a.seen, &b.seen) {
         (None, None) => true,
         (Some((a, p)), Some((b, q))) => {
             let off_plane = (b.position - a.position).dot(a.geometric_normal).abs();
@@ -335,7 +387,8 @@ fn are_alike(a: &Seen, b: &Seen, footprint: f32) -> bool {
     }
 }
 
-fn append_fragments(pixel: &[Sample], ends: f32, row: &mut Exposure) {
+/// `bends`: whether rays may be bent.
+fn append_fragments(pixel: &[Sample], ends: f32, bends: bool, row: &mut Exposure) {
     let groups = pixel.iter().map(|s| s.group).max().map_or(0, |g| g + 1);
     for g in 0..groups {
         let members: Vec<&Sample> = pixel.iter().filter(|s| s.group == g).collect();
@@ -343,25 +396,28 @@ fn append_fragments(pixel: &[Sample], ends: f32, row: &mut Exposure) {
         let coverage = count / pixel.len() as f32;
         row.coverage.push(coverage);
         // Any number of first rays of the pattern is evenly spread.
-        let kept = (members.iter().filter_map(|m| m.seen.as_ref())).map(|(hit, _)| RayEnd {
+        let kept = (members.iter().filter_map(|m| m.sight.seen.as_ref())).map(|(hit, _)| RayEnd {
             primitive: hit.primitive,
             barycentric: hit.barycentric,
             front: hit.front,
         });
         row.ends.extend(kept.take((ends * coverage).ceil() as usize));
         row.end_offsets.push(row.ends.len() as u32);
-        let middle = members.iter().map(|s| s.direction).sum::<Vec3>() / count;
-        let distance = |s: &&&Sample| (s.direction - middle).length_squared();
+        let middle = members.iter().map(|s| s.through).sum::<Vec3>() / count;
+        let distance = |s: &&&Sample| (s.through - middle).length_squared();
         let Some(nearest) = members.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
             continue;
         };
-        row.directions.push(nearest.direction);
-        row.hits.push(nearest.seen.as_ref().map(|s| s.0));
-        row.points.push(nearest.seen.as_ref().map(|s| {
+        row.directions.push(nearest.sight.direction);
+        if bends {
+            row.through.push(nearest.through);
+        }
+        row.hits.push(nearest.sight.seen.as_ref().map(|s| s.0));
+        row.points.push(nearest.sight.seen.as_ref().map(|s| {
             let mean = |value: fn(&ShadingPoint) -> Vec3| {
                 members
                     .iter()
-                    .filter_map(|m| m.seen.as_ref())
+                    .filter_map(|m| m.sight.seen.as_ref())
                     .map(|m| value(&m.1))
                     .sum::<Vec3>()
                     / count

@@ -25,12 +25,14 @@ pub struct Exposure {
     pub offsets: Vec<u32>,
     /// Share of the pixel that each fragment covers; a pixel's shares sum to 1.
     pub coverage: Vec<f32>,
-    /// Where each fragment is lit; `None` for the background.
+    /// Where each fragment is lit, `t` the length of the way from the camera; `None` for the background.
     pub hits: Vec<Option<SurfaceHit>>,
     /// How it reflects.
     pub points: Vec<Option<ShadingPoint>>,
-    /// Unit direction from the camera.
+    /// Unit direction in which it is looked at: from the camera, but where solid glass bends the way.
     pub directions: Vec<Vec3>,
+    /// Unit direction from the camera, where that may be another one; empty if nothing bends.
+    pub through: Vec<Vec3>,
     /// Whether nobody looks from `eye`: every place is looked at along its own normal, and shows no light of its own.
     pub apart: bool,
     /// Camera position.
@@ -70,6 +72,7 @@ impl Exposure {
         self.hits.reserve(fragments);
         self.points.reserve(fragments);
         self.directions.reserve(fragments);
+        (self.through).reserve(of.iter().map(|e| e.through.len()).sum());
         self.end_offsets.reserve(fragments);
         self.ends.reserve(ends);
     }
@@ -92,7 +95,20 @@ impl Exposure {
         self.coverage.extend_from_slice(&of.coverage[fragments.clone()]);
         self.hits.extend_from_slice(&of.hits[fragments.clone()]);
         self.points.extend_from_slice(&of.points[fragments.clone()]);
+        if !of.through.is_empty() {
+            self.through.extend_from_slice(&of.through[fragments.clone()]);
+        }
         self.directions.extend_from_slice(&of.directions[fragments]);
+    }
+
+    /// Unit direction from the camera to where fragment `f` shows in the image.
+    pub fn through(&self, f: usize) -> Vec3 {
+        *self.through.get(f).unwrap_or(&self.directions[f])
+    }
+
+    /// Whether solid glass bends or mirrors the way to fragment `f`.
+    pub fn is_bent(&self, f: usize) -> bool {
+        self.through(f) != self.directions[f]
     }
 
     /// Fragments of a pixel.
@@ -150,6 +166,7 @@ impl Exposure {
             let point = point?;
             let view = match self.apart {
                 true => hit.normal,
+                false if self.is_bent(f) => -self.directions[f],
                 false => (self.eye - hit.position).normalize_or_zero(),
             };
             let own = if point.lambert {
@@ -209,6 +226,7 @@ impl Exposure {
         self.hits.extend(below.hits);
         self.points.extend(below.points);
         self.directions.extend(below.directions);
+        self.through.extend(below.through);
         (self.ends, self.end_offsets) = (Vec::new(), Vec::new());
     }
 

@@ -24,7 +24,7 @@ mod told;
 use crate::direct::light_met;
 use crate::layers::PixelSum;
 use crate::many_lights::{PointLights, StandingLights};
-use crate::picture::Picture;
+use crate::picture::{Picture, Seen};
 use crate::sum::Total;
 use crate::watch::Cancelled;
 pub use blocks::{EyeRays, render as render_reconstructed};
@@ -127,8 +127,7 @@ pub fn render(
             state.views.clear();
             for sample in 0..sums.samples {
                 let (eye, _) = picture.eye_ray(pixel, sample);
-                let view = (picture.see(&eye, sums))
-                    .and_then(|hit| follow_mirrors(picture, hit, -eye.direction, sums));
+                let view = (picture.see(&eye, sums)).and_then(|seen| follow_mirrors(picture, seen, sums));
                 state.views.extend(view);
             }
             // Stable, so that what is on one triangle keeps its order.
@@ -201,17 +200,17 @@ const MOST_MIRRORS: u32 = 16;
 /// Follows mirrors until something else is seen; what shines in them is added to the layers. `None` if nothing is lit.
 pub(crate) fn follow_mirrors(
     picture: &Picture<'_>,
-    hit: SurfaceHit,
-    wo: Vec3,
+    Seen { hit, ray, tint }: Seen,
     sums: &mut PixelSum,
 ) -> Option<View> {
     let Picture { scene, lights, .. } = *picture;
+    let wo = -ray.direction;
     let point = scene.shading_point(&hit).facing(wo);
     let mut view = View {
         hit,
         point,
         wo,
-        throughput: Vec3::ONE,
+        throughput: tint,
         mirrors: 0,
     };
     while is_mirror(&view.point) {
@@ -224,20 +223,26 @@ pub(crate) fn follow_mirrors(
         let wi = (normal * (2.0 * normal.dot(view.wo)) - view.wo).normalize();
         view.throughput *= bsdf::albedo::specular(&view.point, normal.dot(view.wo).clamp(0.0, 1.0));
         let ray: Ray = ray_from(&view.hit, wi);
-        let next = scene.closest_hit(&ray);
+        let look = scene.look(&ray, |part, end, tint| {
+            lights.along(part.origin, part.direction, end, |met| {
+                let radiance = view.throughput * tint * met.radiance;
+                sums.add(Some(met.light), view.mirrors, radiance);
+            });
+        });
+        view.throughput *= look.tint;
         light_met(
             scene,
             lights,
-            ray.origin,
-            wi,
-            next.as_ref(),
+            look.ray.origin,
+            look.ray.direction,
+            look.hit.as_ref(),
             None,
             |light, radiance, _| {
                 sums.add(Some(light), view.mirrors, view.throughput * radiance);
             },
         );
-        view.hit = next?;
-        view.wo = -wi;
+        view.hit = look.hit?;
+        view.wo = -look.ray.direction;
         view.point = scene.shading_point(&view.hit).facing(view.wo);
     }
     Some(view)

@@ -5,12 +5,15 @@
 //! there. Russian roulette after a few reflections survives with the largest channel of the throughput, so it
 //! is indifferent to the lights' intensity. Unlit materials show their base colour to the eye and to nothing else.
 //!
+//! Rays from the eye and off sharp lobes bend in solid glass, all others go straight on through it, as light samples do (`ways`): what glass
+//! gathers into caustics arrives as if it had not been bent.
+//!
 //! Shading normals are used as they are (the BRDF's cosine is theirs); light that passes the true surface is
 //! cut by the BRDF.
 
 use crate::direct::{direct_sample, light_met};
 use crate::layers::PixelSum;
-use crate::picture::Picture;
+use crate::picture::{Picture, Seen};
 use crate::sampler::Sampler;
 use crate::watch::Cancelled;
 use glam::Vec3;
@@ -66,11 +69,11 @@ struct Tracer<'a> {
 
 impl Tracer<'_> {
     fn trace(&self, eye: Ray, sampler: &mut Sampler, sums: &mut PixelSum) {
-        let Some(mut hit) = self.picture.see(&eye, sums) else {
+        let Some(Seen { mut hit, ray, tint }) = self.picture.see(&eye, sums) else {
             return;
         };
-        let mut wo = -eye.direction;
-        let mut throughput = self.scene.tint(&eye, hit.t);
+        let mut wo = -ray.direction;
+        let mut throughput = tint * self.scene.tint(&ray, hit.t);
         let mut choice = Choice::default();
         for reflections in 1..=self.max_bounces {
             let point = self.scene.shading_point(&hit).facing(wo);
@@ -95,28 +98,37 @@ impl Tracer<'_> {
             }
 
             let ray = ray_from(&hit, sample.wi);
-            let next = self.scene.closest_hit(&ray);
+            let weighed = |light, pdf| power_heuristic(sample.pdf, pdf * choice.probability(light));
+            let (way, factor) = self.way(&ray, (&hit, &point), wo, sampler);
+            throughput *= factor;
+            let look = self.go(way, &ray, |light, radiance, pdf| {
+                let weight = pdf.map_or(1.0, |pdf| weighed(light, pdf));
+                sums.add(Some(light), reflections, throughput * radiance * weight);
+            });
             // From the ray's own origin, not the hit's: distances to lights and surfaces must compare.
             light_met(
                 self.scene,
                 self.lights,
-                ray.origin,
-                sample.wi,
-                next.as_ref(),
+                look.ray.origin,
+                look.ray.direction,
+                look.hit.as_ref(),
                 Some(&(&hit).into()),
                 |light, radiance, pdf| {
-                    let weight = power_heuristic(sample.pdf, pdf * choice.probability(light));
+                    // Light samples don't bend.
+                    let weight = if look.bent { 1.0 } else { weighed(light, pdf) };
+                    let radiance = radiance * look.tint;
                     sums.add(Some(light), reflections, throughput * radiance * weight);
                 },
             );
-            match next {
+            throughput *= look.tint;
+            match look.hit {
                 Some(next) => {
-                    throughput *= self.scene.tint(&ray, next.t);
+                    throughput *= self.scene.tint(&look.ray, next.t);
                     hit = next;
                 }
                 None => return,
             }
-            wo = -sample.wi;
+            wo = -look.ray.direction;
         }
     }
 
@@ -215,4 +227,7 @@ fn power_heuristic(own: f32, other: f32) -> f32 {
 }
 
 #[cfg(test)]
+mod glass_tests;
+#[cfg(test)]
 mod tests;
+mod ways;

@@ -4,13 +4,13 @@ use crate::direct::light_met;
 use crate::layers::{PixelSum, RenderSize, Tile, render_blocks};
 use crate::sampler::Sampler;
 use crate::watch::{Cancelled, Watch};
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 use relight_scene::camera::Camera;
 use relight_scene::image::Layers;
 use relight_scene::light_set::LightSet;
 use relight_scene::rays::Ray;
 use relight_scene::surface::{SurfaceHit, Surfaces};
-use relight_scene::traced::TracedScene;
+use relight_scene::traced::{Look, TracedScene};
 
 /// A picture to be made: a scene in its light, as a camera sees it.
 #[derive(Clone, Copy)]
@@ -31,6 +31,26 @@ pub struct Picture<'a> {
     pub light_layers: bool,
     /// Is told of the progress, and may stop it.
     pub watch: &'a dyn Watch,
+}
+
+/// What an eye ray meets.
+pub(crate) struct Seen {
+    pub hit: SurfaceHit,
+    /// The last, straight part of its way.
+    pub ray: Ray,
+    /// What solid glass leaves of the light from there, but for panes before the last part's end; linear RGB.
+    pub tint: Vec3,
+}
+
+impl Seen {
+    /// What a look ends at; `None`: nothing.
+    pub(crate) fn of(look: &Look) -> Option<Seen> {
+        look.hit.map(|hit| Seen {
+            hit,
+            ray: look.ray,
+            tint: look.tint,
+        })
+    }
 }
 
 impl<'a> Picture<'a> {
@@ -71,16 +91,21 @@ impl<'a> Picture<'a> {
         (self.ray_through(place), sampler)
     }
 
-    /// What the eye sees of a ray: emission of lights and surfaces and what surfaces are like. Returns the hit.
-    pub(crate) fn see(&self, ray: &Ray, sums: &mut PixelSum) -> Option<SurfaceHit> {
-        let hit = self.scene.closest_hit(ray);
-        self.met(ray, hit.as_ref(), sums);
-        hit
+    /// What the eye sees of a ray, through solid glass: emission of lights and surfaces and what surfaces are like. Returns what it meets.
+    pub(crate) fn see(&self, ray: &Ray, sums: &mut PixelSum) -> Option<Seen> {
+        let look = self.scene.look(ray, |part, end, tint| {
+            (self.lights).along(part.origin, part.direction, end, |met| {
+                sums.add(Some(met.light), 0, met.radiance * tint);
+            });
+        });
+        self.met(ray, &look, sums);
+        Seen::of(&look)
     }
 
-    /// Adds what an eye ray that ends at `hit` shows without any reflection, as [`Picture::see`] does.
-    pub(crate) fn met(&self, ray: &Ray, hit: Option<&SurfaceHit>, sums: &mut PixelSum) {
+    /// Adds what an eye ray shows at its end without any reflection, as [`Picture::see`] does.
+    pub(crate) fn met(&self, eye: &Ray, look: &Look, sums: &mut PixelSum) {
         let Picture { scene, lights, .. } = *self;
+        let (ray, hit) = (&look.ray, look.hit.as_ref());
         light_met(
             scene,
             lights,
@@ -89,6 +114,7 @@ impl<'a> Picture<'a> {
             hit,
             None,
             |light, radiance, _| {
+                let radiance = radiance * look.tint;
                 sums.add(Some(light), 0, radiance);
                 if hit.is_none() {
                     sums.add_background(radiance);
@@ -98,10 +124,11 @@ impl<'a> Picture<'a> {
         if let Some(hit) = hit {
             let point = scene.shading_point(hit);
             if scene.material(hit.primitive).unlit {
-                sums.add(None, 0, point.emission);
+                sums.add(None, 0, point.emission * look.tint);
             }
-            let planar = hit.t * ray.direction.dot(self.camera.forward);
-            sums.add_surface(scene.albedo(hit), point.shading_normal, [hit.t, planar]);
+            let along = look.length();
+            let planar = along * eye.direction.dot(self.camera.forward);
+            sums.add_surface(scene.albedo(hit), point.shading_normal, [along, planar]);
         }
     }
 

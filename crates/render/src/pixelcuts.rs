@@ -34,6 +34,7 @@ use incident::{Gather, Job, Target};
 use kinds::LitKind;
 use rayon::prelude::*;
 use relight_scene::image::Layers;
+use relight_scene::traced::Look;
 use relight_transport::sh::MAX_DEGREE;
 use stats::lap;
 pub use stats::{PixelcutsStats, PixelcutsTimes};
@@ -191,13 +192,19 @@ pub fn render(
         || (),
         |(), pixel, sample, sums| {
             let point = view.at(pixel, sample);
-            let hit = point.map(|point| &view.points[point].hit);
-            picture.met(&picture.eye_ray(pixel, sample).0, hit, sums);
+            let eye = picture.eye_ray(pixel, sample).0;
+            if picture.scene.bends() {
+                picture.see(&eye, sums);
+            } else {
+                let hit = point.map(|point| view.points[point].hit);
+                picture.met(&eye, &Look::straight(&eye, hit), sums);
+            }
             if let Some(point) = point {
                 for part in &parts {
                     // Without light layers the light's index is not used.
                     let light = part.source.map(|source| source as usize);
-                    sums.add(light, 1 + u32::from(part.virtual_lights), part.radiance[point]);
+                    let radiance = part.radiance[point] * view.points[point].tint;
+                    sums.add(light, 1 + u32::from(part.virtual_lights), radiance);
                 }
             }
         },

@@ -33,7 +33,7 @@ pub fn normals(seen: &Exposure) -> Vec<Vec3> {
 pub fn depths(seen: &Exposure) -> (Vec<f32>, Vec<f32>) {
     let distances = |f: usize| {
         let along = seen.hits[f].as_ref().map_or(0.0, |hit| hit.t);
-        Vec3::new(along * seen.directions[f].dot(seen.forward), along, 0.0)
+        Vec3::new(along * seen.through(f).dot(seen.forward), along, 0.0)
     };
     (means(seen, distances).into_iter()).map(|v| (v.x, v.y)).unzip()
 }

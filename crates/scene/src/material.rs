@@ -14,7 +14,7 @@ pub enum AlphaMode {
     },
     /// Alpha is coverage: a ray passes with probability 1 − α.
     Blend,
-    /// A thin pane: light goes straight on through it ([`crate::traced`]). Alpha is ignored.
+    /// Glass: light goes on through it, straight or, seen through solid glass, refracted ([`crate::traced`]). Alpha is ignored.
     Pane {
         /// Share in 0..=1 of the light that is not mirrored which passes, times the base colour.
         transmission: f32,
@@ -60,7 +60,7 @@ pub enum Model {
 }
 
 /// What the extensions KHR_materials_ior, _specular, _clearcoat, _sheen, _anisotropy and _iridescence add to
-/// metallic-roughness; other models ignore them. Textures multiply factors; the channels are the extensions'.
+/// metallic-roughness, and _transmission and _volume to panes; other models ignore them. Textures multiply factors; the channels are the extensions'.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extensions {
     /// Index of refraction of the dielectric, at least 1, or 0 for one that mirrors all light.
@@ -109,11 +109,18 @@ pub struct Extensions {
     pub iridescence_thickness: [f32; 2],
     /// Linear; green.
     pub iridescence_thickness_texture: Option<TextureUse>,
+    /// KHR_materials_transmission, of panes alone: multiplies what passes. Linear; red.
+    pub transmission_texture: Option<TextureUse>,
+    /// KHR_materials_volume, of panes alone: above 0 for solid glass, 0 for thin panes; metres. Bodies that are closed are as thick as
+    /// they are ([`crate::traced`]).
+    pub thickness: f32,
+    /// What solid glass takes of light that goes through it: the share exp(−absorption · length) is left. Linear RGB, 1/m, not negative.
+    pub absorption: Vec3,
 }
 
 impl Extensions {
     /// All textures, present or not.
-    pub fn textures(&self) -> [&Option<TextureUse>; 10] {
+    pub fn textures(&self) -> [&Option<TextureUse>; 11] {
         [
             &self.specular_texture,
             &self.specular_color_texture,
@@ -125,11 +132,12 @@ impl Extensions {
             &self.anisotropy_texture,
             &self.iridescence_texture,
             &self.iridescence_thickness_texture,
+            &self.transmission_texture,
         ]
     }
 
     /// The same, to change them.
-    pub fn textures_mut(&mut self) -> [&mut Option<TextureUse>; 10] {
+    pub fn textures_mut(&mut self) -> [&mut Option<TextureUse>; 11] {
         [
             &mut self.specular_texture,
             &mut self.specular_color_texture,
@@ -141,6 +149,7 @@ impl Extensions {
             &mut self.anisotropy_texture,
             &mut self.iridescence_texture,
             &mut self.iridescence_thickness_texture,
+            &mut self.transmission_texture,
         ]
     }
 
@@ -177,6 +186,9 @@ impl Default for Extensions {
             iridescence_ior: 1.3,
             iridescence_thickness: [100.0, 400.0],
             iridescence_thickness_texture: None,
+            transmission_texture: None,
+            thickness: 0.0,
+            absorption: Vec3::ZERO,
         }
     }
 }

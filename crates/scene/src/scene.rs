@@ -26,6 +26,35 @@ pub struct Mesh {
     pub material: u32,
 }
 
+impl Mesh {
+    /// Whether it bounds a body, fronts outwards: each edge is shared by as many triangles in one direction as in the other, vertices
+    /// at one place being one, and the volume is positive.
+    pub fn is_closed(&self) -> bool {
+        let mut numbers = HashMap::new();
+        let number = |position: &Vec3| {
+            let next = numbers.len();
+            // Adding zero makes -0 and 0 alike.
+            *numbers
+                .entry((*position + Vec3::ZERO).to_array().map(f32::to_bits))
+                .or_insert(next)
+        };
+        let places: Vec<usize> = self.positions.iter().map(number).collect();
+        let center = (self.positions.first()).map_or(DVec3::ZERO, |position| position.as_dvec3());
+        let mut edges: HashMap<(usize, usize), i64> = HashMap::new();
+        let mut volume = 0.0;
+        for triangle in &self.triangles {
+            let at = triangle.map(|vertex| places[vertex as usize]);
+            for (from, to) in [(at[0], at[1]), (at[1], at[2]), (at[2], at[0])] {
+                let way = (to > from) as i64 - (to < from) as i64;
+                *edges.entry((from.min(to), from.max(to))).or_default() += way;
+            }
+            let [a, b, c] = triangle.map(|vertex| self.positions[vertex as usize].as_dvec3() - center);
+            volume += a.dot(b.cross(c));
+        }
+        volume > 0.0 && edges.values().all(|&ways| ways == 0)
+    }
+}
+
 /// A mesh placed in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instance {

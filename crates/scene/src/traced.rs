@@ -5,7 +5,7 @@
 //! ray caster and the scene itself a triangle costs 4 bytes. With the ray caster, the million
 //! triangles of metal_rough_spheres.glb took 132 bytes each (resident memory after minus before).
 //!
-//! Thin panes let light through: `panes` says how.
+//! Glass lets light through: `panes` says how straight rays take it, `refracted` what looks through solid glass shows.
 //!
 //! A negative determinant of an instance's transform swaps vertices 1 and 2 of every triangle, so that a
 //! triangle's front is always where its vertices run counter-clockwise in world space.
@@ -15,6 +15,7 @@ mod extended;
 mod occluders;
 mod panes;
 mod prepare;
+mod refracted;
 mod scene;
 mod shade;
 #[cfg(test)]
@@ -22,5 +23,6 @@ mod tests;
 mod textures;
 
 pub use occluders::{BULGE, FlatPiece};
+pub use refracted::Look;
 pub use scene::{Shading, Stop, TracedScene, TracedSceneError};
 pub(crate) use textures::EmissionTexture;

@@ -2,7 +2,7 @@
 
 use crate::points::candidates::Candidate;
 use glam::{Vec2, Vec3};
-use relight_scene::material::{AlphaMode, Extensions, Material, Texture};
+use relight_scene::material::{AlphaMode, Extensions, Material, Texture, TextureUse};
 use relight_scene::scene::{Mesh, Scene};
 use relight_transport::basis::Level;
 use xxhash_rust::xxh3::{Xxh3, xxh3_128};
@@ -125,7 +125,19 @@ fn alpha(key: &mut Key, mesh: &Mesh, material: &Material, textures: &[Texture], 
     };
     key.f32s(&[material.base_color.w]);
     key.f32s(&mesh.colors.iter().map(|c| c.w).collect::<Vec<f32>>());
-    let Some(usage) = &material.base_color_texture else {
+    let e = material.extensions.as_ref();
+    if let (AlphaMode::Pane { .. }, Some(e)) = (material.alpha_mode, e)
+        && (e.thickness > 0.0 || e.transmission_texture.is_some())
+    {
+        key.f32s(&[e.thickness]).f32s(&e.absorption.to_array());
+        looked_up(key, mesh, &e.transmission_texture, textures, hashes);
+    }
+    looked_up(key, mesh, &material.base_color_texture, textures, hashes);
+}
+
+/// What a texture shows on a mesh.
+fn looked_up(key: &mut Key, mesh: &Mesh, usage: &Option<TextureUse>, textures: &[Texture], hashes: &[u128]) {
+    let Some(usage) = usage else {
         return;
     };
     let at = usage.texture as usize;

@@ -155,7 +155,7 @@ pub fn one_of<T: Copy, const N: usize, D: Decoder>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::{LeftOut, Material, MaterialExtensions};
+    use crate::asset::{LeftOut, Material, MaterialExtensions, MaterialGlass};
 
     /// What the limits rest on.
     #[test]
@@ -168,6 +168,7 @@ mod tests {
         let ratios = [
             ratio::<Material>(),
             ratio::<MaterialExtensions>(),
+            ratio::<MaterialGlass>(),
             ratio::<LeftOut>(),
             ratio::<String>(),
             ratio::<(String, String)>(),

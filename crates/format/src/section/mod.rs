@@ -24,6 +24,7 @@ pub fn version(kind: Kind, asset: &Asset) -> u16 {
     match kind {
         Kind::Points => points::version(&asset.points, grey),
         Kind::LinksTransfer if short_links => 2,
+        Kind::Materials if !asset.material_glass.is_empty() => 4,
         Kind::Materials if !asset.material_extensions.is_empty() => 3,
         Kind::Materials if asset.materials.iter().any(Material::is_pane) => 2,
         _ => 1,
@@ -51,10 +52,11 @@ pub fn encode(kind: Kind, asset: &Asset) -> Result<Option<Vec<u8>>> {
             !(geometry.meshes.is_empty() && geometry.instances.is_empty())
         }
         Kind::Materials => {
-            if asset.material_extensions.is_empty() {
-                records::encode(kind, &asset.materials, out)?;
-            } else {
-                records::encode(kind, &(&asset.materials, &asset.material_extensions), out)?;
+            let (all, further) = (&asset.materials, &asset.material_extensions);
+            match version(kind, asset) {
+                4 => records::encode(kind, &(all, further, &asset.material_glass), out)?,
+                3 => records::encode(kind, &(all, further), out)?,
+                _ => records::encode(kind, all, out)?,
             }
             !asset.materials.is_empty()
         }
@@ -102,10 +104,11 @@ pub fn decode(kind: Kind, version: u16, raw: &[u8], memory: &mut u64, asset: &mu
         Kind::Provenance => asset.provenance = records::decode(&mut cursor)?,
         Kind::Geometry => asset.geometry = geometry::decode(&mut cursor)?,
         Kind::Materials => {
-            if version >= 3 {
-                (asset.materials, asset.material_extensions) = records::decode(&mut cursor)?;
-            } else {
-                asset.materials = records::decode(&mut cursor)?;
+            let (all, further) = (&mut asset.materials, &mut asset.material_extensions);
+            match version {
+                4.. => (*all, *further, asset.material_glass) = records::decode(&mut cursor)?,
+                3 => (*all, *further) = records::decode(&mut cursor)?,
+                _ => *all = records::decode(&mut cursor)?,
             }
             let known = version >= 2 || !asset.materials.iter().any(Material::is_pane);
             let (here, found) = (Location::Raw(0), "a pane, which version 2 has");

@@ -79,6 +79,17 @@ impl Asset {
                 .all(|pair| pair[0].material != pair[1].material);
         let expected = "extensions by rising material, each once";
         check(rising, Kind::Materials, 0, expected, "another order")?;
+        for (i, glass) in self.material_glass.iter().enumerate() {
+            glass.validate(i)?;
+            let kind = Kind::Materials;
+            check_below(kind, i, "material", glass.material, self.materials.len())?;
+            if let Some(texture) = &glass.transmission_texture {
+                check_below(kind, i, "texture", texture.texture, self.textures.len())?;
+            }
+        }
+        let rising = self.material_glass.is_sorted_by(|a, b| a.material < b.material);
+        let expected = "glass by rising material, each once";
+        check(rising, Kind::Materials, 0, expected, "another order")?;
         let known = |mime: &str| ["image/png", "image/jpeg"].contains(&mime);
         for (i, texture) in self.textures.iter().enumerate() {
             let mime = &texture.mime;

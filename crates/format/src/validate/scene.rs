@@ -1,7 +1,7 @@
 //! Rules of meshes, instances and materials (SPEC 6.2, 6.3).
 
 use super::check::{check, check_below, check_each, check_finite, check_length, check_unit, is_unit};
-use crate::asset::{AlphaMode, Geometry, Material, MaterialExtensions, Mesh, TextureRef};
+use crate::asset::{AlphaMode, Geometry, Material, MaterialExtensions, MaterialGlass, Mesh, TextureRef};
 use crate::error::Result;
 use crate::layout::{Kind, MAX_UV_SETS};
 
@@ -167,5 +167,18 @@ impl MaterialExtensions {
             "indices of refraction of at least 1, or an ior of 0",
             found,
         )
+    }
+}
+
+impl MaterialGlass {
+    pub(super) fn validate(&self, index: usize) -> Result<()> {
+        let lengths = || self.absorption.into_iter().chain([self.thickness]);
+        let transforms = (self.transmission_texture.iter()).flat_map(|texture| texture.transform);
+        let fine = lengths().all(|x| x.is_finite() && x >= 0.0) && { transforms }.all(f32::is_finite);
+        let (expected, found) = (
+            "finite parameters of glass, none negative",
+            format_args!("{self:?}"),
+        );
+        check(fine, Kind::Materials, index, expected, found)
     }
 }

@@ -290,3 +290,16 @@ pub fn extended_asset() -> Asset {
     }];
     asset
 }
+
+/// The extended asset with solid glass and a texture of transmission.
+pub fn glass_asset() -> Asset {
+    let mut asset = extended_asset();
+    let texture = asset.material_extensions[0].clearcoat_normal_texture.clone();
+    asset.material_glass = vec![MaterialGlass {
+        material: 0,
+        thickness: 0.25,
+        absorption: [0.0, 0.5, 12.0],
+        transmission_texture: texture,
+    }];
+    asset
+}

@@ -187,6 +187,13 @@ impl Dump {
         }
     }
 
+    fn glass(&mut self, name: &str, glass: &MaterialGlass) {
+        let of = |part: &str| format!("{name}.glass.{part}");
+        self.f32(&of("thickness"), &[glass.thickness]);
+        self.f32(&of("absorption"), &glass.absorption);
+        self.texture_ref(&of("transmission_texture"), glass.transmission_texture.as_deref());
+    }
+
     fn weights(&mut self, name: &str, m: &WeightRows) {
         self.number(&format!("{name}.rows"), m.rows.into());
         self.u32(&format!("{name}.row_offsets"), m.row_offsets.iter().copied());
@@ -284,6 +291,9 @@ pub fn lines(asset: &Asset) -> Vec<String> {
                 .filter(|e| e.material as usize == i)
             {
                 dump.extensions(&name, further);
+            }
+            for glass in asset.material_glass.iter().filter(|g| g.material as usize == i) {
+                dump.glass(&name, glass);
             }
         }
     }

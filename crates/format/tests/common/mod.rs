@@ -66,6 +66,7 @@ pub fn small_asset() -> Asset {
             }],
         },
         material_extensions: Vec::new(),
+        material_glass: Vec::new(),
         materials: vec![Material {
             name: "wall".into(),
             alpha_mode: AlphaMode::Mask(0.5),

@@ -6,7 +6,7 @@ use relight_render::exposure::Exposure;
 use relight_scene::light_set::{LightSet, MetEmitter};
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
-use relight_scene::traced::TracedScene;
+use relight_scene::traced::{Look, TracedScene};
 
 /// Light that each fragment shows directly: emissive surfaces that a light lets shine, environments, and
 /// rectangles and spheres of the sequence. Of one light, or of all.
@@ -26,14 +26,23 @@ pub(super) fn emission_at(
         .map(|f| {
             let mut sum = Vec3::ZERO;
             let direction = seen.directions[f];
-            let distance = seen.hits[f].as_ref().map_or(f32::INFINITY, |hit| hit.t);
             let wanted = |light: usize| only.is_none_or(|o| o == light);
-            let tint = scene.tint(&Ray::endless(seen.eye, direction), distance);
-            lights.along(seen.eye, direction, distance, |met| {
-                if wanted(met.light) {
-                    sum += met.radiance * tint;
-                }
-            });
+            let along = |sum: &mut Vec3, ray: &Ray, end: f32, tint: Vec3| {
+                lights.along(ray.origin, ray.direction, end, |met| {
+                    if wanted(met.light) {
+                        *sum += met.radiance * tint;
+                    }
+                });
+            };
+            let eye = Ray::endless(seen.eye, seen.through(f));
+            let look = if seen.is_bent(f) {
+                scene.look(&eye, |part, end, tint| along(&mut sum, part, end, tint))
+            } else {
+                Look::straight(&eye, seen.hits[f])
+            };
+            let distance = look.hit.map_or(f32::INFINITY, |hit| hit.t);
+            let tint = look.tint * scene.tint(&look.ray, distance);
+            along(&mut sum, &look.ray, distance, tint);
             if let (Some(hit), Some(point)) = (&seen.hits[f], &seen.points[f])
                 && point.emission != Vec3::ZERO
             {

@@ -13,13 +13,12 @@ use super::sights::Sights;
 use super::{View, add, follow_mirrors};
 use crate::layers::{PixelSum, TILE, Tile};
 use crate::many_lights::PointLights;
-use crate::picture::Picture;
+use crate::picture::{Picture, Seen};
 use crate::sampler::Sampler;
 use crate::sum::Total;
 use crate::watch::Cancelled;
 use glam::{Vec2, Vec3};
 use relight_scene::image::Layers;
-use relight_scene::surface::Surfaces;
 use relight_transport::light_clusters::LightClusters;
 use std::ops::AddAssign;
 
@@ -184,8 +183,7 @@ impl Image<'_> {
         let picture = self.picture;
         let offset = Sampler::new(picture.seed, picture.pixel((x, y)), sample).next_2d();
         let (eye, _) = picture.eye_ray((x, y), sample);
-        let hit = picture.see(&eye, sums)?;
-        let view = follow_mirrors(picture, hit, -eye.direction, sums)?;
+        let view = follow_mirrors(picture, picture.see(&eye, sums)?, sums)?;
         let start = Vec2::new(tile.start[0] as f32, tile.start[1] as f32);
         Some(EyeHit {
             view,
@@ -206,8 +204,8 @@ impl Image<'_> {
         let eye = self.picture.ray_through(place);
         // What shines there is no pixel's light.
         let mut nowhere = PixelSum::nowhere();
-        let view = (self.lit.scene.closest_hit(&eye))
-            .and_then(|hit| follow_mirrors(self.picture, hit, -eye.direction, &mut nowhere));
+        let look = self.lit.scene.look(&eye, |_, _, _| ());
+        let view = (Seen::of(&look)).and_then(|seen| follow_mirrors(self.picture, seen, &mut nowhere));
         let sample = view.map(|view| self.sample(state, view));
         state.corners[index] = sample.map_or(Corner::Empty, Corner::At);
         sample

@@ -5,7 +5,7 @@ use crate::picture::Picture;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::shading::ShadingPoint;
-use relight_scene::surface::{SurfaceHit, Surfaces};
+use relight_scene::surface::SurfaceHit;
 use relight_transport::pixel_tree::TreePixel;
 
 /// A point of a surface that the eye sees.
@@ -14,6 +14,8 @@ pub(super) struct Point {
     pub shading: ShadingPoint,
     /// Unit, towards the eye.
     pub wo: Vec3,
+    /// What solid glass leaves of its light, linear RGB.
+    pub tint: Vec3,
 }
 
 /// All points of an image.
@@ -43,10 +45,16 @@ impl View {
                 let (sample, y) = ((row / height) as u32, row % height);
                 let points = (0..width).filter_map(|x| {
                     let (eye, _) = picture.eye_ray((x, y), sample);
-                    let hit = scene.closest_hit(&eye)?;
-                    let wo = -eye.direction;
+                    let look = scene.look(&eye, |_, _, _| ());
+                    let (hit, wo, tint) = (look.hit?, -look.ray.direction, look.tint);
                     let shading = scene.shading_point(&hit).facing(wo);
-                    Some((Point { hit, shading, wo }, [x as u32, y as u32, sample]))
+                    let point = Point {
+                        hit,
+                        shading,
+                        wo,
+                        tint,
+                    };
+                    Some((point, [x as u32, y as u32, sample]))
                 });
                 points.collect()
             })

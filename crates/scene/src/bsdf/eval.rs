@@ -48,7 +48,7 @@ pub fn eval(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> Vec3 {
 }
 
 /// [`eval`] of the diffuse part alone, and of sheen.
-pub(super) fn eval_diffuse(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> Vec3 {
+pub fn eval_diffuse(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> Vec3 {
     let Some((cos_o, cos_i)) = cosines(point, wo, wi) else {
         return Vec3::ZERO;
     };

@@ -19,6 +19,15 @@ pub struct Lobe {
     pub width: f32,
 }
 
+/// Angular radius, radians, of the widest lobe that shows solid glass as a mirror does, by rays that bend: α = 0.02. Wider ones blur what
+/// bending changes.
+const SHARP: f32 = 0.1;
+
+/// Whether a point has a lobe so narrow that its rays bend in solid glass ([`crate::traced::TracedScene::look`]).
+pub fn is_sharp(point: &ShadingPoint) -> bool {
+    !point.lambert && width_facing(point) <= SHARP
+}
+
 /// The same point with a lobe whose half vectors spread by at least `slope` (the α of GGX and Ward): light that is known
 /// at separate directions only would fall beside narrower ones.
 pub fn at_least_as_wide(point: &ShadingPoint, slope: f32) -> ShadingPoint {

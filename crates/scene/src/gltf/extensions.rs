@@ -25,6 +25,7 @@ const SUPPORTED: &[&str] = &[
     "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_materials_variants",
+    "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
     "KHR_node_visibility",
@@ -36,7 +37,6 @@ const SUPPORTED: &[&str] = &[
 const HARMLESS: &[&str] = &[
     "KHR_materials_diffuse_transmission",
     "KHR_materials_dispersion",
-    "KHR_materials_volume",
     "KHR_xmp",
     "KHR_xmp_json_ld",
 ];
@@ -75,14 +75,7 @@ pub(super) fn check(root: &At, notes: &mut Notes) -> Vec<UnsupportedExtension> {
             });
             continue;
         }
-        notes.say(match name {
-            "KHR_materials_volume" => {
-                "KHR_materials_volume: light passes solid glass straight on, unrefracted, and loses what the \
-                                       colour of thicknessFactor takes"
-                    .to_owned()
-            }
-            _ => format!("{name} is ignored"),
-        });
+        notes.say(format!("{name} is ignored"));
     }
     unsupported
 }

@@ -229,31 +229,12 @@ fn parse_material(at: &At, textures: usize, notes: &mut Notes) -> Material {
         if alpha_mode != AlphaMode::Opaque {
             notes.count("transmitting materials with alpha, which is ignored", 1);
         }
-        if glass.is_some_and(|glass| glass.get("transmissionTexture").is_some()) {
-            notes.count("textures of transmission, which are ignored", 1);
-        }
         material.alpha_mode = AlphaMode::Pane { transmission };
-        material.base_color *= absorbed(at).extend(1.0);
     }
     if !material.unlit {
         material.extensions = refined::parse(at, textures, material.alpha_mode, notes);
     }
     material
-}
-
-/// What light keeps on its way through half of a solid body (KHR_materials_volume), whose surface it passes twice; linear RGB.
-fn absorbed(at: &At) -> Vec3 {
-    let Some(volume) = at.extension("KHR_materials_volume") else {
-        return Vec3::ONE;
-    };
-    let color = (volume.floats("attenuationColor")).map_or(Vec3::ONE, Vec3::from_array);
-    let thickness = volume.float("thicknessFactor").unwrap_or(0.0);
-    let distance = volume.float("attenuationDistance").unwrap_or(f32::INFINITY);
-    let lengths = 0.5 * thickness / distance;
-    if !(lengths > 0.0 && lengths.is_finite()) {
-        return Vec3::ONE;
-    }
-    color.clamp(Vec3::ZERO, Vec3::ONE).powf(lengths)
 }
 
 /// Loads the images that `materials` use, and points their texture uses at the list that is returned:

@@ -15,8 +15,7 @@
 //! **Coordinates.** Node transforms are multiplied in f64. A scene that lies far from its origin for its size is moved to its
 //! own middle (`middle`), which [`Scene::offset`] and a note say.
 //!
-//! **Left out, with a note in [`Scene::notes`]:** points and lines, orthographic cameras, transmission (the
-//! material counts as opaque), animation of meshes, skins and morph targets,
+//! **Left out, with a note in [`Scene::notes`]:** points and lines, orthographic cameras, animation of meshes, skins and morph targets,
 //! triangles with vertices that are not finite, the range of lights. Occlusion textures are left out without
 //! one: relight computes occlusion. What the specification forbids but can only mean one thing is accepted:
 //! quaternions that are not quite of unit length, factors slightly out of range, an incomplete last triangle,
@@ -68,7 +67,7 @@ pub use units::{EMISSIVE, FPS, LightUnits};
 
 use crate::animated::Animated;
 use crate::light::{LightKind, LightTrack};
-use crate::material::Material;
+use crate::material::{AlphaMode, Material};
 use crate::scene::{Mesh, Scene, Variant, replacements, shown_as};
 use crate::sequence::Sequence;
 use glam::{DVec3, Vec2, Vec3};
@@ -265,6 +264,7 @@ fn import_checked(
             message: format!("there is no triangle to light ({why}); export the scene with its meshes"),
         });
     }
+    note_open_glass(&geometry.meshes, &materials, &mut notes);
     let mut lights = tracks.lights;
     if let Some((name, kind)) = environment {
         let name = tracks::free_name(&name, &lights);
@@ -326,6 +326,24 @@ fn check_version(root: &At) {
         let short: String = least.chars().take(20).collect();
         asset.fault_at("minVersion", format!("is \"{short}\", but only glTF 2.0 is read"));
     }
+}
+
+/// Notes solid glass whose mesh bounds no body: nothing says where light comes out of it.
+fn note_open_glass(meshes: &[Mesh], materials: &[Material], notes: &mut Notes) {
+    let solid = |mesh: &&Mesh| {
+        let material = &materials[mesh.material as usize];
+        let thick = (material.extensions.as_ref()).is_some_and(|e| e.thickness > 0.0);
+        thick && matches!(material.alpha_mode, AlphaMode::Pane { .. })
+    };
+    let open = meshes
+        .iter()
+        .filter(solid)
+        .filter(|mesh| !mesh.is_closed())
+        .count();
+    notes.count(
+        "meshes of solid glass that are not closed, which bend no light and absorb by thicknessFactor",
+        open as u64,
+    );
 }
 
 /// Gives meshes the sets of coordinates that their materials look up, so that no one has to ask again.

@@ -1,4 +1,4 @@
-//! KHR_materials_ior, _specular, _clearcoat, _sheen, _anisotropy and _iridescence.
+//! KHR_materials_ior, _specular, _clearcoat, _sheen, _anisotropy and _iridescence, and of panes _volume and the texture of _transmission.
 
 use super::json::At;
 use super::notes::Notes;
@@ -8,6 +8,8 @@ use glam::Vec3;
 
 /// Largest index of refraction that is read: of what is larger nothing is known, and it mirrors nearly all.
 const MAX_IOR: f32 = 100.0;
+/// Largest absorption, 1/m: of what is more nothing is left after a thousandth of a millimetre.
+const MAX_ABSORPTION: f32 = 1e8;
 /// Largest thickness of a film, nanometres: beyond some micrometres no colours are left.
 const MAX_THICKNESS: f32 = 1e6;
 /// Largest factor of a specular colour: the product with the reflectance is limited to 1 where it is evaluated.
@@ -75,6 +77,9 @@ pub(super) fn parse(
         ];
         e.iridescence_thickness_texture = parse_use(&film, "iridescenceThicknessTexture", textures);
     }
+    if let AlphaMode::Pane { .. } = alpha {
+        read.glass(at, textures, &mut e);
+    }
     if let AlphaMode::Pane { .. } = alpha
         && (e.clearcoat > 0.0 || e.sheen_color != Vec3::ZERO)
     {
@@ -124,6 +129,24 @@ impl Reader<'_> {
             self.notes.count(&format!("{what} out of range, clamped"), 1);
         }
         value.clamp(low, high)
+    }
+
+    fn glass(&mut self, at: &At, textures: usize, e: &mut Extensions) {
+        if let Some(transmission) = at.extension("KHR_materials_transmission") {
+            e.transmission_texture = parse_use(&transmission, "transmissionTexture", textures);
+        }
+        let Some(volume) = at.extension("KHR_materials_volume") else {
+            return;
+        };
+        let thickness = volume.float("thicknessFactor").unwrap_or(0.0);
+        e.thickness = self.clamped(thickness, 0.0, f32::MAX, "thicknesses of glass");
+        let color = self.color(&volume, "attenuationColor", Vec3::ONE, 1.0);
+        let distance = volume.float("attenuationDistance").unwrap_or(f32::INFINITY);
+        if e.thickness > 0.0 && distance > 0.0 {
+            // Of black nothing is left after any length, as far as numbers go.
+            let absorbed = |c: f32| (-f64::from(c.max(f32::MIN_POSITIVE)).ln() / f64::from(distance)) as f32;
+            e.absorption = Vec3::from(color.to_array().map(|c| absorbed(c).clamp(0.0, MAX_ABSORPTION)));
+        }
     }
 
     fn factor(&mut self, at: &At, key: &str, default: f32) -> f32 {

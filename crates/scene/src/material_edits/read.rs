@@ -276,7 +276,8 @@ fn stops_other_rays(a: &Material, b: &Material) -> bool {
     let mirrored = |m: &Material| {
         let none = Extensions::default();
         let e = m.extensions.as_deref().unwrap_or(&none);
-        (e.ior, e.specular, e.specular_color)
+        let solid = (e.thickness, e.absorption, e.transmission_texture);
+        (e.ior, e.specular, e.specular_color, solid)
     };
     let pane = |m: &Material| (m.base_color, metallic(m), mirrored(m));
     let differs = match a.alpha_mode {

@@ -1,23 +1,26 @@
-//! Thin panes (KHR_materials_transmission): rays go straight on through them.
+//! Glass (KHR_materials_transmission) as rays see it that go straight on through it: all but those that [`super::refracted`] bends.
 //!
 //! Source: the extension's reading of thin walls. Of the light that the surface does not mirror (Schlick's Fresnel term of a
-//! dielectric, by KHR_materials_ior and the factors of KHR_materials_specular) `transmission` passes, times the base colour; what is left reflects as ever. Each surface counts once, so a sheet modelled
-//! as a box mirrors twice.
+//! dielectric, by KHR_materials_ior and the factors of KHR_materials_specular) `transmission` passes, times the base colour; what is left
+//! reflects as ever. Each surface counts once, so a sheet modelled as a box mirrors twice.
+//!
+//! Solid glass (KHR_materials_volume, on a closed mesh) also takes what its absorption says over the length of the way inside. Where the mesh is
+//! open, each surface takes what half of the material's thickness does.
 //!
 //! Whether a ray that looks for a surface stops at a pane is decided by a hash, as alpha is: it passes with probability T, the largest
 //! channel of what passes. The surface that stops it reflects its own share over 1 − T (a clear pane is then a white mirror), so
-//! that eyes, paths and gathers see the mean of both without a second ray. What is left over, the tint T′/T, is asked for along the ray
+//! that eyes, paths and gathers see the mean of both without a second ray. What is left over, the tint T′/T and absorption, is asked for along the ray
 //! ([`Surfaces::tint`](crate::surface::Surfaces::tint)). Shadow rays pass all panes, and the light takes the product
 //! ([`Surfaces::passed`](crate::surface::Surfaces::passed)): no noise.
 //!
 //! With [`Shading::Lambert`](super::scene::Shading::Lambert) panes are walls of their base colour, as all materials.
 //!
-//! Deviation: light is neither refracted nor blurred by roughness on its way through.
+//! Deviation: light is not blurred by roughness on its way through.
 
 use super::corner::Corner;
 use super::extended::dielectric;
 use super::scene::TracedScene;
-use crate::material::{AlphaMode, Material};
+use crate::material::{AlphaMode, Extensions, Material};
 use crate::rays::{Hit, Ray};
 use crate::shading::DIELECTRIC_F0;
 use crate::texture::ColorSpace;
@@ -30,10 +33,20 @@ const MOST: usize = 64;
 /// What a pane is like at a point.
 pub(super) struct Pane {
     /// What passes of the light that is not mirrored, linear RGB in 0..=1.
-    passing: Vec3,
-    transmission: f32,
+    pub passing: Vec3,
+    pub transmission: f32,
     /// Schlick's term at normal incidence and at grazing angles.
     fresnel: [f32; 2],
+}
+
+/// Where a straight ray meets glass.
+struct Met {
+    t: f32,
+    triangle: u32,
+    /// Factor of the light, linear RGB.
+    share: Vec3,
+    /// The surface of a body that the ray enters there (1) or leaves (−1); 0 where it is thin.
+    inwards: i32,
 }
 
 impl Pane {
@@ -64,15 +77,19 @@ impl Pane {
         }
     }
 
-    /// Which share of the light of a ray passes, RGB; `cos` is that between ray and normal.
-    fn share(&self, cos: f32) -> Vec3 {
+    /// Share of the light that is mirrored; `cos` is that between the ray, outside of glass, and the normal.
+    pub fn fresnel(&self, cos: f32) -> f32 {
         let [f0, f90] = self.fresnel;
-        let fresnel = f0 + (f90 - f0) * (1.0 - cos.clamp(0.0, 1.0)).powi(5);
-        self.passing * (1.0 - fresnel)
+        f0 + (f90 - f0) * (1.0 - cos.clamp(0.0, 1.0)).powi(5)
+    }
+
+    /// Which share of the light of a ray passes, RGB; `cos` as in [`Pane::fresnel`].
+    fn share(&self, cos: f32) -> Vec3 {
+        self.passing * (1.0 - self.fresnel(cos))
     }
 
     /// Colour of what passes, its largest channel 1.
-    fn tint(&self) -> Vec3 {
+    pub fn tint(&self) -> Vec3 {
         let most = self.most();
         if most > 0.0 {
             self.passing / most
@@ -85,13 +102,37 @@ impl Pane {
 /// Whether a material is a pane, and one with a colour.
 pub(super) fn is_tinted(material: &Material, has_colors: bool) -> bool {
     let [r, g, b, _] = material.base_color.to_array();
+    let absorbs = is_solid(material) && absorption(material) != Vec3::ZERO;
     matches!(material.alpha_mode, AlphaMode::Pane { .. })
-        && (r != g || g != b || material.base_color_texture.is_some() || has_colors)
+        && (r != g || g != b || material.base_color_texture.is_some() || has_colors || absorbs)
+}
+
+/// Whether bodies of a material are solid glass.
+pub(super) fn is_solid(material: &Material) -> bool {
+    let thick = |e: &Extensions| e.thickness > 0.0;
+    matches!(material.alpha_mode, AlphaMode::Pane { .. }) && material.extensions.as_deref().is_some_and(thick)
+}
+
+/// 1/m, linear RGB.
+fn absorption(material: &Material) -> Vec3 {
+    let e = material.extensions.as_ref();
+    e.map_or(Vec3::ZERO, |e| e.absorption.max(Vec3::ZERO))
+}
+
+/// What is left after a length, m, in something that absorbs, 1/m.
+pub(super) fn left_after(absorption: Vec3, length: f32) -> Vec3 {
+    if absorption == Vec3::ZERO {
+        return Vec3::ONE;
+    }
+    let depth = absorption * length.max(0.0);
+    // NaN, of nothing over no end, is nothing lost.
+    Vec3::from(depth.to_array().map(|x| (-x.max(0.0)).exp()))
 }
 
 impl TracedScene {
     /// The pane that the scene's material, whatever edits have made of it, is at a point; `None` of all others.
-    pub(super) fn pane(&self, index: u32, corner: &Corner<'_>) -> Option<Pane> {
+    /// `solid`: it belongs to a body of solid glass.
+    pub(super) fn pane(&self, index: u32, corner: &Corner<'_>, solid: bool) -> Option<Pane> {
         if !self.panes {
             return None;
         }
@@ -104,7 +145,16 @@ impl TracedScene {
         let texture = self.texture_value(&material.metallic_roughness_texture, corner, ColorSpace::Linear);
         let metallic = (material.metallic * texture.z).clamp(0.0, 1.0);
         // NaN becomes 0.
-        let base = base.max(Vec3::ZERO).min(Vec3::ONE);
+        let mut base = base.max(Vec3::ZERO).min(Vec3::ONE);
+        let mut transmission = transmission;
+        if let Some(e) = &material.extensions {
+            transmission *= self
+                .texture_value(&e.transmission_texture, corner, ColorSpace::Linear)
+                .x;
+            if e.thickness > 0.0 && !solid {
+                base *= left_after(absorption(material), 0.5 * e.thickness);
+            }
+        }
         // The brightest channel decides for all, as it does for what is diffuse.
         let fresnel = match &material.extensions {
             Some(e) => dielectric(e.ior, e.specular_color, e.specular),
@@ -117,9 +167,24 @@ impl TracedScene {
         })
     }
 
-    fn pane_met(&self, hit: &Hit) -> Option<Pane> {
-        let (material, corner) = self.corner_of(hit.triangle, [hit.u, hit.v]);
-        self.pane(material, &corner)
+    pub(super) fn pane_met(&self, hit: &Hit) -> Option<Pane> {
+        let (instance, corner) = self.corner(hit.triangle, [hit.u, hit.v]);
+        self.pane(instance.material, &corner, instance.solid)
+    }
+
+    /// Absorption of the body that a triangle belongs to, 1/m.
+    pub(super) fn absorption_of(&self, triangle: u32) -> Vec3 {
+        absorption(&self.scene().materials[self.material_of(triangle) as usize])
+    }
+
+    /// 1 where a ray goes into solid glass, −1 where it comes out, 0 at anything else.
+    fn inwards(&self, ray: &Ray, triangle: u32) -> i32 {
+        if !self.traced_instance(triangle).solid {
+            return 0;
+        }
+        let [a, b, c] = self.triangle_positions(triangle).map(|v| v.as_dvec3());
+        let cos = (b - a).cross(c - a).dot(ray.direction.as_dvec3());
+        if cos <= 0.0 { 1 } else { -1 }
     }
 
     /// Share of a ray's light that passes where it meets a pane; `None` where it meets something else.
@@ -145,13 +210,13 @@ impl TracedScene {
                 None => self.stops(ray, hit),
                 Some(share) => {
                     let mut met = met.borrow_mut();
-                    met.push((hit.t, hit.triangle, share));
+                    met.push(self.met(ray, hit, share));
                     met.len() > MOST
                 }
             });
         match stop {
             Some(_) => Vec3::ZERO,
-            None => self.product(met.into_inner()),
+            None => self.product(ray, ray.t_max, met.into_inner()),
         }
     }
 
@@ -162,18 +227,69 @@ impl TracedScene {
             if hit.t < t
                 && let Some(pane) = self.pane_met(hit)
             {
-                met.borrow_mut().push((hit.t, hit.triangle, pane.tint()));
+                met.borrow_mut().push(self.met(ray, hit, pane.tint()));
             }
             false
         });
-        self.product(met.into_inner())
+        self.product(ray, t, met.into_inner())
     }
 
-    /// Of what was met in any order: in one order. Two triangles that share the edge that a ray goes through are one pane.
-    fn product(&self, mut met: Vec<(f32, u32, Vec3)>) -> Vec3 {
-        met.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        met.dedup_by(|b, a| a.0 == b.0 && self.instance_of(a.1) == self.instance_of(b.1));
-        met.iter()
-            .fold(Vec3::ONE, |product, (_, _, share)| product * *share)
+    fn met(&self, ray: &Ray, hit: &Hit, share: Vec3) -> Met {
+        Met {
+            t: hit.t,
+            triangle: hit.triangle,
+            share,
+            inwards: if self.solid {
+                self.inwards(ray, hit.triangle)
+            } else {
+                0
+            },
+        }
+    }
+
+    /// Of what was met in any order before `end`: in one order. Two triangles that share the edge that a ray goes through are one pane.
+    fn product(&self, ray: &Ray, end: f32, mut met: Vec<Met>) -> Vec3 {
+        met.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+        let of = |met: &Met| (met.t, self.instance_of(met.triangle), met.inwards);
+        met.dedup_by(|b, a| of(a) == of(b));
+        let surfaces = met.iter().fold(Vec3::ONE, |product, met| product * met.share);
+        if self.solid {
+            surfaces * self.absorbed(ray, end, &met)
+        } else {
+            surfaces
+        }
+    }
+
+    /// What is left after a straight way through bodies of glass whose surfaces are met in this order.
+    fn absorbed(&self, ray: &Ray, end: f32, met: &[Met]) -> Vec3 {
+        let scale = ray.direction.as_dvec3().length();
+        let mut left = Vec3::ONE;
+        let bodies = || met.iter().filter(|met| met.inwards != 0);
+        for (i, first) in bodies().enumerate() {
+            let body = self.instance_of(first.triangle);
+            let same = |met: &&Met| self.instance_of(met.triangle) == body;
+            if bodies().take(i).any(|met| same(&met)) {
+                continue;
+            }
+            let sums = bodies().filter(same).fold((0, 0.0), |(open, inside), met| {
+                (
+                    open + met.inwards,
+                    inside - f64::from(met.inwards) * f64::from(met.t),
+                )
+            });
+            // Whoever comes out more often than in has started inside; the other way round, the ray ends there.
+            let (open, mut inside) = sums;
+            if open > 0 {
+                // Where there is no end, an edge was missed.
+                let end = if end.is_finite() {
+                    end
+                } else {
+                    bodies().map(|m| m.t).fold(0.0, f32::max)
+                };
+                inside += f64::from(open) * f64::from(end);
+            }
+            left *= left_after(self.absorption_of(first.triangle), (inside * scale) as f32);
+        }
+        left
     }
 }

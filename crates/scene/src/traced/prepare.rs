@@ -1,6 +1,6 @@
 //! From a scene to a traced scene: checks, expansion of instances, decoding of textures.
 
-use super::panes::is_tinted;
+use super::panes::{is_solid, is_tinted};
 use super::scene::{Shading, TracedInstance, TracedScene, TracedSceneError};
 use crate::material::{AlphaMode, Material};
 use crate::rays::TriangleBvh;
@@ -50,6 +50,7 @@ fn prepare(scene: Arc<Scene>, shading: Shading) -> Result<TracedScene, TracedSce
     let is_pane = |material: &Material| matches!(material.alpha_mode, AlphaMode::Pane { .. });
     let panes = shading == Shading::Full && meshes().any(|(_, material)| is_pane(material));
     let tinted = panes && meshes().any(|(mesh, material)| is_tinted(material, !mesh.colors.is_empty()));
+    let solid = instances.iter().any(|instance| instance.solid);
     let mut traced = TracedScene {
         materials: scene.materials.clone(),
         scene,
@@ -62,6 +63,7 @@ fn prepare(scene: Arc<Scene>, shading: Shading) -> Result<TracedScene, TracedSce
         opaque,
         panes,
         tinted,
+        solid,
         occluders: Arc::default(),
     };
     traced.emissive = emissive(&traced);
@@ -249,6 +251,12 @@ fn expand(
     let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(count(|mesh| mesh.triangles.len())?);
     let mut instance_of_triangle = Vec::with_capacity(triangles.capacity());
     let mut instances = Vec::with_capacity(scene.instances.len());
+    let solid: Vec<bool> = (scene.meshes.iter())
+        .map(|mesh| {
+            let material = &scene.materials[mesh.material as usize];
+            shading == Shading::Full && is_solid(material) && mesh.is_closed()
+        })
+        .collect();
     for (at, instance) in scene.instances.iter().enumerate() {
         let mesh = &scene.meshes[instance.mesh as usize];
         let mirrored = instance.world_from_mesh.matrix3.determinant() < 0.0;
@@ -260,6 +268,7 @@ fn expand(
             normal_from_mesh: normal_from_mesh(&instance.world_from_mesh),
             mirrored,
             opaque: is_opaque(mesh, &scene.materials[mesh.material as usize], shading, textures),
+            solid: solid[instance.mesh as usize],
         });
         positions.extend(
             mesh.positions

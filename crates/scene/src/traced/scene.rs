@@ -70,6 +70,8 @@ pub(super) struct TracedInstance {
     pub(super) mirrored: bool,
     /// No ray can pass any of its triangles.
     pub(super) opaque: bool,
+    /// It is a body of solid glass.
+    pub(super) solid: bool,
 }
 
 /// A [`Scene`] prepared for rendering. See the module's description. Clones share all but the materials.
@@ -92,6 +94,8 @@ pub struct TracedScene {
     /// Some are panes, and some of those have a colour.
     pub(super) panes: bool,
     pub(super) tinted: bool,
+    /// Some are solid glass.
+    pub(super) solid: bool,
     /// Made when first asked for.
     pub(super) occluders: Arc<OnceLock<Occluders>>,
 }
@@ -269,7 +273,7 @@ impl TracedScene {
         }
     }
 
-    fn traced_instance(&self, triangle: u32) -> &TracedInstance {
+    pub(super) fn traced_instance(&self, triangle: u32) -> &TracedInstance {
         &self.instances[self.instance_of_triangle[triangle as usize] as usize]
     }
 
@@ -293,7 +297,7 @@ impl TracedScene {
         (instance, Corner::new(mesh, indices, barycentric))
     }
 
-    fn surface_hit(&self, ray: &Ray, hit: &Hit) -> SurfaceHit {
+    pub(super) fn surface_hit(&self, ray: &Ray, hit: &Hit) -> SurfaceHit {
         let mut point = surface_point(&self.bvh, hit);
         if point.normal == Vec3::ZERO {
             // A triangle so thin that its normal is lost faces the ray.

@@ -35,7 +35,7 @@ impl TracedScene {
             point.diffuse = Vec3::ZERO;
             return point;
         }
-        let pane = self.pane(index, &corner);
+        let pane = self.pane(index, &corner, self.traced_instance(hit.primitive).solid);
         if let Some(pane) = &pane {
             point.diffuse = pane.diffuse(point.diffuse);
         }
