@@ -11,19 +11,17 @@
 //! of weighted tents is the bilinear interpolation of the weights, so the density is known exactly and is
 //! above zero wherever the map is.
 
+use crate::image::environment::decode_equirectangular;
 use crate::image::error::read_file;
-use crate::image::{BEAUTY, FloatImage, ImageError, Limits, decode_exr, decode_hdr};
+use crate::image::{FloatImage, ImageError, Limits};
 use crate::json::quantity::MAX_FACTOR;
 use crate::light::EnvironmentMap;
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
 use std::path::Path;
 
-/// The first bytes of every OpenEXR file.
-const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
-
-/// Reads a Radiance `.hdr` or OpenEXR file (told apart by content, not by name) as an environment map. Of an
-/// OpenEXR file the plain `R G B` channels are taken, or its only layer.
+/// Reads a Radiance `.hdr` or OpenEXR file (told apart by content, not by name) as an environment map, cubes as well
+/// ([`crate::image::read_environment`]).
 ///
 /// # Errors
 /// The file cannot be read or decoded, or holds negative, infinite or NaN pixels: the message counts them and
@@ -39,18 +37,7 @@ pub fn read_environment(path: &Path) -> Result<EnvironmentMap, ImageError> {
 /// # Errors
 /// As [`read_environment`].
 pub fn decode_environment(file: &str, bytes: &[u8], limits: &Limits) -> Result<EnvironmentMap, ImageError> {
-    let image = if bytes.starts_with(&EXR_MAGIC) {
-        let layers = decode_exr(file, bytes, limits)?;
-        let only = (layers.layers.len() == 1).then(|| layers.layers[0].name.clone());
-        let image = layers.rgb(BEAUTY).or_else(|| layers.rgb(&only?));
-        image.ok_or_else(|| ImageError::Invalid {
-            file: file.into(),
-            detail: "holds several layers and no plain R, G, B; save one layer of it".into(),
-        })?
-    } else {
-        decode_hdr(file, bytes, limits)?
-    };
-    environment_from_image(file, image)
+    environment_from_image(file, decode_equirectangular(file, bytes, limits)?)
 }
 
 fn environment_from_image(file: &str, image: FloatImage) -> Result<EnvironmentMap, ImageError> {
@@ -283,6 +270,7 @@ pub(crate) fn tent(random: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::{BEAUTY, ExrHeader, Layers, encode_exr};
 
     fn map(width: usize, height: usize, pixel: impl Fn(usize, usize) -> Vec3) -> EnvironmentMap {
         let pixels = (0..width * height).map(|i| pixel(i % width, i / width)).collect();
@@ -312,6 +300,40 @@ mod tests {
             let back = uv_from_direction(direction_from_uv(uv));
             assert!((back[0] - uv[0]).abs() < 1e-5 && (back[1] - uv[1]).abs() < 1e-5);
         }
+    }
+
+    /// Truth: the cross's middle face looks to +Z, its right one to the map's right, −X, its upper one up.
+    #[test]
+    fn a_cross_is_a_cube_and_six_faces_in_a_row_are_refused() {
+        let side = 8;
+        let encoded = |columns: usize, rows: usize, value: &dyn Fn(usize, usize) -> f32| {
+            let (width, height) = (columns * side, rows * side);
+            let mut layers = Layers::new(width, height);
+            let pixel = |i: usize| [value(i % width / side, i / width / side); 3];
+            layers.push_rgb(BEAUTY, &(0..width * height).map(pixel).collect::<Vec<_>>());
+            encode_exr("t", &layers, &ExrHeader::new(), true).unwrap().0
+        };
+        let cross = encoded(4, 3, &|column, row| match (column, row) {
+            (column, 1) => 1.0 + column as f32,
+            (1, row) => 5.0 + row as f32,
+            _ => 0.0,
+        });
+        let map = decode_environment("t", &cross, &Limits::default()).unwrap();
+        for (direction, radiance) in [
+            (Vec3::X, 1.0),
+            (Vec3::Z, 2.0),
+            (Vec3::NEG_X, 3.0),
+            (Vec3::NEG_Z, 4.0),
+            (Vec3::Y, 5.0),
+            (Vec3::NEG_Y, 7.0),
+        ] {
+            assert_eq!(map.at(uv_from_direction(direction)).x, radiance, "{direction}");
+        }
+        let row = encoded(6, 1, &|column, _| column as f32);
+        let refused = decode_environment("t", &row, &Limits::default())
+            .unwrap_err()
+            .to_string();
+        assert!(refused.contains("six faces of a cube"), "{refused}");
     }
 
     /// Truth: quadrature of the bilinear map itself over a grid far finer than its pixels. An unbiased

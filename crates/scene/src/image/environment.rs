@@ -38,6 +38,18 @@ pub fn read_environment(path: &Path, limits: &Limits) -> Result<EnvironmentMap, 
 /// # Errors
 /// As [`read_environment`].
 pub fn decode_environment(file: &str, bytes: &[u8], limits: &Limits) -> Result<EnvironmentMap, ImageError> {
+    decode_equirectangular(file, bytes, limits).map(repaired)
+}
+
+/// The image of [`decode_environment`], with what is negative, infinite or NaN in it.
+///
+/// # Errors
+/// As [`read_environment`].
+pub(crate) fn decode_equirectangular(
+    file: &str,
+    bytes: &[u8],
+    limits: &Limits,
+) -> Result<FloatImage, ImageError> {
     let mut is_cube = false;
     let image = if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
         let layers;
@@ -60,11 +72,10 @@ pub fn decode_environment(file: &str, bytes: &[u8], limits: &Limits) -> Result<E
         true => Some(Faces::Column),
         false => cross(file, &image)?,
     };
-    let image = match faces {
-        Some(faces) => unfolded(file, &image, faces, limits)?,
-        None => image,
-    };
-    Ok(repaired(image))
+    match faces {
+        Some(faces) => unfolded(file, &image, faces, limits),
+        None => Ok(image),
+    }
 }
 
 /// Reads a Radiance `.hdr` file.
