@@ -240,7 +240,7 @@ fn eyes_look_through_panes() {
 fn solid_glass_lets_light_in_and_is_looked_through() {
     let folder = folder();
     let asset = baked(folder.path(), &room(folder.path(), solid(), false));
-    let path = play(folder.path(), &asset, "path", "512", &[]);
+    let path = play(folder.path(), &asset, "path", "256", &[]);
     let relit = play(folder.path(), &asset, "transfer", "16", &[]);
     for layer in ["direct", "indirect"] {
         let (found, truth) = (mean_of(&relit, layer), mean_of(&path, layer));
@@ -254,7 +254,7 @@ fn solid_glass_lets_light_in_and_is_looked_through() {
     assert!((left(longest)..left(0.25)).contains(&ratio), "{ratio}");
 
     let asset = baked(folder.path(), &room(folder.path(), solid(), true));
-    let path = play(folder.path(), &asset, "path", "512", &[]);
+    let path = play(folder.path(), &asset, "path", "256", &[]);
     let relit = play(folder.path(), &asset, "transfer", "32", &[]);
     let (found, truth) = (
         sums(&relit, "beauty", 8..20, 18..30),

@@ -160,7 +160,9 @@ impl GlossySenders {
                 seen += 1.0;
                 if let Some(glossy) = self.glossy(point) {
                     let [own, own_matt] = self.points[glossy].sent(&lit[glossy], to, cluster.radius);
-                    more += around * share(own - own_matt, own_matt, around);
+                    // A few rays to a lamp with extent may by chance find less.
+                    let expected = if each == 1 { around } else { Vec3::ZERO };
+                    more += around * share(own - own_matt, own_matt, expected);
                 }
             }
             means[sender] * share(more, matt, means[sender] * seen)
