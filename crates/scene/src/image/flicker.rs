@@ -214,7 +214,13 @@ mod tests {
     #[test]
     fn where_light_jumps_in_truth_it_may_jump() {
         let sequence = |jumps: &dyn Fn(usize) -> bool| -> Vec<Vec<f32>> {
-            let at = |k: usize, pixel: usize| if jumps(pixel) && k % 2 == 0 { 1.1 } else { 1.0 };
+            let at = |k: usize, pixel: usize| {
+                if jumps(pixel) && k.is_multiple_of(2) {
+                    1.1
+                } else {
+                    1.0
+                }
+            };
             (0..8)
                 .map(|k| (0..100).map(|pixel| at(k, pixel)).collect())
                 .collect()
