@@ -1,11 +1,11 @@
 //! A scene's own environment (EXT_lights_image_based): kept by a bake, and shines as the same map from a file.
 
-use crate::stage::{TINY, data, folder, inspect_json, relight, sequence};
+use crate::stage::{TINY, data, edited, folder, inspect_json, relight, sequence};
 use relight_scene::environment::direction_from_uv;
 use relight_scene::image::{
     BEAUTY, ExrHeader, FloatImage, Image8, Layers, Limits, encode_png, read_exr, write_exr,
 };
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Radiance from a direction, by which all six faces, their corners and edges differ: brighter above, redder to the right, bluer in front.
@@ -49,38 +49,27 @@ fn face(face: usize) -> Vec<u8> {
 
 /// The Cornell box without its front, under a sky turned by 90° about +Y with intensity 0.5.
 fn scene(folder: &Path) -> PathBuf {
-    let bytes = std::fs::read(data("cornell.glb")).unwrap();
-    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
-    let mut document: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
-    for face_index in 0..6 {
-        std::fs::write(folder.join(format!("face{face_index}.png")), face(face_index)).unwrap();
-    }
-    document["images"] = (0..6).map(|i| json!({ "uri": format!("face{i}.png") })).collect();
-    let half = std::f64::consts::FRAC_1_SQRT_2;
-    document["extensions"] = json!({ "EXT_lights_image_based": { "lights": [{
+    let path = folder.join("lit.glb");
+    edited(&data("cornell.glb"), &path, |document| {
+        for face_index in 0..6 {
+            std::fs::write(folder.join(format!("face{face_index}.png")), face(face_index)).unwrap();
+        }
+        document["images"] = (0..6).map(|i| json!({ "uri": format!("face{i}.png") })).collect();
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        document["extensions"] = json!({ "EXT_lights_image_based": { "lights": [{
         "name": "outside", "intensity": 0.5, "rotation": [0, half, 0, half], "specularImageSize": SIDE,
         "specularImages": [[0, 1, 2, 3, 4, 5]],
         "irradianceCoefficients": [[3.54, 3.54, 3.54], [0, 1.64, 0], [0, 0, -1.23], [1.23, 0, 0], [0, 0, 0.18], [0.27, 0, 0], [0, 0, 0], [0, 0.09, 0], [0, 0, 0]]
     }] } });
-    document["extensionsUsed"] = json!(["EXT_lights_image_based"]);
-    document["extensionsRequired"] = json!(["EXT_lights_image_based"]);
-    document["scenes"][0]["extensions"] = json!({ "EXT_lights_image_based": { "light": 0 } });
-    // Its lamp stays dark, so that the sky alone shines.
-    for material in document["materials"].as_array_mut().unwrap() {
-        material.as_object_mut().unwrap().remove("emissiveFactor");
-        material.as_object_mut().unwrap().remove("extensions");
-    }
-    let mut text = document.to_string().into_bytes();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    let rest = &bytes[20 + length..];
-    let mut glb = bytes[..8].to_vec();
-    glb.extend((20 + text.len() as u32 + rest.len() as u32).to_le_bytes());
-    glb.extend((text.len() as u32).to_le_bytes());
-    glb.extend(b"JSON");
-    glb.extend(text);
-    glb.extend(rest);
-    let path = folder.join("lit.glb");
-    std::fs::write(&path, glb).unwrap();
+        document["extensionsUsed"] = json!(["EXT_lights_image_based"]);
+        document["extensionsRequired"] = json!(["EXT_lights_image_based"]);
+        document["scenes"][0]["extensions"] = json!({ "EXT_lights_image_based": { "light": 0 } });
+        // Its lamp stays dark, so that the sky alone shines.
+        for material in document["materials"].as_array_mut().unwrap() {
+            material.as_object_mut().unwrap().remove("emissiveFactor");
+            material.as_object_mut().unwrap().remove("extensions");
+        }
+    });
     path
 }
 

@@ -264,6 +264,25 @@ pub fn sequence(folder: &Path, name: &str, text: &str) -> PathBuf {
     path
 }
 
+/// A copy of a .glb scene with its JSON changed.
+pub fn edited(scene: &Path, copy: &Path, edit: impl FnOnce(&mut Value)) {
+    let bytes = std::fs::read(scene).unwrap();
+    let length = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    let end = 20 + length(12);
+    let mut json: Value = serde_json::from_slice(&bytes[20..end]).unwrap();
+    edit(&mut json);
+    let mut text = json.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let mut out = bytes[..8].to_vec();
+    let total = (20 + text.len() + bytes.len() - end) as u32;
+    out.extend(total.to_le_bytes());
+    out.extend((text.len() as u32).to_le_bytes());
+    out.extend(b"JSON");
+    out.extend(text);
+    out.extend(&bytes[end..]);
+    std::fs::write(copy, out).unwrap();
+}
+
 /// A level white square of 10 m under a camera that sees nothing else, baked.
 pub fn yard(folder: &Path) -> PathBuf {
     let corners: [[f32; 3]; 6] = [

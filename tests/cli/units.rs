@@ -1,6 +1,8 @@
 //! Bakes in units: what is kept is taken again, only where it is right, and the asset is that of one go, byte by byte.
 
-use crate::stage::{TINY, bake_json, complaint, cornell, data, folder, json, names, relight, send, sequence};
+use crate::stage::{
+    TINY, bake_json, complaint, cornell, data, edited, folder, json, names, relight, send, sequence,
+};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -35,25 +37,6 @@ fn in_one_go(folder: &Path, scene: &Path, options: &[&str]) -> Vec<u8> {
 fn units(said: &Value) -> (u64, u64) {
     let number = |key: &str| said["units"][key].as_u64().unwrap();
     (number("all"), number("reused"))
-}
-
-/// A copy of a scene with its JSON changed.
-fn edited(scene: &Path, copy: &Path, edit: impl FnOnce(&mut Value)) {
-    let bytes = std::fs::read(scene).unwrap();
-    let length = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
-    let end = 20 + length(12);
-    let mut json: Value = serde_json::from_slice(&bytes[20..end]).unwrap();
-    edit(&mut json);
-    let mut text = json.to_string().into_bytes();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    let mut out = bytes[..8].to_vec();
-    let total = (20 + text.len() + bytes.len() - end) as u32;
-    out.extend(total.to_le_bytes());
-    out.extend((text.len() as u32).to_le_bytes());
-    out.extend(b"JSON");
-    out.extend(text);
-    out.extend(&bytes[end..]);
-    std::fs::write(copy, out).unwrap();
 }
 
 #[test]

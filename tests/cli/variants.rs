@@ -1,8 +1,8 @@
 //! Variants of materials (KHR_materials_variants): kept by a bake, shown by material edits.
 
-use crate::stage::{TINY, complaint, data, folder, inspect_json, relight, sequence};
+use crate::stage::{TINY, complaint, data, edited, folder, inspect_json, relight, sequence};
 use relight_scene::image::{FloatImage, read_exr};
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 const LIGHT: &str = r#"{"relight_sequence": 1, "lights": [{"name": "l", "type": "point", "position": [0.25, 0.4, 0.15],
@@ -14,38 +14,25 @@ const TEXEL: &str = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAA
 /// The Cornell box with variants: "dusk" paints what is white in green, but the tall block in the colour of a texture; "glass: clear" puts a
 /// blended material in place of the right wall's.
 fn scene(folder: &Path) -> PathBuf {
-    let bytes = std::fs::read(data("cornell.glb")).unwrap();
-    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
-    let mut document: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
-    let materials = document["materials"].as_array_mut().unwrap();
-    materials.push(json!({ "name": "Painted", "pbrMetallicRoughness": { "metallicFactor": 0, "baseColorTexture": { "index": 0 } } }));
-    materials.push(json!({ "name": "Clear", "alphaMode": "BLEND", "pbrMetallicRoughness": { "baseColorFactor": [1, 1, 1, 0.2] } }));
-    document["images"] = json!([{ "uri": TEXEL }]);
-    document["textures"] = json!([{ "source": 0 }]);
-    document["extensionsUsed"] = json!(["KHR_materials_emissive_strength", "KHR_materials_variants"]);
-    document["extensions"] =
-        json!({ "KHR_materials_variants": { "variants": [{ "name": "dusk" }, { "name": "glass: clear" }] } });
-    for mesh in document["meshes"].as_array_mut().unwrap() {
-        let (variant, by) = match mesh["name"].as_str().unwrap() {
-            "Floor" | "Ceiling" | "Back wall" => (0, 2),
-            "Tall block" => (0, 4),
-            "Right wall" => (1, 5),
-            _ => continue,
-        };
-        mesh["primitives"][0]["extensions"] =
-            json!({ "KHR_materials_variants": { "mappings": [{ "variants": [variant], "material": by }] } });
-    }
-    let mut text = document.to_string().into_bytes();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    let rest = &bytes[20 + length..];
-    let mut glb = bytes[..8].to_vec();
-    glb.extend((20 + text.len() as u32 + rest.len() as u32).to_le_bytes());
-    glb.extend((text.len() as u32).to_le_bytes());
-    glb.extend(b"JSON");
-    glb.extend(text);
-    glb.extend(rest);
     let path = folder.join("varied.glb");
-    std::fs::write(&path, glb).unwrap();
+    edited(&data("cornell.glb"), &path, |document| {
+        let materials = document["materials"].as_array_mut().unwrap();
+        materials.push(json!({ "name": "Painted", "pbrMetallicRoughness": { "metallicFactor": 0, "baseColorTexture": { "index": 0 } } }));
+        materials.push(json!({ "name": "Clear", "alphaMode": "BLEND", "pbrMetallicRoughness": { "baseColorFactor": [1, 1, 1, 0.2] } }));
+        document["images"] = json!([{ "uri": TEXEL }]);
+        document["textures"] = json!([{ "source": 0 }]);
+        document["extensionsUsed"] = json!(["KHR_materials_emissive_strength", "KHR_materials_variants"]);
+        document["extensions"] = json!({ "KHR_materials_variants": { "variants": [{ "name": "dusk" }, { "name": "glass: clear" }] } });
+        for mesh in document["meshes"].as_array_mut().unwrap() {
+            let (variant, by) = match mesh["name"].as_str().unwrap() {
+                "Floor" | "Ceiling" | "Back wall" => (0, 2),
+                "Tall block" => (0, 4),
+                "Right wall" => (1, 5),
+                _ => continue,
+            };
+            mesh["primitives"][0]["extensions"] = json!({ "KHR_materials_variants": { "mappings": [{ "variants": [variant], "material": by }] } });
+        }
+    });
     path
 }
 

@@ -61,8 +61,7 @@ pub fn material_extensions(scene: &Scene) -> Vec<format::MaterialExtensions> {
 pub fn material_glass(scene: &Scene) -> Vec<format::MaterialGlass> {
     let glass = |(index, material): (u32, &Material)| {
         let e = material.extensions.as_ref()?;
-        let says = e.thickness > 0.0 || e.transmission_texture.is_some();
-        says.then(|| format::MaterialGlass {
+        e.have_glass().then(|| format::MaterialGlass {
             material: index,
             thickness: e.thickness,
             absorption: e.absorption.to_array(),

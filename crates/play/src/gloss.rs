@@ -160,7 +160,7 @@ impl GlossySenders {
                 seen += 1.0;
                 if let Some(glossy) = self.glossy(point) {
                     let [own, own_matt] = self.points[glossy].sent(&lit[glossy], to, cluster.radius);
-                    // A few rays to a lamp with extent may by chance find less.
+                    // Of a lamp with extent a few rays may by chance find less.
                     let expected = if each == 1 { around } else { Vec3::ZERO };
                     more += around * share(own - own_matt, own_matt, expected);
                 }

@@ -121,8 +121,7 @@ impl ShadowEdges {
     }
 
     /// Places that neighbours see the light otherwise than, that see it in part, or that have much of it: what passes between places
-    /// steps most there.
-    /// `mean`: of all that is lit.
+    /// steps most there. `mean`: of the light of all places.
     fn near_edges(&self, places: Places, met: &[Met], mean: f32, lit: &[Vec3]) -> Vec<u32> {
         let neighbours = self.neighbours.get_or_init(|| neighbours(places));
         let is_near = |&place: &u32| {

@@ -85,6 +85,16 @@ def test_every_integrator_of_play_is_there(asset, command_line, tmp_path):
     assert pictures[1].sum() > 1.02 * pictures[0].sum(), "virtual lights bring indirect light"
 
 
+def played_with(command_line, asset, materials):
+    """Frame 4 of the moving lights, with these material edits, by the command line."""
+    frames = materials.parent / "f_#.exr"
+    command_line(
+        "play", asset.path, "--lights", MOVING, "--materials", materials, "-o", frames, "--size", "32x24", "--frames",
+        "4-4", "--float",
+    )  # fmt: skip
+    return relight.read_exr(materials.parent / "f_4.exr")["beauty"]
+
+
 def test_materials_are_edited_as_play_edits_them(asset, command_line, tmp_path):
     """Truth: the command line, bit by bit; the asset itself stays as it was."""
     before = asset.shot(size=(32, 24)).frame(lights=LAMPS)["beauty"]
@@ -94,11 +104,7 @@ def test_materials_are_edited_as_play_edits_them(asset, command_line, tmp_path):
     }
     file = tmp_path / "edits.json"
     file.write_text(json.dumps(edits))
-    command_line(
-        "play", asset.path, "--lights", MOVING, "--materials", file, "-o", tmp_path / "f_#.exr", "--size", "32x24",
-        "--frames", "4-4", "--float",
-    )  # fmt: skip
-    played = relight.read_exr(tmp_path / "f_4.exr")["beauty"]
+    played = played_with(command_line, asset, file)
     for form in [file, edits, json.dumps(edits), edits["edits"]]:
         edited = asset.edited(form, time=4)
         np.testing.assert_array_equal(edited.shot(size=(32, 24)).frame(MOVING, 4)["beauty"], played)
@@ -138,11 +144,7 @@ def test_a_variant_is_shown_as_play_shows_it(command_line, tmp_path):
     edits = {"relight_materials": 1, "variant": "dusk", "edits": []}
     file = tmp_path / "dusk.json"
     file.write_text(json.dumps(edits))
-    command_line(
-        "play", asset.path, "--lights", MOVING, "--materials", file, "-o", tmp_path / "f_#.exr", "--size", "32x24",
-        "--frames", "4-4", "--float",
-    )  # fmt: skip
-    played = relight.read_exr(tmp_path / "f_4.exr")["beauty"]
+    played = played_with(command_line, asset, file)
     plain = asset.shot(size=(32, 24)).frame(MOVING, 4)["beauty"]
     for form in [file, edits, json.dumps(edits)]:
         shown = asset.edited(form)

@@ -13,7 +13,7 @@ use relight_scene::camera::Camera;
 use relight_scene::rays::Ray;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces};
-use relight_scene::traced::TracedScene;
+use relight_scene::traced::{Look, TracedScene};
 use relight_transport::sampling::r2;
 use std::ops::Range;
 
@@ -254,8 +254,7 @@ fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: us
             camera.direction(corner + 0.5, size)
         })
         .collect_into_vec(&mut whole.directions);
-    let through = std::mem::take(&mut whole.directions);
-    see_from(scene, camera.position, through, width, &mut whole);
+    see_from(scene, width, &mut whole);
     whole
 }
 
@@ -266,76 +265,63 @@ pub fn expose_around(scene: &TracedScene, eye: Vec3, directions: &[Vec3]) -> Exp
         height: 1,
         offsets: (0..=directions.len() as u32).collect(),
         coverage: vec![1.0; directions.len()],
+        directions: directions.to_vec(),
         eye,
         ..Exposure::default()
     };
-    see_from(scene, eye, directions.to_vec(), directions.len(), &mut around);
+    see_from(scene, directions.len(), &mut around);
     around
 }
 
-/// Fills in what each of some rays from an eye, one per fragment, shows; through pixels' centres row by row, cast in tiles.
-fn see_from(scene: &TracedScene, eye: Vec3, through: Vec<Vec3>, width: usize, whole: &mut Exposure) {
-    let (mut hits, mut points) = (vec![None; through.len()], vec![None; through.len()]);
-    let mut ways = through.clone();
+/// Fills in what rays from the eye along the directions, one per fragment, show; through pixels' centres row by row, cast in tiles.
+fn see_from(scene: &TracedScene, width: usize, whole: &mut Exposure) {
+    if scene.bends() {
+        whole.through = whole.directions.clone();
+    }
+    let (eye, fragments) = (whole.eye, whole.directions.len());
+    whole.hits = vec![None; fragments];
+    whole.points = vec![None; fragments];
     let band = TILE * width.max(1);
-    (through.par_chunks(band))
-        .zip(hits.par_chunks_mut(band))
-        .zip(points.par_chunks_mut(band))
-        .zip(ways.par_chunks_mut(band))
-        .for_each(|(((through, hits), points), ways)| {
+    (whole.directions.par_chunks_mut(band))
+        .zip(whole.hits.par_chunks_mut(band))
+        .zip(whole.points.par_chunks_mut(band))
+        .for_each(|((directions, hits), points)| {
             let tiles = (0..width).step_by(TILE).flat_map(|x| {
                 let columns = x..(x + TILE).min(width);
-                let rows = (0..through.len()).step_by(width);
+                let rows = (0..directions.len()).step_by(width);
                 rows.flat_map(move |row| columns.clone().map(move |x| row + x))
             });
             let order: Vec<usize> = tiles.collect();
             let rays: Vec<Ray> = (order.iter())
-                .map(|&pixel| Ray::endless(eye, through[pixel]))
+                .map(|&pixel| Ray::endless(eye, directions[pixel]))
                 .collect();
             sights(scene, &rays, |i, sight| {
-                ways[order[i]] = sight.direction;
+                directions[order[i]] = sight.direction;
                 (hits[order[i]], points[order[i]]) = sight.seen.unzip();
             });
         });
-    (whole.hits, whole.points, whole.directions) = (hits, points, ways);
-    if scene.bends() {
-        whole.through = through;
-    }
 }
 
 /// What each of some rays from one place shows, in order: `visit(i, sight)`.
 fn sights(scene: &TracedScene, rays: &[Ray], mut visit: impl FnMut(usize, Sight)) {
-    if !scene.bends() {
-        scene.closest_hits_packet(rays, |i, hit| {
-            let direction = rays[i].direction;
-            let seen = hit.map(|hit| (hit, seen_at(scene, &rays[i], &hit, Vec3::ONE)));
-            visit(
-                i,
-                Sight {
-                    direction,
-                    bent: false,
-                    seen,
-                },
-            );
-        });
-        return;
-    }
-    for (i, ray) in rays.iter().enumerate() {
-        let look = scene.look(ray, |_, _, _| ());
-        let seen = look.hit.map(|hit| {
-            let point = seen_at(scene, &look.ray, &hit, look.tint);
+    let sight = |look: Look| {
+        let reflecting = |hit| {
             let t = look.length();
+            let point = seen_at(scene, &look.ray, &hit, look.tint);
             (SurfaceHit { t, ..hit }, point)
-        });
-        let (direction, bent) = (look.ray.direction, look.bent);
-        visit(
-            i,
-            Sight {
-                direction,
-                bent,
-                seen,
-            },
-        );
+        };
+        Sight {
+            direction: look.ray.direction,
+            bent: look.bent,
+            seen: look.hit.map(reflecting),
+        }
+    };
+    if scene.bends() {
+        for (i, ray) in rays.iter().enumerate() {
+            visit(i, sight(scene.look(ray, |_, _, _| ())));
+        }
+    } else {
+        scene.closest_hits_packet(rays, |i, hit| visit(i, sight(Look::straight(&rays[i], hit))));
     }
 }
 

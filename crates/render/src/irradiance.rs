@@ -122,7 +122,8 @@ pub fn incident_at(
                 Some(seen) => seen[run] / each as f32,
                 None => contribution(hit, sample, footprint) * above(hit, sample.direction),
             };
-            let hit = hits[place].as_ref();
+            let is_dark = seen.as_ref().is_some_and(|seen| seen[run] == Vec3::ZERO);
+            let hit = hits[place].as_ref().filter(|_| !is_dark);
             let sample = hit.and_then(|hit| Some((hit, one.at(place, hit, index)?)));
             sample.map_or(dark, |(hit, sample)| Incident {
                 irradiance: irradiance(hit, &sample),

@@ -5,7 +5,7 @@ use base64::engine::DecodePaddingMode;
 use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
 
 /// Whether a name is a data URI.
-pub(crate) fn is_data_uri(name: &str) -> bool {
+pub fn is_data_uri(name: &str) -> bool {
     (name.get(..5)).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"))
 }
 
@@ -20,10 +20,7 @@ pub(crate) fn data_uri(media_type: &str, bytes: &[u8]) -> String {
 
 /// Decodes a data URI, or returns `None` where `uri` is not one.
 pub(crate) fn decode_data_uri(uri: &str) -> Option<Result<Vec<u8>, String>> {
-    let rest = uri
-        .get(..5)
-        .filter(|scheme| scheme.eq_ignore_ascii_case("data:"))
-        .map(|_| &uri[5..])?;
+    let rest = is_data_uri(uri).then(|| &uri[5..])?;
     let Some((head, data)) = rest.split_once(',') else {
         return Some(Err("is a data URI without a comma; export the file again".into()));
     };

@@ -50,7 +50,7 @@ pub mod animated;
 pub mod bsdf;
 pub mod camera;
 pub mod composite;
-mod data_uri;
+pub mod data_uri;
 pub mod daylight;
 pub mod environment;
 pub mod environment_strata;

@@ -119,6 +119,11 @@ pub struct Extensions {
 }
 
 impl Extensions {
+    /// Whether they say of a pane more than how it mirrors.
+    pub fn have_glass(&self) -> bool {
+        self.thickness > 0.0 || self.transmission_texture.is_some()
+    }
+
     /// All textures, present or not.
     pub fn textures(&self) -> [&Option<TextureUse>; 11] {
         [
@@ -243,6 +248,12 @@ pub struct Material {
 }
 
 impl Material {
+    /// Whether closed bodies of it are solid glass, in which what is seen through them bends.
+    pub fn is_solid_glass(&self) -> bool {
+        let thick = |e: &Extensions| e.thickness > 0.0;
+        matches!(self.alpha_mode, AlphaMode::Pane { .. }) && self.extensions.as_deref().is_some_and(thick)
+    }
+
     /// The first texture that it looks up, for coordinates along the surface; emission and extensions last.
     pub fn any_texture(&self) -> Option<&TextureUse> {
         let own = [

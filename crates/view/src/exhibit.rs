@@ -1,6 +1,7 @@
 //! What is shown, and what tabs are told of it.
 
 use relight_play::Player;
+use relight_play::scene::data_uri::is_data_uri;
 use relight_play::scene::light::{EnvironmentMaps, LightKind, MapFile};
 use relight_play::scene::material::Model;
 use relight_play::scene::sequence::{Sequence, stage_to_json};
@@ -56,7 +57,7 @@ impl Exhibit {
             for (i, name) in names
                 .into_iter()
                 .enumerate()
-                .filter(|(_, name)| name.starts_with("data:"))
+                .filter(|(_, name)| is_data_uri(name))
             {
                 let short = match i {
                     0 => format!("map of {}", light.name),

@@ -127,7 +127,7 @@ fn alpha(key: &mut Key, mesh: &Mesh, material: &Material, textures: &[Texture], 
     key.f32s(&mesh.colors.iter().map(|c| c.w).collect::<Vec<f32>>());
     let e = material.extensions.as_ref();
     if let (AlphaMode::Pane { .. }, Some(e)) = (material.alpha_mode, e)
-        && (e.thickness > 0.0 || e.transmission_texture.is_some())
+        && e.have_glass()
     {
         key.f32s(&[e.thickness]).f32s(&e.absorption.to_array());
         looked_up(key, mesh, &e.transmission_texture, textures, hashes);

@@ -67,7 +67,7 @@ pub use units::{EMISSIVE, FPS, LightUnits};
 
 use crate::animated::Animated;
 use crate::light::{LightKind, LightTrack};
-use crate::material::{AlphaMode, Material};
+use crate::material::Material;
 use crate::scene::{Mesh, Scene, Variant, replacements, shown_as};
 use crate::sequence::Sequence;
 use glam::{DVec3, Vec2, Vec3};
@@ -330,11 +330,7 @@ fn check_version(root: &At) {
 
 /// Notes solid glass whose mesh bounds no body: nothing says where light comes out of it.
 fn note_open_glass(meshes: &[Mesh], materials: &[Material], notes: &mut Notes) {
-    let solid = |mesh: &&Mesh| {
-        let material = &materials[mesh.material as usize];
-        let thick = (material.extensions.as_ref()).is_some_and(|e| e.thickness > 0.0);
-        thick && matches!(material.alpha_mode, AlphaMode::Pane { .. })
-    };
+    let solid = |mesh: &&Mesh| materials[mesh.material as usize].is_solid_glass();
     let open = meshes
         .iter()
         .filter(solid)

@@ -35,9 +35,7 @@ impl Flicker {
     /// # Panics
     /// Frames are of different sizes.
     pub fn of(frames: Vec<Vec<f32>>) -> Option<Flicker> {
-        let mut means = PixelMeans::default();
-        frames.iter().for_each(|frame| means.add(frame));
-        let mut meter = FlickerMeter::new(&means);
+        let mut meter = FlickerMeter::new(&PixelMeans::of(&frames));
         frames.into_iter().for_each(|frame| meter.add(frame));
         meter.flicker()
     }
@@ -48,10 +46,7 @@ impl Flicker {
     /// # Panics
     /// Frames are of different sizes.
     pub fn where_smooth(frames: Vec<Vec<f32>>, truth: &[Vec<f32>]) -> (Option<Flicker>, f64) {
-        let (mut means, mut of_truth) = (PixelMeans::default(), PixelMeans::default());
-        frames.iter().for_each(|frame| means.add(frame));
-        truth.iter().for_each(|frame| of_truth.add(frame));
-        let of_truth = of_truth.of_lit();
+        let of_truth = PixelMeans::of(truth).of_lit();
         let is_smooth = |pixel: usize| {
             let second = |k: &[Vec<f32>]| second_difference(k[0][pixel], k[1][pixel], k[2][pixel]);
             of_truth[pixel] > 0.0
@@ -59,7 +54,7 @@ impl Flicker {
                     .windows(3)
                     .all(|three| second(three) <= SMOOTH * of_truth[pixel])
         };
-        let mut meter = FlickerMeter::new(&means);
+        let mut meter = FlickerMeter::new(&PixelMeans::of(&frames));
         let (mut lit, mut smooth) = (0, 0);
         for (pixel, mean) in meter
             .means
@@ -96,6 +91,13 @@ pub fn greys(image: &FloatImage) -> Vec<f32> {
 }
 
 impl PixelMeans {
+    /// Of frames that are all at hand.
+    fn of(frames: &[Vec<f32>]) -> PixelMeans {
+        let mut means = PixelMeans::default();
+        frames.iter().for_each(|frame| means.add(frame));
+        means
+    }
+
     /// Adds a frame's [`greys`].
     ///
     /// # Panics

@@ -20,15 +20,15 @@
 use super::corner::Corner;
 use super::extended::dielectric;
 use super::scene::TracedScene;
-use crate::material::{AlphaMode, Extensions, Material};
+use crate::material::{AlphaMode, Material};
 use crate::rays::{Hit, Ray};
 use crate::shading::DIELECTRIC_F0;
 use crate::texture::ColorSpace;
 use glam::{Vec3, Vec4Swizzles};
 use std::cell::RefCell;
 
-/// Panes that one ray may cross; light that would cross more is lost.
-const MOST: usize = 64;
+/// Surfaces of glass that one ray may meet; light that would meet more is lost.
+pub(super) const MOST: usize = 64;
 
 /// What a pane is like at a point.
 pub(super) struct Pane {
@@ -102,15 +102,9 @@ impl Pane {
 /// Whether a material is a pane, and one with a colour.
 pub(super) fn is_tinted(material: &Material, has_colors: bool) -> bool {
     let [r, g, b, _] = material.base_color.to_array();
-    let absorbs = is_solid(material) && absorption(material) != Vec3::ZERO;
+    let absorbs = material.is_solid_glass() && absorption(material) != Vec3::ZERO;
     matches!(material.alpha_mode, AlphaMode::Pane { .. })
         && (r != g || g != b || material.base_color_texture.is_some() || has_colors || absorbs)
-}
-
-/// Whether bodies of a material are solid glass.
-pub(super) fn is_solid(material: &Material) -> bool {
-    let thick = |e: &Extensions| e.thickness > 0.0;
-    matches!(material.alpha_mode, AlphaMode::Pane { .. }) && material.extensions.as_deref().is_some_and(thick)
 }
 
 /// 1/m, linear RGB.

@@ -1,6 +1,6 @@
 //! From a scene to a traced scene: checks, expansion of instances, decoding of textures.
 
-use super::panes::{is_solid, is_tinted};
+use super::panes::is_tinted;
 use super::scene::{Shading, TracedInstance, TracedScene, TracedSceneError};
 use crate::material::{AlphaMode, Material};
 use crate::rays::TriangleBvh;
@@ -254,7 +254,7 @@ fn expand(
     let solid: Vec<bool> = (scene.meshes.iter())
         .map(|mesh| {
             let material = &scene.materials[mesh.material as usize];
-            shading == Shading::Full && is_solid(material) && mesh.is_closed()
+            shading == Shading::Full && material.is_solid_glass() && mesh.is_closed()
         })
         .collect();
     for (at, instance) in scene.instances.iter().enumerate() {

@@ -11,16 +11,13 @@
 //! Deviations: roughness blurs neither what passes nor what is mirrored inside; bodies within bodies count as glass in air.
 
 use super::corner::hash_to_unit;
-use super::panes::{Pane, left_after};
+use super::panes::{MOST, Pane, left_after};
 use super::scene::TracedScene;
 use crate::bsdf;
 use crate::rays::Ray;
 use crate::shading::ShadingPoint;
 use crate::surface::{SurfaceHit, Surfaces, ray_from};
 use glam::Vec3;
-
-/// Surfaces of glass that one look may meet; light that would meet more is lost.
-const MOST: usize = 64;
 
 /// What a ray shows that bends in solid glass.
 #[derive(Clone, Copy, Debug)]
