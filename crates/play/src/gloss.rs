@@ -1,7 +1,7 @@
 //! What lamps send over glossy surfaces: their lobes in place of the matt reflection that links are for.
 //!
 //! A link takes a cluster's radiosity to a receiver as if the cluster sent it evenly. Of light that comes from one side, a glossy surface sends
-//! most to the other, so that a receiver gets more or less. Of each cluster a few points stand for all: they know their irradiance and
+//! most to the other, so that a receiver gets more or less. Of each cluster some points stand for all: they know their irradiance and
 //! whence the lamp shines, and their BRDF says what they send to this receiver; the difference to what is matt goes over the same
 //! link. Each counts by the mean light around it, not by its own: a shadow's edge that passes one of four points would switch a quarter of
 //! the cluster. Lobes are as much wider as the piece of surface is that a point stands for, and as the lamp. All of it is linear in the
@@ -17,8 +17,11 @@ use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
 use relight_transport::kernel::width;
+use relight_transport::links::FamilyRow;
 use relight_transport::pyramid::VectorIrradiance;
+use relight_transport::senders::SenderTree;
 use std::f32::consts::PI;
+use std::ops::Range;
 
 /// Points that stand for a cluster.
 const SAMPLES: usize = 4;
@@ -39,20 +42,42 @@ pub(crate) struct GlossySenders {
     glossy_of: Vec<u32>,
     /// Of all senders.
     clusters: Vec<Cluster>,
+    /// Points that stand for clusters, cluster by cluster.
+    samples: Vec<Sample>,
+    /// All senders but children without siblings, which have no coefficient.
+    families: Vec<Family>,
 }
+
+/// Senders of one parent, or one of the coarsest level.
+struct Family {
+    senders: Vec<u32>,
+    parent: Option<u32>,
+}
+
+/// Length of links from which on the coefficients of siblings leave their mean to their parent exactly: what a hemisphere full of radiosity 1
+/// sends. Where a row keeps all of a family but one small child, links are as much longer than that as the child is smaller than its family, and
+/// cancel each other for coefficients whose weighted sum is zero alone. Of shorter ones the parent's own points say its mean.
+const LONG: f32 = 1.0;
 
 /// No point.
 const NONE: u32 = u32::MAX;
 
+/// One of the points that stand for a cluster.
+#[derive(Clone, Copy)]
+struct Sample {
+    /// Finest point.
+    point: u32,
+    /// The cluster of the next finer level around it; [`NONE`] on the finest.
+    around: u32,
+}
+
 struct Cluster {
-    /// Finest points that stand for it; [`NONE`] where it has none.
-    samples: [u32; SAMPLES],
-    /// Of each the cluster of the next finer level around it; [`NONE`] on the finest.
-    around: [u32; SAMPLES],
+    /// Points that stand for it, in the list of all; none where it has no points.
+    samples: Range<usize>,
     /// Radius of the surface that each of those stands for, m.
     radius: f32,
-    /// The sender above it; itself on the coarsest level.
-    parent: u32,
+    /// Its part of its parent; 1 on the coarsest level.
+    share: f32,
 }
 
 struct GlossyPoint {
@@ -72,10 +97,8 @@ impl GlossySenders {
         footprint: f32,
         transfer: &Transfer,
     ) -> Option<GlossySenders> {
-        let clusters = clusters(transfer, footprint);
-        let mut numbers: Vec<u32> = (clusters.iter().flat_map(|cluster| cluster.samples))
-            .filter(|&point| point != NONE)
-            .collect();
+        let (clusters, samples) = clusters(transfer, footprint);
+        let mut numbers: Vec<u32> = samples.iter().map(|sample| sample.point).collect();
         numbers.sort_unstable();
         numbers.dedup();
         let points: Vec<GlossyPoint> = (numbers.into_par_iter())
@@ -100,6 +123,8 @@ impl GlossySenders {
             points,
             glossy_of,
             clusters,
+            samples,
+            families: families(&transfer.senders),
         })
     }
 
@@ -129,52 +154,24 @@ impl GlossySenders {
         if lit.iter().all(Vec::is_empty) {
             return None;
         }
-        let radiosity = transfer.radiosity(direct);
-        let means = transfer.senders.pulled(&radiosity).concat();
-        let around = |cluster: &Cluster, k: usize| match cluster.around[k] {
-            NONE => radiosity[cluster.samples[k] as usize],
-            around => means[around as usize],
+        let light = LampLight {
+            of: self,
+            transfer,
+            direct,
+            irradiances: transfer.senders.pulled(direct).concat(),
+            radiosities: transfer.senders.pulled(&transfer.radiosity(direct)).concat(),
+            is_everywhere: each == 1,
+            lit,
         };
-        let is_lit = |sender: u32| {
-            let cluster = &self.clusters[sender as usize];
-            cluster.samples.into_iter().enumerate().any(|(k, point)| {
-                let glossy = self.glossy(point).filter(|&glossy| !lit[glossy].is_empty());
-                glossy.is_some() && around(cluster, k) != Vec3::ZERO
-            })
-        };
-        let wanted: Vec<bool> = (0u32..)
-            .zip(&self.clusters)
-            .map(|(sender, cluster)| is_lit(sender) || is_lit(cluster.parent))
-            .collect();
-        let difference = |sender: usize, receiver: usize| -> Vec3 {
-            let cluster = &self.clusters[sender];
-            let (to, normal) = (transfer.position_of(receiver), transfer.normal_of(receiver));
-            let (mut more, mut matt, mut seen) = (Vec3::ZERO, Vec3::ZERO, 0.0);
-            for (k, &point) in (cluster.samples.iter().enumerate()).filter(|(_, point)| **point != NONE) {
-                // What lies behind a receiver, it does not see: a cluster goes on beyond the wall.
-                if normal.dot(transfer.finest.positions[point as usize] - to) <= 0.0 {
-                    continue;
-                }
-                let around = around(cluster, k);
-                matt += around;
-                seen += 1.0;
-                if let Some(glossy) = self.glossy(point) {
-                    let [own, own_matt] = self.points[glossy].sent(&lit[glossy], to, cluster.radius);
-                    // Of a lamp with extent a few rays may by chance find less.
-                    let expected = if each == 1 { around } else { Vec3::ZERO };
-                    more += around * share(own - own_matt, own_matt, expected);
-                }
-            }
-            means[sender] * share(more, matt, means[sender] * seen)
-        };
-        Some(transfer.over_links(&wanted, |sender, receiver| {
-            let own = difference(sender, receiver);
-            let above = self.clusters[sender].parent as usize;
-            Vec3A::from(match above == sender {
-                true => own,
-                false => own - difference(above, receiver),
-            })
+        let families = light.families();
+        let senders: Vec<&[u32]> = families.iter().map(|family| &family.senders[..]).collect();
+        Some(transfer.over_links(&senders, |family, receiver, row, own| {
+            light.coefficients(families[family], receiver, row, own);
         }))
+    }
+
+    fn samples_of(&self, sender: u32) -> &[Sample] {
+        &self.samples[self.clusters[sender as usize].samples.clone()]
     }
 
     fn glossy(&self, point: u32) -> Option<usize> {
@@ -183,19 +180,136 @@ impl GlossySenders {
     }
 }
 
-/// What `more` is of the larger of what points have and what is `expected` of them; 0 of nothing. Those that have less than expected stand for
-/// what is dark: they send what they would if they were lit, and the first ray that reaches them does not turn all of a cluster's light.
-fn share(more: Vec3, had: Vec3, expected: Vec3) -> Vec3 {
-    more / had.max(expected).max(Vec3::splat(f32::MIN_POSITIVE))
+/// What part `expected` is of the larger of itself and what there is: at most 1, and 1 of nothing. What has less than expected stands for what is
+/// dark: it sends what it would if it were lit, and the first ray that reaches it does not turn all of a cluster's light.
+fn share(expected: Vec3, had: Vec3) -> Vec3 {
+    let least = Vec3::splat(f32::MIN_POSITIVE);
+    expected.max(least) / had.max(expected).max(least)
 }
 
-/// All senders; `footprint` as above.
-fn clusters(transfer: &Transfer, footprint: f32) -> Vec<Cluster> {
+/// A lamp's light at what is glossy.
+struct LampLight<'a> {
+    of: &'a GlossySenders,
+    transfer: &'a Transfer,
+    /// Irradiance at the finest points.
+    direct: &'a [Vec3],
+    /// Its means over the senders.
+    irradiances: Vec<Vec3>,
+    /// Of what they reflect of it, too.
+    radiosities: Vec<Vec3>,
+    /// Whence it comes at each of the glossy points.
+    lit: Vec<Vec<Incident>>,
+    /// Whether that is as if nothing were in the way.
+    is_everywhere: bool,
+}
+
+impl LampLight<'_> {
+    /// Families over whose lobes some of it goes.
+    fn families(&self) -> Vec<&Family> {
+        let is_lit = |sample: &Sample| {
+            let glossy = self.of.glossy(sample.point);
+            glossy.is_some_and(|glossy| !self.lit[glossy].is_empty()) && self.around(sample) != Vec3::ZERO
+        };
+        let is_lit: Vec<bool> = (0..self.of.clusters.len() as u32)
+            .map(|sender| self.of.samples_of(sender).iter().any(is_lit))
+            .collect();
+        let is_lit = |&sender: &u32| is_lit[sender as usize];
+        (self.of.families.iter())
+            .filter(|family| family.senders.iter().chain(&family.parent).any(is_lit))
+            .collect()
+    }
+
+    /// Mean irradiance around a point that stands for a cluster.
+    fn around(&self, sample: &Sample) -> Vec3 {
+        match sample.around {
+            NONE => self.direct[sample.point as usize],
+            around => self.irradiances[around as usize],
+        }
+    }
+
+    /// Coefficients of the members of a row's family, into `own`: what each sends to this receiver over lobes, less what it would if it were
+    /// matt, and less that of its parent.
+    fn coefficients(&self, family: &Family, receiver: usize, row: &FamilyRow, own: &mut [Vec3A]) {
+        let Family { senders, parent } = family;
+        let mut fill = |member: usize| own[member] = self.difference(senders[member], receiver).into();
+        let above = match *parent {
+            Some(_) if row.longest > LONG => {
+                (0..senders.len()).for_each(&mut fill);
+                let share = |&sender: &u32| self.of.clusters[sender as usize].share;
+                (own.iter().zip(senders.iter().map(share)))
+                    .map(|(&own, share)| own * share)
+                    .sum()
+            }
+            _ => {
+                row.members.iter().copied().for_each(&mut fill);
+                parent.map_or(Vec3A::ZERO, |parent| self.difference(parent, receiver).into())
+            }
+        };
+        row.members.iter().for_each(|&member| own[member] -= above);
+    }
+
+    /// What a sender has to send to a receiver over lobes, less what it would have if it were matt: radiosity, W/m².
+    fn difference(&self, sender: u32, receiver: usize) -> Vec3 {
+        let transfer = self.transfer;
+        let radius = self.of.clusters[sender as usize].radius;
+        let (to, normal) = (transfer.position_of(receiver), transfer.normal_of(receiver));
+        let (mut more, mut matt, mut seen) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+        for sample in self.of.samples_of(sender) {
+            let point = sample.point as usize;
+            // What lies behind a receiver, it does not see: a cluster goes on beyond the wall.
+            if normal.dot(transfer.finest.positions[point] - to) <= 0.0 {
+                continue;
+            }
+            let around = self.around(sample);
+            matt += around * transfer.albedo[point];
+            seen += 1.0;
+            if let Some(glossy) = self.of.glossy(sample.point) {
+                let part = match &self.lit[glossy][..] {
+                    // The light around says how much of it there is.
+                    [lit] if self.is_everywhere => share(around, lit.irradiance),
+                    // Rays to a lamp with extent have its visibility: on average they are right.
+                    _ => Vec3::ONE,
+                };
+                more += part * self.of.points[glossy].more_than_matt(&self.lit[glossy], to, radius);
+            }
+        }
+        match seen > 0.0 {
+            true => more / seen * share(self.radiosities[sender as usize], matt / seen),
+            false => Vec3::ZERO,
+        }
+    }
+}
+
+fn families(senders: &SenderTree) -> Vec<Family> {
+    let mut families: Vec<Family> = (senders.ranges.range(0))
+        .map(|sender| Family {
+            senders: vec![sender as u32],
+            parent: None,
+        })
+        .collect();
+    for level in 1..senders.levels() {
+        let start = senders.ranges.range(level).start as u32;
+        for (at, parent) in senders.ranges.range(level - 1).enumerate() {
+            let children = senders.children(level - 1, at);
+            if children.len() > 1 {
+                families.push(Family {
+                    senders: children.iter().map(|child| start + child).collect(),
+                    parent: Some(parent as u32),
+                });
+            }
+        }
+    }
+    families
+}
+
+/// All senders, and the points that stand for them; `footprint` as above.
+fn clusters(transfer: &Transfer, footprint: f32) -> (Vec<Cluster>, Vec<Sample>) {
     let (senders, finest) = (&transfer.senders, &transfer.finest);
-    let mut clusters = Vec::new();
+    let (mut clusters, mut samples) = (Vec::new(), Vec::new());
     for level in 0..senders.levels() {
         let range = senders.ranges.range(level);
-        let mut samples = vec![[NONE; SAMPLES]; range.len()];
+        let is_finest = level + 1 == senders.levels();
+        let mut found = vec![[NONE; SAMPLES]; range.len()];
         let (mut weights, mut areas) = (vec![0.0; range.len()], vec![0.0; range.len()]);
         for (point, (cluster, weight)) in senders.point_weights(level).into_iter().enumerate() {
             let cluster = cluster as usize;
@@ -204,47 +318,46 @@ fn clusters(transfer: &Transfer, footprint: f32) -> Vec<Cluster> {
             // Whoever has the weight at the middle of a sample's share stands for it.
             let before: f64 = weights[cluster];
             weights[cluster] += weight;
-            for (k, sample) in samples[cluster].iter_mut().enumerate() {
+            for (k, sample) in found[cluster].iter_mut().enumerate() {
                 let middle = (k as f64 + MIDDLE) / SAMPLES as f64;
                 if before <= middle && middle < weights[cluster] {
                     *sample = point as u32;
                 }
             }
         }
-        let finer = (level + 1 < senders.levels()).then(|| {
+        let finer = (!is_finest).then(|| {
             let start = senders.ranges.range(level + 1).start as u32;
             (start, senders.cluster_of_point(level + 1))
         });
         let around = |point: u32| match &finer {
-            Some((start, cluster_of_point)) if point != NONE => start + cluster_of_point[point as usize],
-            _ => NONE,
+            Some((start, cluster_of_point)) => start + cluster_of_point[point as usize],
+            None => NONE,
         };
-        for (cluster, (samples, area)) in samples.into_iter().zip(areas).enumerate() {
-            let parent = match level {
-                0 => range.start as u32 + cluster as u32,
-                _ => senders.ranges.range(level - 1).start as u32 + senders.parents[level - 1][cluster],
-            };
+        for (cluster, (found, area)) in found.into_iter().zip(areas).enumerate() {
+            let start = samples.len();
+            let points = found.into_iter().filter(|&point| point != NONE);
+            samples.extend(points.map(|point| Sample {
+                point,
+                around: around(point),
+            }));
             clusters.push(Cluster {
-                around: samples.map(around),
-                samples,
+                samples: start..samples.len(),
                 radius: (area / (PI * SAMPLES as f32)).sqrt(),
-                parent,
+                share: senders.shares[range.start + cluster],
             });
         }
     }
-    clusters
+    (clusters, samples)
 }
 
 impl GlossyPoint {
-    /// Radiosity towards a place, and what it would be if the point were matt, W/m².
-    fn sent(&self, lit: &[Incident], to: Vec3, radius: f32) -> [Vec3; 2] {
+    /// Radiosity towards a place, less what it would be if the point were matt, W/m².
+    fn more_than_matt(&self, lit: &[Incident], to: Vec3, radius: f32) -> Vec3 {
         let way = to - self.shading.position;
         let distance = way.length();
         let view = way / distance.max(f32::MIN_POSITIVE);
-        let irradiance: Vec3 = lit.iter().map(|lit| lit.irradiance).sum();
-        let matt = irradiance * self.albedo;
         if self.shading.geometric_normal.dot(view) <= 0.0 {
-            return [matt; 2];
+            return Vec3::ZERO;
         }
         // Half vectors turn by half of what either direction does over the surface that the point stands for, whose places lie half its
         // radius from the middle along each axis.
@@ -253,9 +366,9 @@ impl GlossyPoint {
             let turn = turn(distance) + turn(lit.distance);
             let slope = (self.shading.alpha * self.shading.alpha + 2.0 * turn * turn).sqrt();
             let wide = bsdf::at_least_as_wide(&self.shading, slope.clamp(SLOPE, 1.0));
-            lit.irradiance * bsdf::eval(&wide, view, lit.direction) * PI
+            lit.irradiance * (bsdf::eval(&wide, view, lit.direction) * PI - self.albedo)
         };
-        [lit.iter().map(of).sum(), matt]
+        lit.iter().map(of).sum()
     }
 }
 

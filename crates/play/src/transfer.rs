@@ -10,7 +10,7 @@ use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
 use relight_transport::bounce::{self, Solve};
 use relight_transport::factors::Factors;
-use relight_transport::links::{Links, SenderLinks};
+use relight_transport::links::{FamilyRow, Links, SenderLinks};
 use relight_transport::pyramid::{LevelRanges, VectorIrradiance, fine_from_coarse, push};
 use relight_transport::senders::SenderTree;
 use relight_transport::sparse::{SparseMatrix, apply};
@@ -290,14 +290,13 @@ impl Transfer {
         self.links.of_receiver(receiver)
     }
 
-    /// What senders give to receivers of all levels by a radiosity of their own for each link, W/m²: `radiosity(sender, receiver)`; of those
-    /// senders that are `wanted`.
+    /// What senders give to receivers of all levels by coefficients of their own for each receiver, W/m²: [`SenderLinks::apply_families`].
     pub fn over_links(
         &self,
-        wanted: &[bool],
-        radiosity: impl Fn(usize, usize) -> Vec3A + Sync,
+        families: &[&[u32]],
+        coefficients: impl Fn(usize, usize, &FamilyRow, &mut [Vec3A]) + Sync,
     ) -> Vec<VectorIrradiance> {
-        self.links.apply_each(wanted, radiosity)
+        self.links.apply_families(families, coefficients)
     }
 
     /// Place of a receiver, numbered over all levels.

@@ -77,6 +77,28 @@ struct Block {
     vectors: Vec<Vec3>,
 }
 
+/// What a receiver has of a family of senders.
+#[derive(Clone, Debug, Default)]
+pub struct FamilyRow {
+    /// Places in the family of those that it has links to.
+    pub members: Vec<usize>,
+    /// Length of the longest of those links.
+    pub longest: f32,
+}
+
+impl Block {
+    /// Links of a sender.
+    fn links_of(&self, sender: u32) -> std::ops::Range<usize> {
+        match self.senders.binary_search_by_key(&sender, |s| s.0) {
+            Ok(at) => {
+                let start = if at == 0 { 0 } else { self.senders[at - 1].1 };
+                start as usize..self.senders[at].1 as usize
+            }
+            Err(_) => 0..0,
+        }
+    }
+}
+
 impl SenderLinks {
     /// Sorts links by sender.
     pub fn new(links: &Links) -> SenderLinks {
@@ -141,24 +163,41 @@ impl SenderLinks {
         rows
     }
 
-    /// The product with a coefficient for each link of those senders that are `wanted`: `coefficient(sender, receiver)`.
-    pub fn apply_each(
+    /// The product with coefficients that differ from receiver to receiver. `families`: senders whose coefficients are found together,
+    /// each in one family at most; those in none send nothing. `coefficients(family, receiver, row, own)` puts those of a row's members of the
+    /// family into `own`, which has a place for each of its senders.
+    pub fn apply_families(
         &self,
-        wanted: &[bool],
-        coefficient: impl Fn(usize, usize) -> Vec3A + Sync,
+        families: &[&[u32]],
+        coefficients: impl Fn(usize, usize, &FamilyRow, &mut [Vec3A]) + Sync,
     ) -> Vec<VectorIrradiance> {
         let mut out = vec![VectorIrradiance::default(); self.receivers];
         (out.par_chunks_mut(BLOCK).zip(&self.blocks).enumerate()).for_each(|(b, (sums, block))| {
-            let mut start = 0;
-            for &(sender, end) in &block.senders {
-                let range = start..end as usize;
-                start = end as usize;
-                if !wanted[sender as usize] {
-                    continue;
+            // Row, sender within its family, link.
+            let mut links: Vec<(u16, usize, usize)> = Vec::new();
+            let mut own = Vec::new();
+            let mut row = FamilyRow::default();
+            for (f, family) in families.iter().enumerate() {
+                links.clear();
+                for (member, &sender) in family.iter().enumerate() {
+                    links.extend(
+                        block
+                            .links_of(sender)
+                            .map(|link| (block.rows[link], member, link)),
+                    );
                 }
-                for (&row, &vector) in block.rows[range.clone()].iter().zip(&block.vectors[range]) {
-                    let receiver = b * BLOCK + usize::from(row);
-                    sums[usize::from(row)].add(vector, coefficient(sender as usize, receiver));
+                links.sort_unstable();
+                own.resize(family.len(), Vec3A::ZERO);
+                for run in links.chunk_by(|a, b| a.0 == b.0) {
+                    let lengths = run.iter().map(|link| block.vectors[link.2].length_squared());
+                    row.longest = lengths.fold(0.0, f32::max).sqrt();
+                    row.members.clear();
+                    row.members.extend(run.iter().map(|link| link.1));
+                    let receiver = usize::from(run[0].0);
+                    coefficients(f, b * BLOCK + receiver, &row, &mut own);
+                    for &(_, member, link) in run {
+                        sums[receiver].add(block.vectors[link], own[member]);
+                    }
                 }
             }
         });
@@ -268,9 +307,19 @@ mod tests {
             assert!((fast[i].irradiance(n).as_dvec3() - dense).abs().max_element() < 1e-5);
         }
         assert_eq!(fast, links.apply(&light), "the same sums in the same order");
-        let lit: Vec<bool> = light.iter().map(|e| *e != Vec3::ZERO).collect();
-        let each = SenderLinks::new(&links).apply_each(&lit, |sender, _| Vec3A::from(light[sender]));
-        assert_eq!(fast, each, "a coefficient for each link");
+        let senders: Vec<u32> = (0..300).filter(|&j| light[j as usize] != Vec3::ZERO).collect();
+        let families: Vec<&[u32]> = senders.chunks(7).collect();
+        let by_family = SenderLinks::new(&links).apply_families(&families, |family, _, row, own| {
+            for &member in &row.members {
+                own[member] = light[families[family][member] as usize].into();
+            }
+        });
+        let n = Vec3::new(0.6, 0.0, 0.8);
+        for (fast, own) in fast.iter().zip(&by_family) {
+            // The same sums in another order.
+            let difference = fast.irradiance(n) - own.irradiance(n);
+            assert!(difference.abs().max_element() < 1e-5, "{difference}");
+        }
     }
 
     #[test]
