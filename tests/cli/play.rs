@@ -246,6 +246,23 @@ fn pixelcuts_and_brute_force_light_by_the_same_points() {
     );
 }
 
+/// Whoever asks for many lights alone hears that none of them is indirect light.
+#[test]
+fn many_light_methods_say_whether_they_make_indirect_light() {
+    let folder = folder();
+    for integrator in ["brute", "lightcuts", "pixelcuts"] {
+        for (vpls, sentence) in [
+            ("0", "no indirect light"),
+            ("9", "; indirect light of virtual lights."),
+        ] {
+            let mut frame = play(&folder.path().join(format!("{integrator}_{vpls}.exr")));
+            frame.args(["--integrator", integrator, "--vpls", vpls]);
+            let said = String::from_utf8(frame.assert().success().get_output().stderr.clone()).unwrap();
+            assert!(said.contains(sentence), "{integrator}, {vpls}: {said}");
+        }
+    }
+}
+
 fn one_light(folder: &Path, name: &str, lights: &[([f32; 3], f32)]) -> FloatImage {
     let lights: Vec<String> = lights
         .iter()

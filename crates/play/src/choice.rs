@@ -216,15 +216,28 @@ impl fmt::Display for Choice {
         };
         let indirect = match (&self.integrator, self.cuts) {
             (Integrator::Traced(Tracer::Path { .. }), _) => return f.write_str("Light by path tracing."),
-            (Integrator::Traced(Tracer::Lightcuts { .. }), _) => {
-                return f.write_str(
-                    "Light of points by lightcuts; indirect light of virtual lights, if there are any (--vpls).",
+            (Integrator::Traced(Tracer::Lightcuts { points, .. }), _) => {
+                return write!(
+                    f,
+                    "Light of points by lightcuts; {}.",
+                    of_virtual_lights(points.vpls)
                 );
             }
-            (Integrator::Traced(Tracer::Pixelcuts { .. }), _) => {
-                return f.write_str("Light of points, sent to clusters of pixels.");
+            (Integrator::Traced(Tracer::Pixelcuts { points, .. }), _) => {
+                return write!(
+                    f,
+                    "Light of points, sent to clusters of pixels; {}.",
+                    of_virtual_lights(points.vpls)
+                );
             }
-            (Integrator::Traced(Tracer::Brute | Tracer::BrutePoints(_)), _) => {
+            (Integrator::Traced(Tracer::BrutePoints(points)), _) => {
+                return write!(
+                    f,
+                    "Light of points, each by a shadow ray; {}.",
+                    of_virtual_lights(points.vpls)
+                );
+            }
+            (Integrator::Traced(Tracer::Brute), _) => {
                 return f.write_str("Direct light of every light by shadow rays; no indirect light.");
             }
             (Integrator::Cuts, CutUse::FirstBounce) => "one bounce of indirect light by visibility cuts",
@@ -236,5 +249,12 @@ impl fmt::Display for Choice {
             _ => "indirect light by transfer",
         };
         write!(f, "Light: {direct}; {indirect}.")
+    }
+}
+
+fn of_virtual_lights(vpls: u32) -> &'static str {
+    match vpls {
+        0 => "no indirect light (--vpls N makes some)",
+        _ => "indirect light of virtual lights",
     }
 }
