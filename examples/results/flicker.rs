@@ -136,7 +136,7 @@ pub fn flicker(page: &mut Page, scene: &Scene) -> Result<()> {
     let asset = format!("{FOLDER}/flicker_{}.relight", scene.name.replace(' ', "_"));
     let baked = Baked::new(&file, asset, &options)?;
     let player = Player::open(&baked.asset)?;
-    let camera = player.camera(player.own_lights()?, None)?.at(0.0);
+    let camera = player.camera(&player.scene().sequence, None)?.at(0.0);
     let start = (scene.lamp).map_or(camera.position + AHEAD * camera.forward, Vec3::from);
     let map = Arc::new(read_environment(Path::new(MAP))?);
     let points = PointSettings {
