@@ -330,5 +330,5 @@ fn shining_ground_under_a_sky_gives_negative_light_nowhere() {
     let mean = lit.indirect.iter().map(|e| e.y).sum::<f32>() / lit.indirect.len() as f32;
     let least = (lit.indirect.iter().map(|e| e.y / mean)).fold(f32::INFINITY, f32::min);
     println!("{least} of the mean of {} points, {mean}", lit.indirect.len());
-    assert!(least > -0.2, "{least}");
+    assert!(mean > 0.0 && least > -0.2, "{least} of {mean}");
 }
