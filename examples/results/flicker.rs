@@ -184,19 +184,24 @@ pub fn flicker(page: &mut Page, scene: &Scene) -> Result<()> {
         layer,
         spp,
     };
-    eprintln!("flicker: {}: truth", scene.name);
-    let path = Tracer::Path { max_bounces: None };
-    let truth = film(path.into(), "indirect", Some(TRUTH_SPP)).frames(&lamp)?;
-    page.row(
-        Table::Flicker,
-        &[
-            scene.name.into(),
-            "path tracing, point lamp".into(),
-            "–".into(),
-            percentiles(Flicker::of(truth.clone())),
-            "–".into(),
-        ],
-    )?;
+    let mut truths = Vec::new();
+    let lights: [(&str, Light); 2] = [("point lamp", &lamp), ("sphere lamp", &globe)];
+    for (name, light) in lights {
+        eprintln!("flicker: {}: truth, {name}", scene.name);
+        let path = Tracer::Path { max_bounces: None };
+        let truth = film(path.into(), "indirect", Some(TRUTH_SPP)).frames(light)?;
+        page.row(
+            Table::Flicker,
+            &[
+                scene.name.into(),
+                format!("path tracing, {name}"),
+                "–".into(),
+                percentiles(Flicker::of(truth.clone())),
+                "–".into(),
+            ],
+        )?;
+        truths.push((name, truth));
+    }
     let ways: [(Integrator, &str, Light); BY.len()] = [
         (Integrator::Transfer, "indirect", &lamp),
         (Integrator::Transfer, "indirect", &globe),
@@ -213,9 +218,9 @@ pub fn flicker(page: &mut Page, scene: &Scene) -> Result<()> {
             by.into(),
             before.into(),
             percentiles(Flicker::of(frames.clone())),
-            match by.ends_with("point lamp") {
-                true => where_smooth(frames, &truth),
-                false => "–".into(),
+            match truths.iter().find(|(light, _)| by.ends_with(light)) {
+                Some((_, truth)) => where_smooth(frames, truth),
+                None => "–".into(),
             },
         ];
         page.row(Table::Flicker, &cells)?;

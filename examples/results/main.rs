@@ -5,7 +5,7 @@
 //! Plays scenes of `data/` against our own path tracer, and, where `../shared` has them, scenes of others (`scenes`, `reference`)
 //! against images of another renderer, and files with the faults that people's files have (`field`); then random scenes, and what
 //! flickers. `--fast` takes a few of each; `--only` those whose name holds NAME: lights of the tables, `field/SCENE`, `random`, or
-//! `flicker/SCENE`; tables without any of them stay as the page has them. One thing at a time; bakes by the program, for the memory of
+//! `flicker/SCENE`; all other rows stay as the page has them. One thing at a time; bakes by the program, for the memory of
 //! each. The page is written after every row, so that a stop loses nothing.
 
 mod cases;

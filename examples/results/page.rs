@@ -84,7 +84,8 @@ pub struct Page {
 }
 
 impl Page {
-    /// Without rows; `arguments` are those of this program. With `keep`, tables of the file that get no rows stay, and its head.
+    /// Without rows; `arguments` are those of this program. With `keep`, what the file has stays, but rows of cases that get
+    /// new ones.
     pub fn new(arguments: &str, keep: bool) -> Result<Page> {
         let command = format!("cargo run --release --example results -- {arguments}");
         let command = command.trim_end_matches([' ', '-']);
@@ -121,7 +122,7 @@ Written by `{command}`.
                     head: head.to_owned(),
                     kept: TABLES.map(|[title, ..]| of(title).map(|&table| table.to_owned())),
                     origin: Some(format!(
-                        "This table by `{command}`: commit {commit}, {PROFILE} build, {cpu}, {threads} threads."
+                        "`{command}`: commit {commit}, {PROFILE} build, {cpu}, {threads} threads."
                     )),
                     ..page
                 })
@@ -188,10 +189,19 @@ Written by `{command}`.
                 continue;
             }
             let rule = " --- |".repeat(columns.split('|').count());
-            let rows = rows.concat();
+            let old = Kept::of(self.kept[k].as_deref().unwrap_or_default());
+            let (rows, is_all) = old.with(rows);
             text += &format!("\n## {title}\n\n{about}\n");
             if let Some(origin) = &self.origin {
-                text += &format!("\n{origin}\n");
+                let which = match is_all {
+                    true => "This table".to_owned(),
+                    false => format!(
+                        "{} Rows of {}",
+                        old.origin.trim(),
+                        cases(&self.rows[k]).join(", ")
+                    ),
+                };
+                text += &format!("\n{} by {origin}\n", which.trim());
             }
             text += &format!("\n| {columns} |\n|{rule}\n{rows}");
             for line in notes {
@@ -199,5 +209,59 @@ Written by `{command}`.
             }
         }
         Ok(std::fs::write(FILE, text).map_err(|error| format!("{FILE}: cannot be written: {error}"))?)
+    }
+}
+
+/// What a row is about.
+fn case(row: &str) -> &str {
+    row.split('|').nth(1).unwrap_or_default().trim()
+}
+
+/// What rows are about, each once.
+fn cases(rows: &[String]) -> Vec<&str> {
+    let mut cases: Vec<&str> = rows.iter().map(|row| case(row)).collect();
+    cases.dedup();
+    cases
+}
+
+/// A table as the file has it.
+struct Kept<'a> {
+    /// What tells where it is from.
+    origin: &'a str,
+    rows: Vec<&'a str>,
+}
+
+impl Kept<'_> {
+    fn of(text: &str) -> Kept<'_> {
+        let is_row = |line: &&str| line.starts_with('|');
+        Kept {
+            origin: text
+                .lines()
+                .find(|line| line.starts_with("This table by"))
+                .unwrap_or_default(),
+            // After the columns' names and the rule below them.
+            rows: text.lines().filter(is_row).skip(2).collect(),
+        }
+    }
+
+    /// Its rows with `new` ones in place of those about the same, and whether none of its own is left.
+    fn with(&self, new: &[String]) -> (String, bool) {
+        let made = cases(new);
+        let of = |name: &str| -> String { new.iter().filter(|row| case(row) == name).cloned().collect() };
+        let (mut rows, mut placed, mut is_all) = (String::new(), Vec::new(), true);
+        for &row in &self.rows {
+            let name = case(row);
+            if !made.contains(&name) {
+                rows += &format!("{row}\n");
+                is_all = false;
+            } else if !placed.contains(&name) {
+                rows += &of(name);
+                placed.push(name);
+            }
+        }
+        for name in made.iter().filter(|name| !placed.contains(name)) {
+            rows += &of(name);
+        }
+        (rows, is_all)
     }
 }

@@ -62,10 +62,7 @@ mod tests {
         let ratios: Vec<f64> = (0..200).map(|i| 1.1 * 10f64.powf(0.075 * f64::from(i))).collect();
         for (low, high) in lows.flat_map(|low| ratios.iter().map(move |r| (low, r * low))) {
             let found = ticks(low, high);
-            assert!(
-                (LEAST..=MOST).contains(&found.len()),
-                "{low} {high}: {found:?}"
-            );
+            assert!((LEAST..=MOST).contains(&found.len()), "{low} {high}: {found:?}");
             assert!(found.iter().all(|v| *v >= low && *v <= high));
             assert!(found.windows(2).all(|pair| pair[0] < pair[1]));
             let labels: Vec<String> = found.iter().map(|v| label(*v)).collect();

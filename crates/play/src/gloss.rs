@@ -16,7 +16,6 @@ use relight_scene::bsdf;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
-use relight_transport::kernel::width;
 use relight_transport::links::FamilyRow;
 use relight_transport::pyramid::VectorIrradiance;
 use relight_transport::senders::SenderTree;
@@ -89,15 +88,13 @@ struct GlossyPoint {
 }
 
 impl GlossySenders {
-    /// Those of the finest points, which lie at `places`; `None` where nothing is glossy enough. `footprint`: surface that a point stands for
-    /// where they are closest, m².
+    /// Those of the finest points, which lie at `places`; `None` where nothing is glossy enough.
     pub fn new(
         scene: &TracedScene,
         places: &[Option<SurfaceHit>],
-        footprint: f32,
         transfer: &Transfer,
     ) -> Option<GlossySenders> {
-        let (clusters, samples) = clusters(transfer, footprint);
+        let (clusters, samples) = clusters(transfer);
         let mut numbers: Vec<u32> = samples.iter().map(|sample| sample.point).collect();
         numbers.sort_unstable();
         numbers.dedup();
@@ -302,19 +299,17 @@ fn families(senders: &SenderTree) -> Vec<Family> {
     families
 }
 
-/// All senders, and the points that stand for them; `footprint` as above.
-fn clusters(transfer: &Transfer, footprint: f32) -> (Vec<Cluster>, Vec<Sample>) {
-    let (senders, finest) = (&transfer.senders, &transfer.finest);
+/// All senders, and the points that stand for them.
+fn clusters(transfer: &Transfer) -> (Vec<Cluster>, Vec<Sample>) {
+    let senders = &transfer.senders;
     let (mut clusters, mut samples) = (Vec::new(), Vec::new());
     for level in 0..senders.levels() {
         let range = senders.ranges.range(level);
         let is_finest = level + 1 == senders.levels();
         let mut found = vec![[NONE; SAMPLES]; range.len()];
-        let (mut weights, mut areas) = (vec![0.0; range.len()], vec![0.0; range.len()]);
+        let mut weights = vec![0.0; range.len()];
         for (point, (cluster, weight)) in senders.point_weights(level).into_iter().enumerate() {
             let cluster = cluster as usize;
-            let width = finest.widenings.get(point).map_or(1.0, |&k| width(k));
-            areas[cluster] += footprint * width * width;
             // Whoever has the weight at the middle of a sample's share stands for it.
             let before: f64 = weights[cluster];
             weights[cluster] += weight;
@@ -333,6 +328,7 @@ fn clusters(transfer: &Transfer, footprint: f32) -> (Vec<Cluster>, Vec<Sample>) 
             Some((start, cluster_of_point)) => start + cluster_of_point[point as usize],
             None => NONE,
         };
+        let areas = &transfer.sender_areas[range.clone()];
         for (cluster, (found, area)) in found.into_iter().zip(areas).enumerate() {
             let start = samples.len();
             let points = found.into_iter().filter(|&point| point != NONE);

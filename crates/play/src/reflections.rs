@@ -22,7 +22,8 @@ use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
 use relight_scene::traced::{Look, TracedScene};
 use relight_transport::basis::{FunctionsInOrder, NearestPoint};
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_2};
+use relight_transport::senders::SenderTree;
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI};
 
 /// Rays of the widest lobe where the camera stands still.
 pub const FIXED_RAYS: u32 = 32;
@@ -90,15 +91,18 @@ pub fn rays(point: &ShadingPoint, wo: Vec3, most: u32) -> u32 {
         .max(1)
 }
 
-/// What the finest points get: direct and indirect irradiance together, then indirect alone.
-fn sent(direct: Option<&[Vec3]>, indirect: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
+/// What the finest points and all senders get: direct and indirect irradiance together, then indirect alone.
+fn sent(senders: &SenderTree, direct: Option<&[Vec3]>, indirect: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
     let indirect: Vec<Vec3> = indirect.collect();
-    let mut sent = match direct {
+    let and_means = |points: Vec<Vec3>| {
+        let means = senders.pulled(&points);
+        [points, means.concat()].concat()
+    };
+    let all = match direct {
         Some(direct) => direct.iter().zip(&indirect).map(|(d, i)| *d + *i).collect(),
         None => indirect.clone(),
     };
-    sent.extend(indirect);
-    sent
+    [and_means(all), and_means(indirect)].concat()
 }
 
 impl Lobes {
@@ -113,7 +117,7 @@ impl Lobes {
             if cast >= rays && !(sees_sky && cast < most / SKY_OF_MOST) {
                 break;
             }
-            let missed = follower.follow(*start, Sampler::new(0, fragment.into(), cast));
+            let missed = follower.follow(*start, Sampler::new(0, fragment.into(), cast), rays);
             if let (Some((direction, share)), true) = (missed, narrow) {
                 self.sky.push((fragment, direction, share));
             }
@@ -197,13 +201,14 @@ impl Reflections {
     pub fn add_to(
         &self,
         radiance: &mut [Vec3],
+        transfer: &Transfer,
         direct: Option<&[Vec3]>,
         indirect: impl Iterator<Item = Vec3>,
     ) {
         if self.lobes.is_empty() {
             return;
         }
-        let sent = sent(direct, indirect);
+        let sent = sent(&transfer.senders, direct, indirect);
         let reflected = |lobes: &Lobes| -> Vec<Vec3> {
             let mut start = 0;
             (lobes.fragments.iter())
@@ -239,9 +244,9 @@ struct Follower<'a> {
 }
 
 impl Follower<'_> {
-    /// Follows a lobe's ray over glossy surfaces until it ends on one that is not. Returns the direction of one that meets no
+    /// Follows a lobe's ray, one of `rays`, over glossy surfaces until it ends on one that is not. Returns the direction of one that meets no
     /// surface, and how much of the light from there it takes to the eye.
-    fn follow(&mut self, start: Sighted, mut sampler: Sampler) -> Option<(Vec3, Vec3)> {
+    fn follow(&mut self, start: Sighted, mut sampler: Sampler, rays: u32) -> Option<(Vec3, Vec3)> {
         let Sighted {
             mut hit,
             mut point,
@@ -266,8 +271,8 @@ impl Follower<'_> {
             blur += look.length() * bsdf::width_facing(&point);
             (hit, wo) = (next, -look.ray.direction);
             point = self.scene.shading_point(&hit).facing(wo);
-            let last = surface == MOST_SURFACES || rays(&point, wo, 1) == 0;
-            self.functions_at(&hit, blur);
+            let last = surface == MOST_SURFACES || self::rays(&point, wo, 1) == 0;
+            self.functions_at(&hit, blur, blur * (rays as f32).sqrt().recip());
             self.add(&point, wo, throughput, last);
             if last {
                 break;
@@ -277,8 +282,10 @@ impl Follower<'_> {
     }
 
     /// Finds the functions at an end. Where the lobe blurs what is there over more than a point's distance (`blur`, metres),
-    /// the nearest point will do, and a frame has that many fewer products.
-    fn functions_at(&mut self, hit: &SurfaceHit, blur: f32) {
+    /// the nearest point will do, and a frame has that many fewer products. Each ray stands for what is within `reach` metres, as a texture's
+    /// smaller image does: the largest of the point's clusters that is no larger. Else a small bright thing is met by a ray of one fragment
+    /// and by none of the next one's.
+    fn functions_at(&mut self, hit: &SurfaceHit, blur: f32, reach: f32) {
         let Transfer {
             finest,
             near_separated,
@@ -297,21 +304,44 @@ impl Follower<'_> {
             );
         } else if let Some(j) = self.nearest.at(place.0, place.1) {
             let j = (self.nearest).on_same_side(place, j, near_separated, |j| separated(place, j));
-            self.end.push((j, 1.0));
+            self.end.push((self.around(j, PI * reach * reach), 1.0));
         }
+    }
+
+    /// The largest cluster of a point with at most so much surface, m², or the point; as places in [`sent`].
+    fn around(&self, point: u32, area: f32) -> u32 {
+        let Transfer {
+            senders,
+            sender_areas,
+            finest,
+            ..
+        } = self.transfer;
+        let mut found = point;
+        let mut cluster = senders.leaf_of_point[point as usize];
+        for level in (0..senders.levels()).rev() {
+            let sender = senders.ranges.range(level).start + cluster as usize;
+            if sender_areas[sender] > area {
+                break;
+            }
+            found = (finest.len() + sender) as u32;
+            if level > 0 {
+                cluster = senders.parents[level - 1][cluster as usize];
+            }
+        }
+        found
     }
 
     /// Adds what a surface sends: of direct light always the total reflectance, of indirect light only the matt part's where
     /// its lobe is followed (not `last`).
     fn add(&mut self, point: &ShadingPoint, wo: Vec3, throughput: Vec3, last: bool) {
         let total = bsdf::hemispherical_albedo(point);
-        let points = self.transfer.finest.len() as u32;
+        let all = (self.transfer.finest.len() + self.transfer.senders.ranges.total()) as u32;
         for &(j, w) in &self.end {
             let scale = throughput * (w * FRAC_1_PI);
             self.found.push((j, scale * total));
             if !last {
                 let matt = bsdf::diffuse_reflectance(point, point.shading_normal.dot(wo));
-                self.found.push((points + j, scale * (matt - total)));
+                self.found.push((all + j, scale * (matt - total)));
             }
         }
     }
@@ -389,9 +419,12 @@ mod tests {
     }
 
     #[test]
-    fn points_send_direct_and_indirect_light_and_then_indirect_alone() {
+    fn points_and_clusters_send_direct_and_indirect_light_and_then_indirect_alone() {
         let [a, b] = [Vec3::X, Vec3::Y];
-        assert_eq!(sent(Some(&[a]), [b].into_iter()), [a + b, b]);
-        assert_eq!(sent(None, [b].into_iter()), [b, b]);
+        // Two points in one cluster.
+        let senders = SenderTree::new(&[1], vec![0, 0], Vec::new(), vec![0, 0]);
+        let sent = |direct, indirect: [Vec3; 2]| sent(&senders, direct, indirect.into_iter());
+        assert_eq!(sent(Some(&[a, a]), [b, -b]), [a + b, a - b, a, b, -b, Vec3::ZERO]);
+        assert_eq!(sent(None, [b, b]), [b; 6]);
     }
 }

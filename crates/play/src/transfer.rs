@@ -5,6 +5,7 @@
 //! product with T.
 
 use glam::{Vec3, Vec3A};
+use relight_render::irradiance::FOOTPRINT;
 use relight_scene::separation::are_separated;
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
@@ -51,6 +52,8 @@ pub struct Transfer {
     fine_from_coarse: SparseMatrix,
     /// Clusters of the finest points.
     pub senders: SenderTree,
+    /// Surface that each of them has, m².
+    pub sender_areas: Vec<f32>,
     links: SenderLinks,
     bounce: SparseMatrix,
     bounce_level: usize,
@@ -143,6 +146,7 @@ impl Transfer {
         let bounce_albedo = senders.pulled(&albedo).swap_remove(bounce_level);
         let links = SenderLinks::new(links);
         let finest = levels.swap_remove(levels.len() - 1);
+        let sender_areas = senders.sums(|point| FOOTPRINT * finest.disk_radius_of(point).powi(2));
         Transfer {
             finest,
             near_separated,
@@ -152,6 +156,7 @@ impl Transfer {
             normals,
             fine_from_coarse,
             senders,
+            sender_areas,
             links,
             bounce,
             bounce_level,

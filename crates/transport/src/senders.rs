@@ -174,6 +174,22 @@ impl SenderTree {
         levels.into_iter().map(rounded).collect()
     }
 
+    /// Sums over each cluster of what its finest points have, of all levels one after the other.
+    pub fn sums(&self, of_point: impl Fn(usize) -> f32) -> Vec<f32> {
+        let mut sums = vec![0.0; self.ranges.total()];
+        let leaves = self.ranges.range(self.levels() - 1);
+        for (point, &leaf) in self.leaf_of_point.iter().enumerate() {
+            sums[leaves.start + leaf as usize] += of_point(point);
+        }
+        for l in (0..self.parents.len()).rev() {
+            let (above, own) = (self.ranges.range(l), self.ranges.range(l + 1));
+            for (child, &parent) in own.zip(&self.parents[l]) {
+                sums[above.start + parent as usize] += sums[child];
+            }
+        }
+        sums
+    }
+
     /// Sender coefficients from pulled values: means on the coarsest level, differences to the parent's mean
     /// on the others.
     pub fn coefficients(&self, pulled: &[Vec<Vec3>]) -> Vec<Vec3> {

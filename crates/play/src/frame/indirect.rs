@@ -83,7 +83,7 @@ impl Task<'_> {
         let start = Instant::now();
         let mut radiance = reflected(functions, &values);
         let indirect = (values.iter().zip(&transfer.finest.normals)).map(|(e, n)| e.irradiance(*n));
-        (self.shot.reflections).add_to(&mut radiance, Some(received), indirect);
+        (self.shot.reflections).add_to(&mut radiance, transfer, Some(received), indirect);
         times.reconstruct += milliseconds(start);
         (radiance, stats)
     }
@@ -114,7 +114,7 @@ impl Task<'_> {
         // The first bounce in lobes is the cuts'.
         let indirect = (first.iter().zip(&further).zip(&transfer.finest.normals))
             .map(|((first, further), n)| first.irradiance(*n) + further.irradiance(*n));
-        (self.shot.reflections).add_to(&mut radiance, None, indirect);
+        (self.shot.reflections).add_to(&mut radiance, transfer, None, indirect);
         times.reconstruct += milliseconds(start);
         (radiance, stats)
     }

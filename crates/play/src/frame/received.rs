@@ -77,9 +77,8 @@ impl Receiving<'_> {
     fn over_lobes(&self, lights: &LightSet, light: usize, direct: &[Vec3]) -> Option<Vec<VectorIrradiance>> {
         let PreparedScene { scene, points, .. } = self.prepared;
         let transfer = self.prepared.transfer.as_ref()?;
-        let footprint = self.prepared.footprint();
         let glossy = (self.prepared.gloss)
-            .get_or_init(|| GlossySenders::new(scene, points, footprint, transfer))
+            .get_or_init(|| GlossySenders::new(scene, points, transfer))
             .as_ref()?;
         let wanted: Vec<u32> = glossy.numbers().collect();
         let FrameSettings {
@@ -91,7 +90,7 @@ impl Receiving<'_> {
             light,
             points,
             &wanted,
-            footprint,
+            self.prepared.footprint(),
             point_samples,
             seed,
         );
