@@ -11,7 +11,7 @@ use crate::reflections;
 use crate::transfer::Transfer;
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
-use relight_render::irradiance::Incident;
+use relight_render::irradiance::{Arrivals, Incident};
 use relight_scene::bsdf;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::SurfaceHit;
@@ -131,16 +131,15 @@ impl GlossySenders {
     }
 
     /// Vector irradiance at all receivers, of all levels: what they get of a lamp's light over lobes, less what they would get if those were
-    /// matt. `direct`: its irradiance at the finest points; `incident`: the same at [`GlossySenders::numbers`], as many directions of
-    /// each. `None` where it is nothing.
+    /// matt. `direct`: its irradiance at the finest points; `arrivals`: the same at [`GlossySenders::numbers`].
+    /// `None` where it is nothing.
     pub fn over_lobes(
         &self,
         transfer: &Transfer,
         direct: &[Vec3],
-        incident: &[Incident],
+        arrivals: &Arrivals,
     ) -> Option<Vec<VectorIrradiance>> {
-        let each = incident.len() / self.points.len();
-        let lit: Vec<Vec<Incident>> = (incident.chunks(each.max(1)))
+        let lit: Vec<Vec<Incident>> = (arrivals.directions.chunks(arrivals.each))
             .map(|of| {
                 of.iter()
                     .copied()
@@ -157,7 +156,7 @@ impl GlossySenders {
             direct,
             irradiances: transfer.senders.pulled(direct).concat(),
             radiosities: transfer.senders.pulled(&transfer.radiosity(direct)).concat(),
-            is_everywhere: each == 1,
+            is_unoccluded: arrivals.is_unoccluded,
             lit,
         };
         let families = light.families();
@@ -197,7 +196,7 @@ struct LampLight<'a> {
     /// Whence it comes at each of the glossy points.
     lit: Vec<Vec<Incident>>,
     /// Whether that is as if nothing were in the way.
-    is_everywhere: bool,
+    is_unoccluded: bool,
 }
 
 impl LampLight<'_> {
@@ -263,7 +262,7 @@ impl LampLight<'_> {
             if let Some(glossy) = self.of.glossy(sample.point) {
                 let part = match &self.lit[glossy][..] {
                     // The light around says how much of it there is.
-                    [lit] if self.is_everywhere => share(around, lit.irradiance),
+                    [lit] if self.is_unoccluded => share(around, lit.irradiance),
                     // Rays to a lamp with extent have its visibility: on average they are right.
                     _ => Vec3::ONE,
                 };

@@ -304,31 +304,15 @@ impl Follower<'_> {
             );
         } else if let Some(j) = self.nearest.at(place.0, place.1) {
             let j = (self.nearest).on_same_side(place, j, near_separated, |j| separated(place, j));
-            self.end.push((self.around(j, PI * reach * reach), 1.0));
+            let Transfer {
+                senders,
+                sender_areas,
+                ..
+            } = self.transfer;
+            let sender = around(senders, sender_areas, j, PI * reach * reach);
+            let at = sender.map_or(j, |sender| (finest.len() + sender) as u32);
+            self.end.push((at, 1.0));
         }
-    }
-
-    /// The largest cluster of a point with at most so much surface, m², or the point; as places in [`sent`].
-    fn around(&self, point: u32, area: f32) -> u32 {
-        let Transfer {
-            senders,
-            sender_areas,
-            finest,
-            ..
-        } = self.transfer;
-        let mut found = point;
-        let mut cluster = senders.leaf_of_point[point as usize];
-        for level in (0..senders.levels()).rev() {
-            let sender = senders.ranges.range(level).start + cluster as usize;
-            if sender_areas[sender] > area {
-                break;
-            }
-            found = (finest.len() + sender) as u32;
-            if level > 0 {
-                cluster = senders.parents[level - 1][cluster as usize];
-            }
-        }
-        found
     }
 
     /// Adds what a surface sends: of direct light always the total reflectance, of indirect light only the matt part's where
@@ -358,6 +342,23 @@ impl Follower<'_> {
             }
         }
     }
+}
+
+/// The largest of a point's clusters whose surface, of `areas`, is at most `area`.
+fn around(senders: &SenderTree, areas: &[f32], point: u32, area: f32) -> Option<usize> {
+    let mut cluster = senders.leaf_of_point[point as usize];
+    let mut found = None;
+    for level in (0..senders.levels()).rev() {
+        let sender = senders.ranges.range(level).start + cluster as usize;
+        if areas[sender] > area {
+            break;
+        }
+        found = Some(sender);
+        if level > 0 {
+            cluster = senders.parents[level - 1][cluster as usize];
+        }
+    }
+    found
 }
 
 #[cfg(test)]
@@ -418,13 +419,33 @@ mod tests {
         assert_eq!(rays(&black, Vec3::Y, 32), 0);
     }
 
+    /// Two points in a cluster, a third in another, all three in one.
+    #[test]
+    fn a_ray_sees_the_largest_cluster_that_is_no_larger_than_what_it_stands_for() {
+        let senders = SenderTree::new(&[1, 2], vec![0, 0, 1], vec![vec![0, 0]], vec![0; 3]);
+        let areas = senders.sums(|point| [1.0, 1.0, 3.0][point]);
+        assert_eq!(areas, [5.0, 2.0, 3.0]);
+        let found = |point, area| around(&senders, &areas, point, area);
+        assert_eq!(
+            [0.5, 1.9, 2.0, 4.9, 5.0].map(|area| found(0, area)),
+            [None, None, Some(1), Some(1), Some(0)]
+        );
+        assert_eq!(
+            [2.9, 3.0, 5.0].map(|area| found(2, area)),
+            [None, Some(2), Some(0)]
+        );
+    }
+
     #[test]
     fn points_and_clusters_send_direct_and_indirect_light_and_then_indirect_alone() {
         let [a, b] = [Vec3::X, Vec3::Y];
         // Two points in one cluster.
         let senders = SenderTree::new(&[1], vec![0, 0], Vec::new(), vec![0, 0]);
-        let sent = |direct, indirect: [Vec3; 2]| sent(&senders, direct, indirect.into_iter());
-        assert_eq!(sent(Some(&[a, a]), [b, -b]), [a + b, a - b, a, b, -b, Vec3::ZERO]);
+        let sent = |direct: Option<&[Vec3]>, indirect: [Vec3; 2]| {
+            super::sent(&senders, direct, indirect.into_iter())
+        };
+        let direct = [a, a];
+        assert_eq!(sent(Some(&direct), [b, -b]), [a + b, a - b, a, b, -b, Vec3::ZERO]);
         assert_eq!(sent(None, [b, b]), [b; 6]);
     }
 }

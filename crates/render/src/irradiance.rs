@@ -89,8 +89,18 @@ pub struct Incident {
     pub distance: f32,
 }
 
-/// Irradiance of one light at the `wanted` of some places, direction by direction, place by place: `samples` each, whose sum is the place's
-/// irradiance. Of a light without extent there is one, for which no ray is cast: it is what would arrive if nothing were in the way.
+/// What arrives at some places, direction by direction.
+#[derive(Clone, Debug)]
+pub struct Arrivals {
+    /// Place by place, as many each; their sum is the place's irradiance.
+    pub directions: Vec<Incident>,
+    /// How many of each place, one or more.
+    pub each: usize,
+    /// Whether no ray was cast, so that it is what would arrive if nothing were in the way.
+    pub is_unoccluded: bool,
+}
+
+/// Irradiance of one light at the `wanted` of some places, by `samples` each. Of a light without extent there is one, for which no ray is cast.
 pub fn incident_at(
     scene: &TracedScene,
     lights: &LightSet,
@@ -100,7 +110,7 @@ pub fn incident_at(
     footprint: f32,
     samples: u32,
     seed: u64,
-) -> Vec<Incident> {
+) -> Arrivals {
     let one = Samples::of_points(lights, light, hits.len(), 1, seed);
     let each = one.of_each(samples).count;
     let runs: Vec<(usize, u32)> = (wanted.iter())
@@ -115,7 +125,7 @@ pub fn incident_at(
         direction: Vec3::Y,
         distance: f32::INFINITY,
     };
-    (runs.par_iter().enumerate())
+    let directions = (runs.par_iter().enumerate())
         .with_min_len(256)
         .map(|(run, &(place, index))| {
             let irradiance = |hit: &SurfaceHit, sample: &LightSample| match &seen {
@@ -131,7 +141,12 @@ pub fn incident_at(
                 distance: sample.distance,
             })
         })
-        .collect()
+        .collect();
+    Arrivals {
+        directions,
+        each: each.max(1) as usize,
+        is_unoccluded: seen.is_none(),
+    }
 }
 
 /// Places beside one another in their order, as points lie along a curve, that learn where a light is drawn from.

@@ -84,7 +84,7 @@ impl Receiving<'_> {
         let FrameSettings {
             point_samples, seed, ..
         } = *self.settings;
-        let incident = incident_at(
+        let arrivals = incident_at(
             scene,
             lights,
             light,
@@ -94,7 +94,7 @@ impl Receiving<'_> {
             point_samples,
             seed,
         );
-        glossy.over_lobes(transfer, direct, &incident)
+        glossy.over_lobes(transfer, direct, &arrivals)
     }
 
     /// Irradiance of all lights at the finest points by lightcuts.
