@@ -441,11 +441,13 @@ mod tests {
         let [a, b] = [Vec3::X, Vec3::Y];
         // Two points in one cluster.
         let senders = SenderTree::new(&[1], vec![0, 0], Vec::new(), vec![0, 0]);
-        let sent = |direct: Option<&[Vec3]>, indirect: [Vec3; 2]| {
-            super::sent(&senders, direct, indirect.into_iter())
-        };
+        let all_sent =
+            |direct: Option<&[Vec3]>, indirect: [Vec3; 2]| sent(&senders, direct, indirect.into_iter());
         let direct = [a, a];
-        assert_eq!(sent(Some(&direct), [b, -b]), [a + b, a - b, a, b, -b, Vec3::ZERO]);
-        assert_eq!(sent(None, [b, b]), [b; 6]);
+        assert_eq!(
+            all_sent(Some(&direct), [b, -b]),
+            [a + b, a - b, a, b, -b, Vec3::ZERO]
+        );
+        assert_eq!(all_sent(None, [b, b]), [b; 6]);
     }
 }
