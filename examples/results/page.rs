@@ -75,6 +75,8 @@ pub struct Page {
     head: String,
     /// Tables that the file had, from title on, where they are to stay.
     kept: [Option<String>; TABLES.len()],
+    /// Sections that the file had and this program doesn't make, from title on. They stay.
+    others: Vec<String>,
     /// What tells where tables are from that are not what the head tells.
     origin: Option<String>,
     rows: [Vec<String>; TABLES.len()],
@@ -86,6 +88,7 @@ pub struct Page {
 impl Page {
     /// Without rows; `arguments` are those of this program. With `keep`, what the file has stays, but rows of cases that get
     /// new ones.
+    /// Sections that this program doesn't make stay in any case.
     pub fn new(arguments: &str, keep: bool) -> Result<Page> {
         let command = format!("cargo run --release --example results -- {arguments}");
         let command = command.trim_end_matches([' ', '-']);
@@ -103,20 +106,27 @@ Written by `{command}`.
 - Seeds: 0 for bakes and frames, 1 and 2 for path tracings. Bakes: one each; frames: medians of {FRAMES}.
 "
         );
+        let old = std::fs::read_to_string(FILE).unwrap_or_default();
+        let mut parts = old.split("\n## ");
+        let old_head = parts.next().filter(|head| keep && !head.is_empty());
+        let is_ours = |section: &&str| {
+            TABLES
+                .iter()
+                .any(|[title, ..]| section.lines().next() == Some(title))
+        };
+        let (tables, others): (Vec<&str>, Vec<&str>) = parts.partition(is_ours);
         let page = Page {
             head,
             kept: Default::default(),
+            others: others.into_iter().map(str::to_owned).collect(),
             origin: None,
             rows: Default::default(),
             notes: Default::default(),
             failed: 0,
         };
-        let old = std::fs::read_to_string(FILE).unwrap_or_default();
-        let mut parts = old.split("\n## ");
-        match parts.next().filter(|head| keep && !head.is_empty()) {
+        match old_head {
             None => Ok(page),
             Some(head) => {
-                let tables: Vec<&str> = parts.collect();
                 let of = |title: &str| tables.iter().find(|table| table.lines().next() == Some(title));
                 Ok(Page {
                     head: head.to_owned(),
@@ -207,6 +217,9 @@ Written by `{command}`.
             for line in notes {
                 text += &format!("\n{line}\n");
             }
+        }
+        for section in &self.others {
+            text += &format!("\n## {}\n", section.trim_end());
         }
         Ok(std::fs::write(FILE, text).map_err(|error| format!("{FILE}: cannot be written: {error}"))?)
     }
