@@ -28,7 +28,7 @@ DAYS = 10
 STEP = 2
 SPP = 1024
 # Samples of Mitsuba's own path tracer, which makes each frame anew.
-PATH_SPP = 64
+PATH_SPP = 32
 VIEWS_OF_A_DAY = 2
 
 
@@ -94,7 +94,11 @@ def measure(args, mi, home, kept, scene, radiances):
             for frame, image in zip(true, images):
                 scale = 0.25 / halves[:, true.index(frame)].mean()
                 preview(mi, image, args.work / f"{name} {frame} {folder.name}.png", scale)
-            return judged([image[::STEP, ::STEP] for image in images], halves)
+            images = [image[::STEP, ::STEP] for image in images]
+            count, share = errors.in_the_dark(images[0], halves[:, 0])
+            if count and share:
+                print(f"{name}, {folder.name}: {count} pixels that show nothing have {share:.0%} of the mean.", file=sys.stderr)
+            return judged(images, halves)
 
         for frame in range(len(true)):
             shown = halves[:, frame].mean(axis=0)
@@ -102,37 +106,38 @@ def measure(args, mi, home, kept, scene, radiances):
 
         for preset in args.presets:
 
+            out = f"{scene.name}_{view.name}_{preset}"
+
             def play():
-                out = f"{scene.name}_{view.name}_{preset}"
                 once, each = ours.frames(ours.asset(scene, preset), view, size, out, DAYS)
-                return {"once": once, "each": each, "found": held(ours.folder / out, "{:04}.exr")}
+                return {"once": once, "each": each}
 
             bake = kept.step(f"{scene.name}: bake {preset}", lambda: ours.bake(scene, preset))
-            played = kept.step(f"{name}: play {preset}", play)
+            took = kept.step(f"{name}: play {preset}", play)
+            played = took | {"found": held(ours.folder / out, "{:04}.exr")}
             made["relight"].setdefault(preset, {"bake": bake})[view.name] = played
         for rays in RAYS if theirs else ():
 
-            def flux():
-                out = f"{view.name}_c{rays}"
-                once = theirs.images(view, size, FLUX.split(), rays, out, threads)
-                each = theirs.frames(out, radiances, f"{out}_frames") / sky.FRAMES
-                found = held(theirs.folder / f"{out}_frames", "{:03}.hdr")
-                return {"once": once, "each": each, "found": found}
+            out = f"{view.name}_c{rays}"
 
-            made["radiance"].setdefault(rays, {})[view.name] = kept.step(f"{name}: rfluxmtx -c {rays}", flux)
+            def flux():
+                once = theirs.images(view, size, FLUX.split(), rays, out, threads)
+                return {"once": once, "each": theirs.frames(out, radiances, f"{out}_frames") / sky.FRAMES}
+
+            took = kept.step(f"{name}: rfluxmtx -c {rays}", flux)
+            added = took | {"found": held(theirs.folder / f"{out}_frames", "{:03}.hdr")}
+            made["radiance"].setdefault(rays, {})[view.name] = added
 
         def path():
-            found, took = [], []
-            for i, frame in enumerate(true):
-                # Once before, for what is compiled at first.
-                if i == 0:
-                    traced.rendered(view, size, radiances[frame], 1, 1)
-                image, cpu = traced.rendered(view, size, radiances[frame], args.path_spp, 2)
-                found += judged([image[::STEP, ::STEP]], halves[:, i : i + 1])
-                took.append(cpu)
-            return {"each": float(np.mean(took)), "found": found}
+            # Once before, for what is compiled at first.
+            traced.rendered(view, size, radiances[true[0]], 1, 1)
+            images, took = zip(*[traced.rendered(view, size, radiances[f], args.path_spp, 2) for f in true])
+            np.save(paths, images)
+            return {"each": float(np.mean(took))}
 
-        made["mitsuba"][view.name] = kept.step(f"{name}: path", path)
+        paths = args.work / f"path_{scene.name}_{view.name}.npy"
+        took = kept.step(f"{name}: path", path)
+        made["mitsuba"][view.name] = took | {"found": judged(np.load(paths)[:, ::STEP, ::STEP], halves)}
     return made
 
 
