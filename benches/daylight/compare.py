@@ -29,7 +29,6 @@ STEP = 2
 SPP = 1024
 # Samples of Mitsuba's own path tracer, which makes each frame anew.
 PATH_SPP = 32
-VIEWS_OF_A_DAY = 2
 
 
 class Kept:
@@ -142,8 +141,11 @@ def measure(args, mi, home, kept, scene, radiances):
 
 
 def number(value, deviation=None):
-    digits = 4 if value < 0.01 else 3 if value < 0.1 else 2
-    return f"{value:.{digits}f}" + (f" ± {deviation:.{digits}f}" if deviation is not None else "")
+    """With as many digits as its standard error leaves."""
+    if deviation is None:
+        return f"{value:.2g}"
+    digits = int(min(max(np.ceil(-np.log10(deviation)), 1), 4))
+    return f"{value:.{digits}f} ± {deviation:.{digits}f}"
 
 
 def cells(found):
@@ -158,17 +160,24 @@ def tables(args, made):
     rows, days = [], []
     for scene, all_of in made.items():
         for view in all_of["truth"]:
-            noise = [np.mean([n for n, k in zip(all_of["truth"][view], sky.TRUE.values()) if k == kind]) for kind in ("overcast", "sun")]
-            rows.append([f"{scene}, {view}", "truth", "", "", "", number(noise[0]), "", number(noise[1]), ""])
+            noise = {
+                kind: np.mean([n for n, k in zip(all_of["truth"][view], sky.TRUE.values()) if k == kind])
+                for kind in ("overcast", "sun")
+            }
+            row = [f"{scene}, {view}", "truth", "", "", ""]
+            rows.append([*row, number(noise["overcast"]), "", number(noise["sun"]), ""])
             for preset, of in all_of["relight"].items():
                 got = of[view]
                 each = "" if got["each"] is None else f"{1000 * got['each']:.0f}"
-                rows.append(["", f"relight, {preset}", f"{of['bake']:.0f}", f"{got['once']:.0f}", each, *cells(got["found"])])
+                row = ["", f"relight, {preset}", f"{of['bake']:.0f}", f"{got['once']:.0f}", each]
+                rows.append([*row, *cells(got["found"])])
             for rays, of in all_of["radiance"].items():
                 got = of[view]
-                rows.append(["", f"Radiance, -c {rays}", "", f"{got['once']:.0f}", f"{1000 * got['each']:.0f}", *cells(got["found"])])
+                row = ["", f"Radiance, -c {rays}", "", f"{got['once']:.0f}", f"{1000 * got['each']:.0f}"]
+                rows.append([*row, *cells(got["found"])])
             got = all_of["mitsuba"][view]
-            rows.append(["", f"Mitsuba, {args.path_spp} samples", "", "", f"{1000 * got['each']:,.0f}", *cells(got["found"])])
+            row = ["", f"Mitsuba, {args.path_spp} samples", "", "", f"{1000 * got['each']:,.0f}"]
+            rows.append([*row, *cells(got["found"])])
         for preset, of in all_of["relight"].items():
             days += equal(scene, preset, of, all_of)
     head = "scene, view | program | bake, CPU s | view, CPU s | frame, CPU ms | overcast: relMSE | bias | with sun: relMSE | bias"
@@ -224,7 +233,7 @@ def main():
 
     mi, home = tracer.find(), radiance.find()
     if mi is None:
-        sys.exit("Mitsuba 3 with an LLVM of its version is missing (pip install mitsuba; libllvm19 did): without it there is no truth.")
+        sys.exit("Mitsuba 3 is missing, or an LLVM for it (pip install mitsuba; libllvm19 did): there is no truth without.")
     if home is None:
         print("Radiance is missing (pip install pyradiance): left out.", file=sys.stderr)
     kept = Kept(args.work / "measured.json")
