@@ -240,7 +240,8 @@ def main():
     ours = player.Player(args.relight, args.work / "relight", args.threads)
     radiances = array(args.work / "sky.npy", lambda: ours.sky(lambda path: tracer.read(mi, path)))
     made = {}
-    for scene in [scenes.sponza(args.sponza)] * (args.sponza is not None) + [scenes.room()]:
+    played = [scenes.sponza(args.sponza)] if args.sponza else []
+    for scene in [*played, scenes.room()]:
         made[scene.name] = measure(args, mi, home, kept, scene, radiances)
     tables(args, made)
 
