@@ -1,2 +1,5 @@
 #![no_main]
-libfuzzer_sys::fuzz_target!(|data: &[u8]| relight_fuzz::targets::feed("meshopt", data));
+libfuzzer_sys::fuzz_target!(
+    init: relight_fuzz::let_nets_catch(),
+    |data: &[u8]| relight_fuzz::targets::feed("meshopt", data)
+);
