@@ -16,17 +16,4 @@ pub mod targets {
 
     /// A function to be fed with any bytes.
     pub type Target = fn(&[u8]);
-
-    /// Feeds one target.
-    pub fn feed(name: &str, data: &[u8]) {
-        let all = assets::all();
-        #[cfg(feature = "scene")]
-        let all = all.into_iter().chain(readers::all());
-        for (known, target) in all {
-            if known == name {
-                return target(data);
-            }
-        }
-        panic!("no target {name}");
-    }
 }

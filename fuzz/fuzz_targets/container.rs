@@ -1,2 +1,2 @@
 #![no_main]
-libfuzzer_sys::fuzz_target!(|data: &[u8]| relight_fuzz::targets::feed("container", data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| relight_fuzz::targets::assets::container(data));

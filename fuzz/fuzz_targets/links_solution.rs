@@ -1,2 +1,2 @@
 #![no_main]
-libfuzzer_sys::fuzz_target!(|data: &[u8]| relight_fuzz::targets::feed("links_solution", data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| relight_fuzz::targets::assets::links_solution(data));

@@ -1,2 +1,2 @@
 #![no_main]
-libfuzzer_sys::fuzz_target!(|data: &[u8]| relight_fuzz::targets::feed("material_edits", data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| relight_fuzz::targets::readers::material_edits(data));
