@@ -1,10 +1,20 @@
 //! Functions that take any bytes and must neither panic nor hang nor take much memory: `cargo fuzz` feeds them for hours
 //! (README.md), tests named `fuzz` in the crates for seconds.
 
-/// Image decoders of others panic on some damaged files, which our readers catch and report; the hook that libFuzzer sets
-/// would end the process at the panic itself. What nobody catches still ends it.
+use std::collections::HashSet;
+use std::sync::Mutex;
+
+/// Decoders of others panic on some damaged files, which our readers catch and report; the hook that libFuzzer sets would end
+/// the process at the panic itself. What nobody catches still ends it. Each place is said once, as the log is to tell what
+/// nets had to catch.
 pub fn let_nets_catch() {
-    std::panic::set_hook(Box::new(|_| {}));
+    let said = Mutex::new(HashSet::new());
+    std::panic::set_hook(Box::new(move |panic| {
+        let place = panic.location().map(ToString::to_string);
+        if said.lock().is_ok_and(|mut said| said.insert(place)) {
+            eprintln!("{panic}");
+        }
+    }));
 }
 
 pub mod targets {
