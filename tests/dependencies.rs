@@ -138,7 +138,8 @@ fn the_player_builds_without_an_importer() {
 /// Who may turn values into bytes or read them: the file is `format`'s alone. `transport` knows no form of anything.
 const BYTES: [(&str, &[&str]); 4] = [
     ("bincode", &["relight-format"]),
-    ("zstd", &["relight-format"]),
+    // `scene`: textures of others may be compressed so.
+    ("zstd", &["relight-format", "relight-scene"]),
     // `probes`: what they found is a part of what commands print.
     (
         "serde",

@@ -229,6 +229,40 @@ fn files_of_another_kind_and_bombs_are_refused_by_place() {
     }
 }
 
+/// A frame of Zstandard (RFC 8878) of one block of sequences that all copy one literal and, 65,539 + 65,535 times, the byte before: two
+/// bytes make 131,075.
+fn bomb(sequences: u32) -> Vec<u8> {
+    let mut block = ((sequences << 4 | 0b11_01).to_le_bytes()[..3]).to_vec();
+    block.push(b'a');
+    block.extend([(sequences >> 8) as u8 + 128, sequences as u8]);
+    // Each code repeated: literals 1, offset 0, match length 52.
+    block.extend([0b0101_0100, 1, 0, 52]);
+    block.extend(vec![0xff; 2 * sequences as usize]);
+    block.push(1);
+    let header = (block.len() as u32) << 3 | 0b101;
+    let mut frame = vec![0x28, 0xb5, 0x2f, 0xfd, 0xa0];
+    frame.extend((sequences * 131_075).to_le_bytes());
+    frame.extend(&header.to_le_bytes()[..3]);
+    frame.extend(block);
+    frame
+}
+
+/// A decoder that makes the whole block before it looks at its size takes 2 GB, and half a minute.
+#[test]
+fn a_block_that_grows_without_bounds_is_refused_at_once() {
+    let frame = bomb(16_000);
+    let mut uastc = bytes(UASTC);
+    let place = [uastc.len() as u64, frame.len() as u64].map(u64::to_le_bytes);
+    uastc[80..96].copy_from_slice(place.as_flattened());
+    uastc.extend(&frame);
+    let start = std::time::Instant::now();
+    for file in [uastc, plain(37, [16, 16], 2, &frame, 1024)] {
+        let error = textured(&file).import().unwrap_err().to_string();
+        assert!(error.contains("images[0]: can't be decompressed"), "{error}");
+    }
+    assert!(start.elapsed().as_secs() < 3, "{:?}", start.elapsed());
+}
+
 #[test]
 fn damaged_files_are_refused_or_give_a_picture() {
     let plain = plain(16, [2, 2], 0, &[10, 20, 30, 40, 50, 60, 70, 80], 8);

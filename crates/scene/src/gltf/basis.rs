@@ -5,7 +5,7 @@
 //! the material where the texture is used, as for other images; the file's own word for it is not needed.
 
 use super::guard::guarded;
-use super::ktx::texels;
+use super::ktx::{decompressed, texels};
 use super::notes::Notes;
 use crate::image::{Image8, Limits, encode_png};
 use basisu::{DecodeFlags, SourceFormat, TargetFormat, Transcoder};
@@ -52,29 +52,43 @@ fn decode(name: &str, bytes: &[u8]) -> Result<(Image8, bool), String> {
     Limits::default()
         .check(name, width.into(), height.into(), 8)
         .map_err(|e| e.to_string())?;
+    let scheme = header.supercompression_scheme;
+    let place = usize::try_from(level.byte_offset)
+        .ok()
+        .zip(usize::try_from(level.byte_length).ok());
+    let stored = place.and_then(|(start, length)| bytes.get(start..start.checked_add(length)?));
+    let stored = stored.ok_or("says that texels lie beyond its end")?;
     if let Some(format) = header.format {
-        let place = usize::try_from(level.byte_offset)
-            .ok()
-            .zip(usize::try_from(level.byte_length).ok());
-        let stored = place.and_then(|(start, length)| bytes.get(start..start.checked_add(length)?));
-        let stored = stored.ok_or("says that texels lie beyond its end")?;
-        let image = texels(format, (width, height), header.supercompression_scheme, stored)?;
+        let image = texels(format, (width, height), scheme, stored)?;
         return Ok((image, true));
     }
-    let blocks = u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4));
-    let declared = match header.supercompression_scheme {
+    let size = u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4)) * BLOCK_BYTES;
+    let declared = match scheme {
         None => level.byte_length,
-        Some(SupercompressionScheme::BasisLZ) => 0,
+        // ETC1S declares nothing.
+        Some(SupercompressionScheme::BasisLZ) => size,
         Some(_) => level.uncompressed_byte_length,
     };
-    // The transcoder reserves what the file declares. ETC1S declares nothing.
-    if declared != 0 && declared != blocks * BLOCK_BYTES {
-        let size = format!("{width} × {height} texels");
+    // The transcoder reserves what the file declares.
+    if declared != size {
         return Err(format!(
-            "declares {declared} bytes for {size}, which have {}",
-            blocks * BLOCK_BYTES
+            "declares {declared} bytes for {width} × {height} texels, which have {size}"
         ));
     }
+    let unpacked;
+    let bytes = if scheme == Some(SupercompressionScheme::Zstandard) {
+        let level = decompressed(scheme, stored, size as usize)?;
+        let found = level.len();
+        if found as u64 != size {
+            return Err(format!(
+                "holds {found} bytes of {width} × {height} texels, which have {size}"
+            ));
+        }
+        unpacked = unpack(bytes, &level);
+        &unpacked
+    } else {
+        bytes
+    };
     let transcoder = Transcoder::new(bytes).map_err(|e| format!("can't be transcoded ({e:?})"))?;
     match transcoder.source_format() {
         SourceFormat::Etc1s | SourceFormat::UastcLdr => {}
@@ -93,4 +107,20 @@ fn decode(name: &str, bytes: &[u8]) -> Result<(Image8, bool), String> {
         rgba8: transcoded.as_chunks().0.to_vec(),
     };
     Ok((image, false))
+}
+
+/// The file with `level` as its only one, not compressed.
+fn unpack(bytes: &[u8], level: &[u8]) -> Vec<u8> {
+    let mut file = bytes.to_vec();
+    file.resize(file.len().next_multiple_of(BLOCK_BYTES as usize), 0);
+    let (start, length) = (file.len() as u64, level.len() as u64);
+    file.extend(level);
+    // The header's number of levels and scheme of compression, and the first entry of the levels' index.
+    let mut put = |at: usize, number: &[u8]| file[at..at + number.len()].copy_from_slice(number);
+    put(40, &1u32.to_le_bytes());
+    put(44, &0u32.to_le_bytes());
+    for (i, number) in [start, length, length].into_iter().enumerate() {
+        put(Header::LENGTH + 8 * i, &number.to_le_bytes());
+    }
+    file
 }

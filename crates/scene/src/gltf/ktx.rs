@@ -3,7 +3,6 @@
 
 use crate::image::Image8;
 use ktx2::{Format, SupercompressionScheme};
-use ruzstd::FrameDecoder;
 
 /// Where a texel's red, green, blue and alpha are among its bytes; what it lacks is 0, and 255 for alpha, as samplers of textures have it.
 type Order = [Option<usize>; 4];
@@ -55,8 +54,12 @@ pub(super) fn texels(
     })
 }
 
-/// At most `size` bytes.
-fn decompressed(
+/// What a level decompresses to, in no more memory than `size` bytes: `zstd` writes to a place of that size. (`ruzstd`, which `basisu` has,
+/// makes all of a block before it counts: of 32 kB 2 GB.)
+///
+/// # Errors
+/// What is wrong with it, as the rest of a sentence about the file.
+pub(super) fn decompressed(
     scheme: Option<SupercompressionScheme>,
     stored: &[u8],
     size: usize,
@@ -65,10 +68,7 @@ fn decompressed(
     match scheme {
         None => Ok(stored.to_vec()),
         Some(SupercompressionScheme::Zstandard) => {
-            let mut level = vec![0; size];
-            let read = FrameDecoder::new().decode_all(stored, &mut level);
-            level.truncate(read.map_err(|e| damaged(e.to_string()))?);
-            Ok(level)
+            zstd::bulk::decompress(stored, size).map_err(|e| damaged(e.to_string()))
         }
         Some(SupercompressionScheme::ZLIB) => {
             miniz_oxide::inflate::decompress_to_vec_zlib_with_limit(stored, size)
