@@ -23,7 +23,7 @@ pub struct Image8 {
 /// # Errors
 /// [`ImageError::Unsupported`] for other formats, [`ImageError::LimitExceeded`], [`ImageError::Invalid`].
 pub fn decode_ldr(name: &str, bytes: &[u8], limits: &Limits) -> Result<Image8, ImageError> {
-    // Last net: no known input gets here, but decoders hold asserts.
+    // Last net: damaged frames of moving WebP images get here, no known PNG or JPEG.
     std::panic::catch_unwind(|| decode(name, bytes, limits)).unwrap_or_else(|_| {
         Err(ImageError::invalid(
             name,
@@ -157,6 +157,22 @@ mod tests {
                 let cut = decode_ldr("t", &bytes[..end], &Limits::default());
                 assert!(cut.is_err() || (end > 20 && cut.is_ok_and(|cut| cut.rgba8.len() == 35)));
             }
+        }
+    }
+
+    /// Moving images whose frame is smaller than its alpha, or empty, at which the decoder panics (fuzz target `texture`).
+    #[test]
+    fn webp_at_which_its_decoder_panics_is_an_error() {
+        for bytes in [
+            &include_bytes!("../../../../fuzz/corpus/texture/webp_alpha_short")[..],
+            include_bytes!("../../../../fuzz/corpus/texture/webp_no_width"),
+            include_bytes!("../../../../fuzz/corpus/texture/webp_no_chroma"),
+        ] {
+            let message = decode_ldr("texture 3", bytes, &Limits::default())
+                .unwrap_err()
+                .to_string();
+            let what = "texture 3: the image decoder failed on it: the image is damaged";
+            assert!(message.contains(what), "{message}");
         }
     }
 
