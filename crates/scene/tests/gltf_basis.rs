@@ -247,20 +247,29 @@ fn bomb(sequences: u32) -> Vec<u8> {
     frame
 }
 
-/// A decoder that makes the whole block before it looks at its size takes 2 GB, and half a minute.
+/// The largest amount of memory this process ever held, in bytes. 0 where the system does not say.
+fn peak_memory() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
+    let number = line.unwrap_or("0 kB").trim().trim_end_matches(" kB").parse();
+    number.unwrap_or(0) * 1024
+}
+
+/// A decoder that makes the whole block before it looks at its size takes 2 GB.
 #[test]
-fn a_block_that_grows_without_bounds_is_refused_at_once() {
+fn a_block_that_grows_without_bounds_takes_no_memory() {
     let frame = bomb(16_000);
     let mut uastc = bytes(UASTC);
     let place = [uastc.len() as u64, frame.len() as u64].map(u64::to_le_bytes);
     uastc[80..96].copy_from_slice(place.as_flattened());
     uastc.extend(&frame);
-    let start = std::time::Instant::now();
+    let before = peak_memory();
     for file in [uastc, plain(37, [16, 16], 2, &frame, 1024)] {
         let error = textured(&file).import().unwrap_err().to_string();
         assert!(error.contains("images[0]: can't be decompressed"), "{error}");
     }
-    assert!(start.elapsed().as_secs() < 3, "{:?}", start.elapsed());
+    let grown = peak_memory() - before;
+    assert!(grown < 1 << 28, "memory grew by {grown} bytes");
 }
 
 #[test]
