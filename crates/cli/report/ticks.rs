@@ -36,7 +36,7 @@ pub fn ticks(low: f64, high: f64) -> Vec<f64> {
         let all = (first..).map(|i| i as f64 * step);
         all.take_while(|v| *v <= high).collect()
     };
-    let steps = [1.0, 0.5, 0.2, 0.1].map(|f| f * power);
+    let steps = [5.0, 2.0, 1.0, 0.5, 0.2].map(|f| f * power);
     let mut tried = steps.into_iter().map(even);
     tried.find(|found| found.len() >= LEAST).unwrap_or_default()
 }

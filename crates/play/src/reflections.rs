@@ -307,9 +307,10 @@ impl Follower<'_> {
             let Transfer {
                 senders,
                 sender_areas,
+                linked_levels,
                 ..
             } = self.transfer;
-            let sender = around(senders, sender_areas, j, PI * reach * reach);
+            let sender = around(senders, *linked_levels, sender_areas, j, PI * reach * reach);
             let at = sender.map_or(j, |sender| (finest.len() + sender) as u32);
             self.end.push((at, 1.0));
         }
@@ -344,8 +345,8 @@ impl Follower<'_> {
     }
 }
 
-/// The largest of a point's clusters whose surface, of `areas`, is at most `area`.
-fn around(senders: &SenderTree, areas: &[f32], point: u32, area: f32) -> Option<usize> {
+/// The largest of a point's clusters, of the first so many `levels`, whose surface, of `areas`, is at most `area`.
+fn around(senders: &SenderTree, levels: usize, areas: &[f32], point: u32, area: f32) -> Option<usize> {
     let mut cluster = senders.leaf_of_point[point as usize];
     let mut found = None;
     for level in (0..senders.levels()).rev() {
@@ -353,7 +354,9 @@ fn around(senders: &SenderTree, areas: &[f32], point: u32, area: f32) -> Option<
         if areas[sender] > area {
             break;
         }
-        found = Some(sender);
+        if level < levels {
+            found = Some(sender);
+        }
         if level > 0 {
             cluster = senders.parents[level - 1][cluster as usize];
         }
@@ -425,7 +428,8 @@ mod tests {
         let senders = SenderTree::new(&[1, 2], vec![0, 0, 1], vec![vec![0, 0]], vec![0; 3]);
         let areas = senders.sums(|point| [1.0, 1.0, 3.0][point]);
         assert_eq!(areas, [5.0, 2.0, 3.0]);
-        let found = |point, area| around(&senders, &areas, point, area);
+        let found = |point, area| around(&senders, 2, &areas, point, area);
+        assert_eq!(around(&senders, 1, &areas, 0, 4.9), None);
         assert_eq!(
             [0.5, 1.9, 2.0, 4.9, 5.0].map(|area| found(0, area)),
             [None, None, Some(1), Some(1), Some(0)]

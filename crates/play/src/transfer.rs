@@ -54,6 +54,8 @@ pub struct Transfer {
     pub senders: SenderTree,
     /// Surface that each of them has, m².
     pub sender_areas: Vec<f32>,
+    /// How many of their levels, from the coarsest on, links lead to: the bake leaves the others out where nobody keeps them.
+    pub linked_levels: usize,
     links: SenderLinks,
     bounce: SparseMatrix,
     bounce_level: usize,
@@ -144,6 +146,9 @@ impl Transfer {
         });
         let bounce_cluster = senders.cluster_of_point(bounce_level);
         let bounce_albedo = senders.pulled(&albedo).swap_remove(bounce_level);
+        let last = links.columns.iter().max().map_or(0, |&j| j as usize);
+        let linked = (0..senders.levels()).find(|&level| last < senders.ranges.range(level).end);
+        let linked_levels = linked.unwrap_or(0).max(bounce_level) + 1;
         let links = SenderLinks::new(links);
         let finest = levels.swap_remove(levels.len() - 1);
         let sender_areas = senders.sums(|point| FOOTPRINT * finest.disk_radius_of(point).powi(2));
@@ -157,6 +162,7 @@ impl Transfer {
             fine_from_coarse,
             senders,
             sender_areas,
+            linked_levels,
             links,
             bounce,
             bounce_level,
