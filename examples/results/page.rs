@@ -87,8 +87,7 @@ pub struct Page {
 
 impl Page {
     /// Without rows; `arguments` are those of this program. With `keep`, what the file has stays, but rows of cases that get
-    /// new ones.
-    /// Sections that this program doesn't make stay in any case.
+    /// new ones; sections that this program doesn't make stay in any case.
     pub fn new(arguments: &str, keep: bool) -> Result<Page> {
         let command = format!("cargo run --release --example results -- {arguments}");
         let command = command.trim_end_matches([' ', '-']);

@@ -98,11 +98,10 @@ fn sent(senders: &SenderTree, direct: Option<&[Vec3]>, indirect: impl Iterator<I
         let means = senders.pulled(&points);
         [points, means.concat()].concat()
     };
-    let all = match direct {
-        Some(direct) => direct.iter().zip(&indirect).map(|(d, i)| *d + *i).collect(),
-        None => indirect.clone(),
-    };
-    [and_means(all), and_means(indirect)].concat()
+    let all = direct.map(|direct| direct.iter().zip(&indirect).map(|(d, i)| *d + *i).collect());
+    let indirect = and_means(indirect);
+    let all = all.map_or_else(|| indirect.clone(), and_means);
+    [all, indirect].concat()
 }
 
 impl Lobes {

@@ -147,8 +147,7 @@ impl Transfer {
         let bounce_cluster = senders.cluster_of_point(bounce_level);
         let bounce_albedo = senders.pulled(&albedo).swap_remove(bounce_level);
         let last = links.columns.iter().max().map_or(0, |&j| j as usize);
-        let linked = (0..senders.levels()).find(|&level| last < senders.ranges.range(level).end);
-        let linked_levels = linked.unwrap_or(0).max(bounce_level) + 1;
+        let linked_levels = senders.ranges.level_of(last).max(bounce_level) + 1;
         let links = SenderLinks::new(links);
         let finest = levels.swap_remove(levels.len() - 1);
         let sender_areas = senders.sums(|point| FOOTPRINT * finest.disk_radius_of(point).powi(2));

@@ -43,6 +43,13 @@ impl LevelRanges {
         self.starts[l] as usize..self.starts[l + 1] as usize
     }
 
+    /// The level that has an index; 0 where none has.
+    pub fn level_of(&self, index: usize) -> usize {
+        (0..self.levels())
+            .find(|&l| index < self.range(l).end)
+            .unwrap_or(0)
+    }
+
     /// Number of points on all levels.
     pub fn total(&self) -> usize {
         self.starts[self.levels()] as usize

@@ -152,8 +152,7 @@ fn leave_out_idle_senders(made: &mut Transport) {
     } = made;
     let least = if bounce.nnz() == 0 { 0 } else { *bounce_level };
     let last = links.columns.iter().max().map_or(0, |&j| j as usize);
-    let used = (0..tree.levels()).find(|&l| last < tree.ranges.range(l).end);
-    let levels = used.unwrap_or(0).max(least) + 1;
+    let levels = tree.ranges.level_of(last).max(least) + 1;
     if levels >= tree.levels() || links.is_empty() {
         return;
     }
