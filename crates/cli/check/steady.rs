@@ -21,6 +21,7 @@ use relight_scene::camera::Camera;
 use relight_scene::image::flicker::{Flicker, greys};
 use relight_scene::light::{EnvironmentMap, LightKind, LightTrack};
 use relight_scene::scene::Scene;
+use relight_scene::traced::Shading;
 use std::sync::Arc;
 
 /// Frames of a sequence.
@@ -151,6 +152,11 @@ fn lamp(at: f32) -> LightTrack {
     point(LAMP + Vec3::X * (0.3 * at), 1.0)
 }
 
+/// A globe on the same way.
+fn ball(at: f32) -> LightTrack {
+    globe(LAMP + Vec3::X * (0.3 * at), 0.1, 30.0)
+}
+
 /// The room's lamp as it is dimmed to half.
 fn dimmed(at: f32) -> LightTrack {
     point(LAMP, 2.0 - at)
@@ -168,11 +174,31 @@ fn transfer(stage: &Stage) -> Measured {
         layer: "indirect",
         moving: false,
     };
-    let ball = |at: f32| globe(LAMP + Vec3::X * (0.3 * at), 0.1, 30.0);
     let mut measures = film.flicker("lamp", |at| (eye, lamp(at)), LAMP_BOUNDS)?;
     measures.extend(film.flicker("globe", |at| (eye, ball(at)), LAMP_BOUNDS)?);
     measures.extend(film.along_the_wall(lamp(0.0), WALL_BOUNDS)?);
     measures.extend(film.flicker("dimmed lamp", |at| (eye, dimmed(at)), DIMMED_BOUNDS)?);
+    Ok(measures)
+}
+
+/// Indirect light that lamps send over lobes of most of the room's walls.
+fn lobes(stage: &Stage) -> Measured {
+    let mut metal = room();
+    let walls = &mut metal.materials[0];
+    (walls.metallic, walls.roughness) = (1.0, 0.5);
+    let asset = (stage.asset(metal, Shading::Full, &quick())).map_err(|e| e.to_string())?;
+    let player = stage.through_file(&asset)?;
+    let eye = standing(&player)?;
+    let film = Film {
+        stage,
+        player: &player,
+        integrator: Integrator::Transfer,
+        size: SIZE,
+        layer: "indirect",
+        moving: false,
+    };
+    let mut measures = film.flicker("lamp", |at| (eye, lamp(at)), LAMP_BOUNDS)?;
+    measures.extend(film.flicker("globe", |at| (eye, ball(at)), LAMP_BOUNDS)?);
     Ok(measures)
 }
 
@@ -382,6 +408,12 @@ pub fn cases() -> Vec<Case> {
             true,
             "indirect light goes evenly where a lamp or the camera glides",
             transfer,
+        ),
+        Case::new(
+            "steady/lobes",
+            true,
+            "what lamps send over glossy surfaces goes evenly where they glide",
+            lobes,
         ),
         by_virtual_lights("steady/lightcuts", lightcuts),
         by_virtual_lights("steady/pixelcuts", pixelcuts),

@@ -53,6 +53,10 @@ struct Family {
     parent: Option<u32>,
 }
 
+/// Length of the mean of unit directions from which on lobes tell them hardly from one: they are spread by 0.1 then (√(1 − CLOSE), along either axis),
+/// and the narrowest lobe of [`SLOPE`] is wider by a twentieth.
+const CLOSE: f32 = 0.99;
+
 /// Length of links from which on the coefficients of siblings leave their mean to their parent exactly: what a hemisphere full of radiosity 1
 /// sends. Where a row keeps all of a family but one small child, links are as much longer than that as the child is smaller than its family, and
 /// cancel each other for coefficients whose weighted sum is zero alone. Of shorter ones the parent's own points say its mean.
@@ -141,10 +145,11 @@ impl GlossySenders {
     ) -> Option<Vec<VectorIrradiance>> {
         let lit: Vec<Vec<Incident>> = (arrivals.directions.chunks(arrivals.each))
             .map(|of| {
-                of.iter()
-                    .copied()
-                    .filter(|lit| lit.irradiance != Vec3::ZERO)
-                    .collect()
+                let lit = || of.iter().copied().filter(|lit| lit.irradiance != Vec3::ZERO);
+                match arrivals.is_unoccluded {
+                    true => together(lit()).map_or_else(|| lit().collect(), |all| vec![all]),
+                    false => lit().collect(),
+                }
             })
             .collect();
         if lit.iter().all(Vec::is_empty) {
@@ -174,6 +179,23 @@ impl GlossySenders {
         let glossy = *self.glossy_of.get(point as usize)?;
         (glossy != NONE).then_some(glossy as usize)
     }
+}
+
+/// Light from several directions as one from their middle, where they are [`CLOSE`]; `None` otherwise.
+fn together(lit: impl Iterator<Item = Incident>) -> Option<Incident> {
+    let (mut irradiance, mut weight, mut direction, mut distance) = (Vec3::ZERO, 0.0, Vec3::ZERO, 0.0);
+    for lit in lit {
+        let own = lit.irradiance.element_sum();
+        irradiance += lit.irradiance;
+        weight += own;
+        direction += own * lit.direction;
+        distance += own * lit.distance;
+    }
+    (direction.length() > CLOSE * weight).then(|| Incident {
+        irradiance,
+        direction: direction.normalize(),
+        distance: distance / weight,
+    })
 }
 
 /// What part `expected` is of the larger of itself and what there is: at most 1, and 1 of nothing. What has less than expected stands for what is
@@ -260,13 +282,14 @@ impl LampLight<'_> {
             matt += around * transfer.albedo[point];
             seen += 1.0;
             if let Some(glossy) = self.of.glossy(sample.point) {
-                let part = match &self.lit[glossy][..] {
+                let lit = &self.lit[glossy];
+                let part = match self.is_unoccluded {
                     // The light around says how much of it there is.
-                    [lit] if self.is_unoccluded => share(around, lit.irradiance),
-                    // Rays to a lamp with extent have its visibility: on average they are right.
-                    _ => Vec3::ONE,
+                    true => share(around, lit.iter().map(|lit| lit.irradiance).sum()),
+                    // Rays have its visibility: on average they are right.
+                    false => Vec3::ONE,
                 };
-                more += part * self.of.points[glossy].more_than_matt(&self.lit[glossy], to, radius);
+                more += part * self.of.points[glossy].more_than_matt(lit, to, radius);
             }
         }
         match seen > 0.0 {

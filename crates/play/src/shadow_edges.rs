@@ -64,6 +64,14 @@ struct Spot {
     front: bool,
 }
 
+/// A place that an edge may pass.
+struct NearEdge {
+    place: u32,
+    /// Whether it or a neighbour has much light. What passes between spots steps most there, of which a bent surface turns some away from the
+    /// light, and a lamp with extent is behind an edge for some and not for others: all are asked, whatever the rim says.
+    has_much: bool,
+}
+
 /// Places where light is found.
 #[derive(Clone, Copy)]
 pub struct Places<'a> {
@@ -95,9 +103,11 @@ impl ShadowEdges {
         let sum: f64 = lit.iter().map(|lit| f64::from(lit.max_element())).sum();
         let mean = (sum / lit.len().max(1) as f64) as f32;
         let near_edges = self.near_edges(places, met, mean, lit);
-        let rims = self.lit_at(places, &near_edges, Which::Rim, &lighting);
-        let crossed: Vec<(u32, Lit)> = (near_edges.into_iter().zip(rims))
-            .filter(|(place, rim)| rim.is_crossed(met[*place as usize]))
+        let numbers: Vec<u32> = near_edges.iter().map(|near| near.place).collect();
+        let rims = self.lit_at(places, &numbers, Which::Rim, &lighting);
+        let crossed: Vec<(u32, Lit)> = (near_edges.iter().zip(rims))
+            .filter(|(near, rim)| near.has_much || rim.is_crossed(met[near.place as usize]))
+            .map(|(near, rim)| (near.place, rim))
             .collect();
         let mut set = |place: u32, found: &Lit| {
             if found.count > 0 {
@@ -120,24 +130,25 @@ impl ShadowEdges {
         }
     }
 
-    /// Places that neighbours see the light otherwise than, that see it in part, or that have much of it: what passes between places
-    /// steps most there. `mean`: of the light of all places.
-    fn near_edges(&self, places: Places, met: &[Met], mean: f32, lit: &[Vec3]) -> Vec<u32> {
+    /// Places that neighbours see the light otherwise than, that see it in part, or around which there is much of it. `mean`: of the light of
+    /// all places.
+    fn near_edges(&self, places: Places, met: &[Met], mean: f32, lit: &[Vec3]) -> Vec<NearEdge> {
         let neighbours = self.neighbours.get_or_init(|| neighbours(places));
-        let is_near = |&place: &u32| {
-            let place = place as usize;
-            let own = lit[place].max_element();
-            let differs = |(other, _): (u32, f32)| {
-                let other = other as usize;
-                met[other] != met[place]
-                    && (met[other] != 0 && met[place] != 0 || own.max(lit[other].max_element()) > mean)
-            };
-            met[place] == LIT | DARK || own > MUCH * mean || row(neighbours, place).any(differs)
+        let near = |place: u32| {
+            let (own, own_met) = (lit[place as usize].max_element(), met[place as usize]);
+            let (mut most, mut differs) = (own, own_met == LIT | DARK);
+            for (other, _) in row(neighbours, place as usize) {
+                let (light, met) = (lit[other as usize].max_element(), met[other as usize]);
+                most = most.max(light);
+                differs |= met != own_met && (met != 0 && own_met != 0 || own.max(light) > mean);
+            }
+            let has_much = most > MUCH * mean;
+            (has_much || differs).then_some(NearEdge { place, has_much })
         };
         (0..met.len() as u32)
             .into_par_iter()
             .with_min_len(1024)
-            .filter(is_near)
+            .filter_map(near)
             .collect()
     }
 

@@ -100,7 +100,8 @@ pub struct Arrivals {
     pub is_unoccluded: bool,
 }
 
-/// Irradiance of one light at the `wanted` of some places, by `samples` each. Of a light without extent there is one, for which no ray is cast.
+/// Irradiance of one light at the `wanted` of some places, by `samples` each; one of a light without extent. No ray is cast for lamps:
+/// whoever knows the light around a place knows better what of a lamp it sees than some rays do, which a shadow's edge switches.
 pub fn incident_at(
     scene: &TracedScene,
     lights: &LightSet,
@@ -116,7 +117,8 @@ pub fn incident_at(
     let runs: Vec<(usize, u32)> = (wanted.iter())
         .flat_map(|&place| (0..each).map(move |index| (place as usize, index)))
         .collect();
-    let seen = (!one.is_delta()).then(|| {
+    let footprint = if one.is_delta() { footprint } else { 0.0 };
+    let seen = (!lights.is_lamp(light)).then(|| {
         let own: Vec<Option<SurfaceHit>> = runs.iter().map(|run| hits[run.0]).collect();
         irradiance_by(scene, &one, &own, 0.0, |hit| runs[hit]).0
     });
@@ -129,14 +131,14 @@ pub fn incident_at(
         .with_min_len(256)
         .map(|(run, &(place, index))| {
             let irradiance = |hit: &SurfaceHit, sample: &LightSample| match &seen {
-                Some(seen) => seen[run] / each as f32,
+                Some(seen) => seen[run],
                 None => contribution(hit, sample, footprint) * above(hit, sample.direction),
             };
             let is_dark = seen.as_ref().is_some_and(|seen| seen[run] == Vec3::ZERO);
             let hit = hits[place].as_ref().filter(|_| !is_dark);
             let sample = hit.and_then(|hit| Some((hit, one.at(place, hit, index)?)));
             sample.map_or(dark, |(hit, sample)| Incident {
-                irradiance: irradiance(hit, &sample),
+                irradiance: irradiance(hit, &sample) / each as f32,
                 direction: sample.direction,
                 distance: sample.distance,
             })
@@ -271,11 +273,31 @@ fn contribution(hit: &SurfaceHit, sample: &LightSample, footprint: f32) -> Vec3 
 mod tests {
     use super::*;
     use crate::samples::DRAWN;
-    use crate::test_scenes::{level, matt, sky, traced};
+    use crate::test_scenes::{ball, level, matt, sky, traced};
     use relight_scene::light::LightKind;
     use relight_scene::light_set::{LightRig, NoEmitters};
     use relight_scene::rays::Ray;
     use relight_scene::surface::Surfaces;
+
+    /// Truth: a globe of radius r at distance d lights a place that faces it by π r²/d² (Lambert's law of the sphere), whatever is between.
+    #[test]
+    fn what_arrives_of_a_globe_is_told_as_if_nothing_were_in_the_way() {
+        let scene = traced(vec![level(1.0, 0.0, 0), level(1.0, 0.5, 0)], vec![matt(0.5, 0.0)]);
+        let tracks = [ball(Vec3::Y, 0.1, Vec3::ONE)];
+        let rig = LightRig::new(&NoEmitters, &tracks).unwrap();
+        let lights = rig.at(0.0);
+        let down = Ray::endless(0.3 * Vec3::Y, Vec3::NEG_Y);
+        let hits = [scene.closest_hit(&down)];
+        let arrivals = incident_at(&scene, &lights, 0, &hits, &[0], 0.0, 64, 1);
+        assert!(arrivals.is_unoccluded);
+        let sum: Vec3 = arrivals.directions.iter().map(|lit| lit.irradiance).sum();
+        let truth = std::f32::consts::PI * 0.01;
+        assert!((sum.x / truth - 1.0).abs() < 1e-3, "{sum} {truth}");
+        assert_eq!(
+            irradiance_at(&scene, &lights, 0, &hits, 0.0, 64, 1).0,
+            [Vec3::ZERO]
+        );
+    }
 
     /// Truth: the integral of radiance times cosine over the map, pixel by pixel. Tolerance: three standard errors of the few
     /// places' mean, from their own spread. Samples drawn for all places together must spread no more than a place's own.

@@ -107,7 +107,7 @@ impl Receiving<'_> {
     /// Takes the mean over a point's surface where a shadow's edge passes it.
     fn soften(&self, lights: &LightSet, light: usize, met: &[Met], lit: &mut [Vec3]) {
         // Surfaces of the scene stand still, and what comes from all around has no edges.
-        if self.settings.coarse || lights.is_emissive(light) || lights.is_distant(light) {
+        if self.settings.coarse || !lights.is_lamp(light) {
             return;
         }
         let around = |hits: &[Option<SurfaceHit>], runs: &[(usize, u32)]| {

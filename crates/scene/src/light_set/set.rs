@@ -77,6 +77,11 @@ impl<'a> LightSet<'a> {
         self.lights[light].shape.extent() == Extent::Emissive
     }
 
+    /// Whether a light is a lamp: without extent, or a shape of its own. Neither the scene's surfaces nor what comes from all around.
+    pub fn is_lamp(&self, light: usize) -> bool {
+        matches!(self.lights[light].shape.extent(), Extent::Delta | Extent::Near)
+    }
+
     /// Whether rays can meet any light ([`LightSet::along`]).
     pub fn any_along(&self) -> bool {
         (self.lights.iter()).any(|light| matches!(light.shape.extent(), Extent::Near | Extent::Distant))
