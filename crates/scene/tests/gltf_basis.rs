@@ -140,6 +140,29 @@ fn plain(format: u32, [width, height]: [u32; 2], scheme: u32, level: &[u8], size
 }
 
 /// Truth: the texels. `zlib` and `zstd` are those of 2 × 2 texels of red and green, as Python's `zlib` and the program `zstd` write them.
+/// Truth: the same by KHR_texture_basisu.
+#[test]
+fn the_proposed_khr_texture_ktx_is_read_as_far_as_its_first_layer() {
+    let texels = [10, 20, 30, 255, 40, 50, 60, 255];
+    let file = plain(37, [2, 1], 0, &texels, 8);
+    let with_layer = |layer: u32| {
+        let mut doc = textured(&file);
+        doc.set(
+            "/textures",
+            json!([{ "extensions": { "KHR_texture_ktx": { "source": 0, "layer": layer } } }]),
+        );
+        doc.set("/extensionsRequired", json!(["KHR_texture_ktx"]));
+        doc
+    };
+    let expected = picture(&textured(&file).scene());
+    assert_eq!(picture(&with_layer(0).scene()).rgba8, expected.rgba8);
+    let error = with_layer(3).import().unwrap_err().to_string();
+    assert!(
+        error.contains("textures[0]") && error.contains("layer 3"),
+        "{error}"
+    );
+}
+
 #[test]
 fn plain_texels_are_read_with_a_note() {
     let texels = [10u8, 20, 30, 40, 50, 60, 70, 80];

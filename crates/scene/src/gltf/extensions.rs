@@ -30,6 +30,7 @@ const SUPPORTED: &[&str] = &[
     "KHR_meshopt_compression",
     "KHR_node_visibility",
     "KHR_texture_basisu",
+    "KHR_texture_ktx",
     "KHR_texture_transform",
 ];
 

@@ -1,5 +1,5 @@
 //! Materials, textures, samplers and images (glTF 2.0, sections 3.8 and 3.9), with KHR_texture_transform,
-//! KHR_materials_emissive_strength, KHR_materials_unlit, EXT_texture_webp and KHR_texture_basisu.
+//! KHR_materials_emissive_strength, KHR_materials_unlit, EXT_texture_webp, KHR_texture_basisu and the proposed KHR_texture_ktx.
 //!
 //! Read straight from the JSON, because the gltf crate does not apply texture transforms to normal maps.
 //! Occlusion textures are left out: relight computes occlusion.
@@ -130,12 +130,23 @@ fn parse_texture(
     let sampler = sampler.and_then(|sampler| samplers.get(sampler, at.faults()));
     let &(wrap, nearest) = sampler.unwrap_or(&([0, 0], false));
     // Where there is another image, that one lost less.
-    let extension = ["EXT_texture_webp", "KHR_texture_basisu"]
+    let extension = ["EXT_texture_webp", "KHR_texture_basisu", "KHR_texture_ktx"]
         .iter()
         .find_map(|name| at.extension(name));
     if at.get("source").is_none()
-        && let Some(image) = extension.and_then(|extension| extension.index("source", images.len(), "images"))
+        && let Some(image) = extension
+            .as_ref()
+            .and_then(|of| of.index("source", images.len(), "images"))
     {
+        // Only KHR_texture_ktx has layers.
+        if let Some(layer) = extension
+            .as_ref()
+            .and_then(|of| of.uint("layer"))
+            .filter(|&layer| layer > 0)
+        {
+            at.fault(format!("asks for layer {layer} of its image, of which the first is read; give each layer an image of its own"));
+            return None;
+        }
         images.get(image, at.faults())?;
         return Some(TextureSource { image, wrap, nearest });
     }

@@ -2,7 +2,7 @@
 //!
 //! Implements the Khronos glTF 2.0 specification with KHR_draco_mesh_compression, KHR_lights_punctual,
 //! KHR_materials_emissive_strength, KHR_materials_pbrSpecularGlossiness (converted), KHR_materials_unlit,
-//! KHR_materials_variants, KHR_mesh_quantization, KHR_meshopt_compression, KHR_node_visibility, KHR_texture_basisu,
+//! KHR_materials_variants, KHR_mesh_quantization, KHR_meshopt_compression, KHR_node_visibility, KHR_texture_basisu, KHR_texture_ktx,
 //! KHR_texture_transform, EXT_lights_image_based, EXT_mesh_gpu_instancing, EXT_meshopt_compression, EXT_texture_webp and, for lights and cameras,
 //! KHR_animation_pointer. Skins and morph targets are posed at rest. docs/import.md has the whole table.
 //!
