@@ -224,6 +224,13 @@ pub fn check(path: &Path, wanted: Wanted) -> Result<()> {
         };
         bail!("{name}: is {advice}");
     }
+    if path == Path::new("-") && !path.exists() {
+        let advice = match wanted {
+            Wanted::Asset | Wanted::Scene => "write what comes through a pipe to a file and give that",
+            Wanted::Lights | Wanted::Materials | Wanted::Image => "give /dev/stdin for what comes through a pipe",
+        };
+        bail!("-: there is no such file; {advice}");
+    }
     match wanted {
         Wanted::Asset => check_file(path, "an asset is read here and there, not from front to back")?,
         Wanted::Scene => check_file(path, "a scene is read twice, and what it names lies beside it")?,

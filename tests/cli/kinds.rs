@@ -135,6 +135,12 @@ fn sequences_come_through_pipes_and_assets_do_not() {
         .write_stdin("x");
     let text = complaint(&mut bake, 1);
     assert!(text.contains("/dev/stdin: is a pipe"), "{text}");
+    let text = complaint(relight().args(["inspect", "-"]), 1);
+    assert!(text.contains("write what comes through a pipe to a file"), "{text}");
+    let mut play = relight();
+    play.arg("play").arg(cornell()).args(["--lights", "-", "-o"]);
+    let text = complaint(play.arg(&frame), 1);
+    assert!(text.contains("give /dev/stdin"), "{text}");
 }
 
 /// As editors and shells of Windows write them.
