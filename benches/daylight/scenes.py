@@ -7,12 +7,15 @@ import io
 import json
 import math
 import struct
+import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
+sys.path.append(str(Path(__file__).parents[2] / "crates/python/examples"))
+from plain_glb import PlainGlb  # noqa: E402
+
 # Of triangles that count, m²: Radiance warns of smaller ones.
 LEAST_AREA = 1e-10
 
@@ -61,57 +64,23 @@ def read_glb(path):
     """Surfaces of a .glb (plain accessors), each material in the mean colour of its texture."""
     from PIL import Image
 
-    data = path.read_bytes()
-    length = struct.unpack_from("<I", data, 12)[0]
-    gltf, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
-
-    def accessor(index):
-        a = gltf["accessors"][index]
-        view, dtype = gltf["bufferViews"][a["bufferView"]], np.dtype(TYPES[a["componentType"]])
-        columns = COMPONENTS[a["type"]]
-        start = view.get("byteOffset", 0) + a.get("byteOffset", 0)
-        stride = view.get("byteStride", dtype.itemsize * columns)
-        shape, strides = (a["count"], columns), (stride, dtype.itemsize)
-        return np.ndarray(shape, dtype, binary, start, strides)
+    glb = PlainGlb(path)
+    gltf = glb.json
 
     def color(material):
         pbr = material.get("pbrMetallicRoughness", {})
         rgb = np.array(pbr.get("baseColorFactor", (1, 1, 1, 1))[:3])
         if "baseColorTexture" in pbr:
             image = gltf["images"][gltf["textures"][pbr["baseColorTexture"]["index"]]["source"]]
-            view = gltf["bufferViews"][image["bufferView"]]
-            start = view.get("byteOffset", 0)
-            pixels = Image.open(io.BytesIO(binary[start : start + view["byteLength"]])).convert("RGB")
+            pixels = Image.open(io.BytesIO(glb.view(image["bufferView"]))).convert("RGB")
             rgb = rgb * linear(np.asarray(pixels) / 255).mean(axis=(0, 1))
         return tuple(float(v) for v in rgb)
 
     colors = [color(material) for material in gltf["materials"]]
     found = [[] for _ in colors]
 
-    def walk(node, parent):
-        n = gltf["nodes"][node]
-        local = np.eye(4)
-        if "matrix" in n:
-            local = np.array(n["matrix"]).reshape(4, 4).T
-        elif "mesh" in n or "children" in n:
-            x, y, z, w = n.get("rotation", (0, 0, 0, 1))
-            turn = [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ]
-            local[:3, :3] = turn * np.array(n.get("scale", (1, 1, 1)))
-            local[:3, 3] = n.get("translation", (0, 0, 0))
-        world = parent @ local
-        for primitive in gltf["meshes"][n["mesh"]]["primitives"] if "mesh" in n else ():
-            vertices = accessor(primitive["attributes"]["POSITION"]) @ world[:3, :3].T + world[:3, 3]
-            faces = accessor(primitive["indices"]).reshape(-1, 3)
-            found[primitive["material"]].append(vertices[faces])
-        for child in n.get("children", ()):
-            walk(child, world)
-
-    for root in gltf["scenes"][gltf.get("scene", 0)]["nodes"]:
-        walk(root, np.eye(4))
+    for vertices, triangles, material in glb.primitives():
+        found[material].append(vertices[triangles])
     return [
         (f"matt{i}", colors[i], whole(np.concatenate(parts))) for i, parts in enumerate(found) if parts
     ]

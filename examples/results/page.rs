@@ -202,15 +202,11 @@ Written by `{command}`.
             let (rows, is_all) = old.with(rows);
             text += &format!("\n## {title}\n\n{about}\n");
             if let Some(origin) = &self.origin {
-                let which = match is_all {
-                    true => "This table".to_owned(),
-                    false => format!(
-                        "{} Rows of {}",
-                        old.origin.trim(),
-                        cases(&self.rows[k]).join(", ")
-                    ),
+                let origin = match is_all {
+                    true => format!("{WHOLE}{origin}"),
+                    false => old.origin_with(&cases(&self.rows[k]).join(", "), origin),
                 };
-                text += &format!("\n{} by {origin}\n", which.trim());
+                text += &format!("\n{origin}\n");
             }
             text += &format!("\n| {columns} |\n|{rule}\n{rows}");
             for line in notes {
@@ -223,6 +219,10 @@ Written by `{command}`.
         Ok(std::fs::write(FILE, text).map_err(|error| format!("{FILE}: cannot be written: {error}"))?)
     }
 }
+
+/// How the line begins that tells where a table is from, and how it goes on for rows that are from elsewhere.
+const WHOLE: &str = "This table by ";
+const ROWS: &str = "Rows of ";
 
 /// What a row is about.
 fn case(row: &str) -> &str {
@@ -249,10 +249,27 @@ impl Kept<'_> {
         Kept {
             origin: text
                 .lines()
-                .find(|line| line.starts_with("This table by"))
+                .find(|line| line.starts_with(WHOLE) || line.starts_with(ROWS))
                 .unwrap_or_default(),
             // After the columns' names and the rule below them.
             rows: text.lines().filter(is_row).skip(2).collect(),
+        }
+    }
+
+    /// What tells where it is from, once the rows of some `cases` are from `origin`.
+    fn origin_with(&self, cases: &str, origin: &str) -> String {
+        let mut parts = self.origin.split(ROWS).map(str::trim);
+        let whole = parts.next().unwrap_or_default();
+        let new = format!("{cases} by {origin}");
+        let rows: Vec<&str> = parts
+            .filter(|part| !part.starts_with(&format!("{cases} by ")))
+            .chain([&*new])
+            .collect();
+        let is_told = |row: &&str| rows.iter().any(|told| told.starts_with(&format!("{} by ", case(row))));
+        let told: Vec<String> = rows.iter().map(|rows| format!("{ROWS}{rows}")).collect();
+        match self.rows.iter().all(is_told) {
+            true => told.join(" "),
+            false => format!("{whole} {}", told.join(" ")).trim().to_owned(),
         }
     }
 

@@ -6,63 +6,16 @@ The scene must be plain: triangles with base colours, which relight bakes as Lam
 """
 
 import argparse
-import json
 import pathlib
-import struct
 import tempfile
 
 import numpy as np
 import relight
+from plain_glb import PlainGlb
 
 BOX = pathlib.Path(__file__).resolve().parents[3] / "data" / "cornell.glb"
 CAMERA = relight.Camera(position=(0.278, 0.273, -0.8), look_at=(0.278, 0.273, 0.0), vfov_deg=39)
 LAMP = relight.Point(position=(0.35, 0.45, 0.2), intensity=(1.0, 0.9, 0.7), name="lamp")
-COLUMNS = {"SCALAR": 1, "VEC3": 3}
-TYPES = {5123: np.uint16, 5125: np.uint32, 5126: np.float32}
-
-
-def triangles_of(path):
-    """Vertices, triangles and base colour of each primitive of a .glb, in world space."""
-    data = path.read_bytes()
-    length = struct.unpack_from("<I", data, 12)[0]
-    gltf, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
-
-    def accessor(index):
-        a = gltf["accessors"][index]
-        view, columns, dtype = gltf["bufferViews"][a["bufferView"]], COLUMNS[a["type"]], TYPES[a["componentType"]]
-        start = view.get("byteOffset", 0) + a.get("byteOffset", 0)
-        assert view.get("byteStride", np.dtype(dtype).itemsize * columns) == np.dtype(dtype).itemsize * columns
-        return np.frombuffer(binary, dtype, a["count"] * columns, start).reshape(a["count"], columns)
-
-    def walk(node, parent):
-        n = gltf["nodes"][node]
-        local = np.eye(4)
-        if "matrix" in n:
-            local = np.array(n["matrix"]).reshape(4, 4).T
-        else:
-            x, y, z, w = n.get("rotation", (0, 0, 0, 1))
-            turn = np.array(
-                [
-                    [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                    [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                    [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-                ]
-            )
-            local[:3, :3] = turn * np.array(n.get("scale", (1, 1, 1)))
-            local[:3, 3] = n.get("translation", (0, 0, 0))
-        world = parent @ local
-        if "mesh" in n:
-            for primitive in gltf["meshes"][n["mesh"]]["primitives"]:
-                vertices = accessor(primitive["attributes"]["POSITION"]) @ world[:3, :3].T + world[:3, 3]
-                faces = accessor(primitive["indices"]).reshape(-1, 3).astype(np.uint32)
-                material = gltf["materials"][primitive["material"]]
-                color = material.get("pbrMetallicRoughness", {}).get("baseColorFactor", (1, 1, 1, 1))[:3]
-                yield vertices.astype(np.float32), faces, color
-        for child in n.get("children", ()):
-            yield from walk(child, world)
-
-    for root in gltf["scenes"][gltf.get("scene", 0)]["nodes"]:
-        yield from walk(root, np.eye(4))
 
 
 def traced(mi, path, size, spp):
@@ -84,7 +37,10 @@ def traced(mi, path, size, spp):
             "intensity": {"type": "rgb", "value": list(LAMP.intensity)},
         },
     }
-    for i, (vertices, faces, color) in enumerate(triangles_of(path)):
+    glb = PlainGlb(path)
+    for i, (vertices, faces, material) in enumerate(glb.primitives()):
+        pbr = glb.json["materials"][material].get("pbrMetallicRoughness", {})
+        color = pbr.get("baseColorFactor", (1, 1, 1, 1))[:3]
         properties = mi.Properties()
         diffuse = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(color)}}
         properties["bsdf"] = mi.load_dict({"type": "twosided", "nested": diffuse})
