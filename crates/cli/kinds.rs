@@ -227,7 +227,9 @@ pub fn check(path: &Path, wanted: Wanted) -> Result<()> {
     if path == Path::new("-") && !path.exists() {
         let advice = match wanted {
             Wanted::Asset | Wanted::Scene => "write what comes through a pipe to a file and give that",
-            Wanted::Lights | Wanted::Materials | Wanted::Image => "give /dev/stdin for what comes through a pipe",
+            Wanted::Lights | Wanted::Materials | Wanted::Image => {
+                "give /dev/stdin for what comes through a pipe"
+            }
         };
         bail!("-: there is no such file; {advice}");
     }

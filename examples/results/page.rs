@@ -265,7 +265,10 @@ impl Kept<'_> {
             .filter(|part| !part.starts_with(&format!("{cases} by ")))
             .chain([&*new])
             .collect();
-        let is_told = |row: &&str| rows.iter().any(|told| told.starts_with(&format!("{} by ", case(row))));
+        let is_told = |row: &&str| {
+            rows.iter()
+                .any(|told| told.starts_with(&format!("{} by ", case(row))))
+        };
         let told: Vec<String> = rows.iter().map(|rows| format!("{ROWS}{rows}")).collect();
         match self.rows.iter().all(is_told) {
             true => told.join(" "),

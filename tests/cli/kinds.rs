@@ -136,7 +136,10 @@ fn sequences_come_through_pipes_and_assets_do_not() {
     let text = complaint(&mut bake, 1);
     assert!(text.contains("/dev/stdin: is a pipe"), "{text}");
     let text = complaint(relight().args(["inspect", "-"]), 1);
-    assert!(text.contains("write what comes through a pipe to a file"), "{text}");
+    assert!(
+        text.contains("write what comes through a pipe to a file"),
+        "{text}"
+    );
     let mut play = relight();
     play.arg("play").arg(cornell()).args(["--lights", "-", "-o"]);
     let text = complaint(play.arg(&frame), 1);

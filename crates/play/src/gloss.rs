@@ -9,7 +9,7 @@
 
 use crate::reflections;
 use crate::transfer::Transfer;
-use glam::{Vec3, Vec3A};
+use glam::{DVec3, Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_render::irradiance::{Arrivals, Incident};
 use relight_scene::bsdf;
@@ -54,8 +54,8 @@ struct Family {
 }
 
 /// Length of the mean of unit directions from which on lobes tell them hardly from one: they are spread by 0.1 then (√(1 − CLOSE), along either axis),
-/// and the narrowest lobe of [`SLOPE`] is wider by a twentieth.
-const CLOSE: f32 = 0.99;
+/// and by half of that the half vectors, which widens the narrowest lobe, of [`SLOPE`], by less than a thirtieth.
+const CLOSE: f64 = 0.99;
 
 /// Length of links from which on the coefficients of siblings leave their mean to their parent exactly: what a hemisphere full of radiosity 1
 /// sends. Where a row keeps all of a family but one small child, links are as much longer than that as the child is smaller than its family, and
@@ -181,20 +181,21 @@ impl GlossySenders {
     }
 }
 
-/// Light from several directions as one from their middle, where they are [`CLOSE`]; `None` otherwise.
+/// Light from several directions as one from their middle, where they are [`CLOSE`]; `None` otherwise. In f64: however faint a light is, it goes
+/// the same way.
 fn together(lit: impl Iterator<Item = Incident>) -> Option<Incident> {
-    let (mut irradiance, mut weight, mut direction, mut distance) = (Vec3::ZERO, 0.0, Vec3::ZERO, 0.0);
+    let (mut irradiance, mut weight, mut direction, mut distance) = (Vec3::ZERO, 0.0, DVec3::ZERO, 0.0);
     for lit in lit {
-        let own = lit.irradiance.element_sum();
+        let own = lit.irradiance.as_dvec3().element_sum();
         irradiance += lit.irradiance;
         weight += own;
-        direction += own * lit.direction;
-        distance += own * lit.distance;
+        direction += own * lit.direction.as_dvec3();
+        distance += own * f64::from(lit.distance);
     }
     (direction.length() > CLOSE * weight).then(|| Incident {
         irradiance,
-        direction: direction.normalize(),
-        distance: distance / weight,
+        direction: direction.normalize().as_vec3(),
+        distance: (distance / weight) as f32,
     })
 }
 
@@ -393,4 +394,30 @@ impl GlossyPoint {
 /// Whether a lobe matters, as for what the eye sees.
 fn is_glossy(point: &ShadingPoint) -> bool {
     reflections::rays(point, point.shading_normal, 1) > 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn from(x: f32, light: f32) -> Incident {
+        Incident {
+            irradiance: Vec3::splat(light),
+            direction: Vec3::new(x, 1.0, 0.0).normalize(),
+            distance: 2.0,
+        }
+    }
+
+    /// Truth: light adds up, its middle is weighed by it, and neither depends on how faint it is.
+    #[test]
+    fn close_directions_are_one_and_others_stay_apart() {
+        for scale in [1e-30, 1.0, 1e30] {
+            let one = together([from(-0.1, scale), from(0.1, 3.0 * scale)].into_iter()).unwrap();
+            assert!((one.irradiance.x / scale - 4.0).abs() < 1e-5);
+            assert!((one.direction.x - 0.05).abs() < 1e-3, "{}", one.direction);
+            assert_eq!(one.distance, 2.0);
+            assert!(together([from(-0.5, scale), from(0.5, scale)].into_iter()).is_none());
+        }
+        assert!(together(std::iter::empty()).is_none());
+    }
 }
