@@ -38,6 +38,9 @@ const NEAR: f32 = 2.0;
 /// (docs/notebook/transfer.md).
 const MUCH: f32 = 4.0;
 
+/// Places whose spots are lit together: some packets of rays, whose hits stay in a core's cache.
+const TOGETHER: usize = 64;
+
 /// How far above a place's plane its spots are looked for, as a share of the way there.
 const HEIGHT: f32 = 0.25;
 
@@ -67,9 +70,9 @@ struct Spot {
 /// A place that an edge may pass.
 struct NearEdge {
     place: u32,
-    /// Whether it or a neighbour has much light. What passes between spots steps most there, of which a bent surface turns some away from the
-    /// light, and a lamp with extent is behind an edge for some and not for others: all are asked, whatever the rim says.
-    has_much: bool,
+    /// Whether it and its neighbours have light that differs by much. A bent surface turns some spots away from the light, and a lamp with
+    /// extent is behind an edge for some and not for others: all are asked, whatever the rim says.
+    steps_much: bool,
 }
 
 /// Places where light is found.
@@ -84,8 +87,8 @@ pub struct Places<'a> {
 }
 
 /// Lights hits, of each the place and which of its spots it is: irradiance, and what its sample met.
-pub trait Lighting: Fn(&[Option<SurfaceHit>], &[(usize, u32)]) -> (Vec<Vec3>, Vec<Met>) {}
-impl<F: Fn(&[Option<SurfaceHit>], &[(usize, u32)]) -> (Vec<Vec3>, Vec<Met>)> Lighting for F {}
+pub trait Lighting: Fn(&[Option<SurfaceHit>], &[(usize, u32)]) -> (Vec<Vec3>, Vec<Met>) + Sync {}
+impl<F: Fn(&[Option<SurfaceHit>], &[(usize, u32)]) -> (Vec<Vec3>, Vec<Met>) + Sync> Lighting for F {}
 
 impl ShadowEdges {
     /// Nothing known yet of so many places.
@@ -106,7 +109,7 @@ impl ShadowEdges {
         let numbers: Vec<u32> = near_edges.iter().map(|near| near.place).collect();
         let rims = self.lit_at(places, &numbers, Which::Rim, &lighting);
         let crossed: Vec<(u32, Lit)> = (near_edges.iter().zip(rims))
-            .filter(|(near, rim)| near.has_much || rim.is_crossed(met[near.place as usize]))
+            .filter(|(near, rim)| near.steps_much || rim.is_crossed(met[near.place as usize]))
             .map(|(near, rim)| (near.place, rim))
             .collect();
         let mut set = |place: u32, found: &Lit| {
@@ -130,20 +133,20 @@ impl ShadowEdges {
         }
     }
 
-    /// Places that neighbours see the light otherwise than, that see it in part, or around which there is much of it. `mean`: of the light of
-    /// all places.
+    /// Places that neighbours see the light otherwise than, that see it in part, or that have much of it. `mean`: of the light of all places.
     fn near_edges(&self, places: Places, met: &[Met], mean: f32, lit: &[Vec3]) -> Vec<NearEdge> {
         let neighbours = self.neighbours.get_or_init(|| neighbours(places));
         let near = |place: u32| {
             let (own, own_met) = (lit[place as usize].max_element(), met[place as usize]);
-            let (mut most, mut differs) = (own, own_met == LIT | DARK);
+            let (mut least, mut most, mut differs) = (own, own, own_met == LIT | DARK);
             for (other, _) in row(neighbours, place as usize) {
                 let (light, met) = (lit[other as usize].max_element(), met[other as usize]);
-                most = most.max(light);
+                (least, most) = (least.min(light), most.max(light));
                 differs |= met != own_met && (met != 0 && own_met != 0 || own.max(light) > mean);
             }
-            let has_much = most > MUCH * mean;
-            (has_much || differs).then_some(NearEdge { place, has_much })
+            let steps_much = most - least > MUCH * mean;
+            let is_near = steps_much || differs || own > MUCH * mean;
+            is_near.then_some(NearEdge { place, steps_much })
         };
         (0..met.len() as u32)
             .into_par_iter()
@@ -154,50 +157,54 @@ impl ShadowEdges {
 
     /// Light at some spots of places.
     fn lit_at(&self, places: Places, wanted: &[u32], which: Which, lighting: &impl Lighting) -> Vec<Lit> {
-        let spots: Vec<Vec<(SurfaceHit, u32)>> = (wanted.par_iter())
-            .with_min_len(64)
-            .map(|&place| self.spots_of(places, place as usize, which))
-            .collect();
-        let (mut hits, mut runs) = (Vec::new(), Vec::new());
-        for (&place, spots) in wanted.iter().zip(&spots) {
-            hits.extend(spots.iter().map(|spot| Some(spot.0)));
-            runs.extend(spots.iter().map(|spot| (place as usize, spot.1)));
-        }
-        let (irradiance, met) = lighting(&hits, &runs);
-        let mut next = irradiance.into_iter().zip(met);
-        (spots.iter())
-            .map(|spots| {
-                let mut lit = Lit::NONE;
-                for (sum, met) in next.by_ref().take(spots.len()) {
-                    lit.add(sum, met);
+        let lit = |wanted: &[u32]| {
+            let (mut hits, mut runs, mut ends) = (Vec::new(), Vec::new(), Vec::new());
+            for &place in wanted {
+                for (spot, number) in self.spots_of(places, place as usize, which) {
+                    hits.push(Some(spot));
+                    runs.push((place as usize, number));
                 }
+                ends.push(hits.len());
+            }
+            let (irradiance, met) = lighting(&hits, &runs);
+            let mut next = irradiance.into_iter().zip(met);
+            let mut start = 0;
+            ends.into_iter().map(move |end| {
+                let mut lit = Lit::NONE;
+                for (light, met) in next.by_ref().take(end - start) {
+                    lit.add(light, met);
+                }
+                start = end;
                 lit
             })
-            .collect()
+        };
+        wanted.par_chunks(TOGETHER).flat_map_iter(lit).collect()
     }
 
-    fn spots_of(&self, places: Places, place: usize, which: Which) -> Vec<(SurfaceHit, u32)> {
-        let Some(hit) = &places.hits[place] else {
-            return Vec::new();
-        };
+    /// Some spots of a place, and their numbers.
+    fn spots_of<'a>(
+        &'a self,
+        places: Places<'a>,
+        place: usize,
+        which: Which,
+    ) -> impl Iterator<Item = (SurfaceHit, u32)> + 'a {
         let reach = REACH * places.disk_radius;
         let (spots, count) = match which {
             Which::Many => (&self.many[place], MANY),
             Which::Rim | Which::Inner => (&self.spots[place], SPOTS),
         };
-        let spots = spots.get_or_init(|| spots_around(places.scene, hit, place, count, reach));
-        let of = |spot: &Spot| {
-            (
-                (places.scene).surface_at(spot.primitive, spot.barycentric, spot.front),
-                spot.which,
-            )
-        };
-        let is_wanted = |spot: &&Spot| match which {
+        let spots = places.hits[place]
+            .as_ref()
+            .map(|hit| spots.get_or_init(|| spots_around(places.scene, hit, place, count, reach)));
+        let is_wanted = move |spot: &&Spot| match which {
             Which::Rim => RIM.contains(&spot.which),
             Which::Inner => !RIM.contains(&spot.which),
             Which::Many => true,
         };
-        spots.iter().filter(is_wanted).map(of).collect()
+        (spots.into_iter().flatten()).filter(is_wanted).map(move |spot| {
+            let hit = (places.scene).surface_at(spot.primitive, spot.barycentric, spot.front);
+            (hit, spot.which)
+        })
     }
 }
 
