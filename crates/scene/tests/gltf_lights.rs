@@ -520,3 +520,118 @@ fn photometric_lamps() {
         assert!(error.contains(said), "{error}");
     }
 }
+
+/// Truth: the draft's text of EXT_lights_area: centred on the node, shining along its −Z, width along X and height along Y, both times the
+/// largest scale; a disc's area is π d²/4.
+#[test]
+fn area_lights() {
+    let here = |more: Value| json!({ "EXT_lights_area": more });
+    let lit_by = |light: Value, node: Value| {
+        let mut doc = lit(json!([]), json!([]));
+        doc.set("/extensions", here(json!({ "lights": [light] })));
+        doc.push("/nodes", node);
+        doc.set("/scenes/0/nodes", json!([0, 1]));
+        doc.set("/extensionsRequired", json!(["EXT_lights_area"]));
+        doc
+    };
+    // Turned by -90 degrees about x: -z becomes -y, y becomes -z.
+    let node = json!({ "translation": [1, 2, 3], "rotation": [(-SQRT_HALF), 0, 0, SQRT_HALF],
+        "scale": [1, -3, 2], "extensions": here(json!({ "light": 0 })) });
+    let rectangle = |light: Value| {
+        let scene = lit_by(light, node.clone()).scene();
+        let [light] = &scene.sequence.lights[..] else {
+            panic!("one light")
+        };
+        let LightKind::Rect {
+            center,
+            edge_u,
+            edge_v,
+            radiance,
+        } = &light.kind
+        else {
+            panic!("a rectangle")
+        };
+        assert_eq!(*center, Animated::Constant(vec3(1.0, 2.0, 3.0)));
+        let [u, v] = [edge_u.at(0.0), edge_v.at(0.0)];
+        assert!(close(u.cross(v).normalize(), Vec3::NEG_Y), "{u} {v}");
+        let noted = has_note(&scene, "discs of EXT_lights_area taken as squares");
+        (light.name.clone(), u.abs(), v.abs(), radiance.at(0.0), noted)
+    };
+    let (name, u, v, radiance, noted) = rectangle(json!({ "type": "rect", "name": "softbox", "size": 0.5,
+        "rect": { "aspect": 4 }, "color": [1, 0.5, 0], "intensity": 200 }));
+    assert_eq!((name.as_str(), noted), ("softbox", false));
+    assert!(
+        close(u, vec3(6.0, 0.0, 0.0)) && close(v, vec3(0.0, 0.0, 1.5)),
+        "{u} {v}"
+    );
+    assert!(close(radiance, vec3(200.0, 100.0, 0.0)));
+    let (_, u, v, radiance, noted) = rectangle(json!({ "type": "disk", "size": 2 }));
+    let area = std::f32::consts::PI * 9.0;
+    assert!(
+        noted && (u.length() * v.length() / area - 1.0).abs() < 1e-5,
+        "{u} {v}"
+    );
+    assert!(close(radiance, Vec3::splat(1000.0)));
+    // As an earlier draft had them.
+    let (_, u, v, ..) = rectangle(json!({ "shape": "rect", "width": 2, "height": 1 }));
+    assert!(
+        close(u, vec3(6.0, 0.0, 0.0)) && close(v, vec3(0.0, 0.0, 3.0)),
+        "{u} {v}"
+    );
+    for (light, said) in [
+        (json!({ "type": "tube" }), "type: must be \"rect\" or \"disk\""),
+        (json!({ "type": "rect", "size": 0 }), "size: must be above 0"),
+        (
+            json!({ "type": "rect", "rect": { "aspect": -1 } }),
+            "rect: needs an aspect above 0",
+        ),
+        (json!({ "type": "rect", "intensity": -1 }), "intensity: is -1e0"),
+        (json!({ "type": "rect", "intensity": 3e38 }), "intensity: is 3e38"),
+    ] {
+        let error = lit_by(light, node.clone()).import().unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
+    }
+    // Neither shines where its node is hidden.
+    let mut hidden = node.clone();
+    hidden["extensions"]["KHR_node_visibility"] = json!({ "visible": false });
+    let scene = lit_by(json!({ "type": "rect" }), hidden).scene();
+    assert!(scene.sequence.lights.is_empty(), "{:?}", scene.sequence.lights);
+}
+
+/// A rectangle that turns and grows with its node. Truth: the node's own axes at a frame.
+#[test]
+fn area_lights_move_with_their_nodes() {
+    let mut doc = lit(json!([]), json!([]));
+    let of = |more: Value| json!({ "EXT_lights_area": more });
+    doc.set("/extensions", of(json!({ "lights": [{ "type": "rect" }] })));
+    doc.push("/nodes", json!({ "extensions": of(json!({ "light": 0 })) }));
+    doc.set("/scenes/0/nodes", json!([0, 1]));
+    let target = |path: &str| json!({ "node": 1, "path": path });
+    let quarter = [0., 0., 0., 1., 0., SQRT_HALF, 0., SQRT_HALF];
+    animate(
+        &mut doc,
+        target("rotation"),
+        &[0., 1.],
+        &quarter,
+        "VEC4",
+        "LINEAR",
+    );
+    animate(
+        &mut doc,
+        target("scale"),
+        &[0., 1.],
+        &[1., 1., 1., 2., 2., 2.],
+        "VEC3",
+        "LINEAR",
+    );
+    let scene = doc.scene();
+    let LightKind::Rect { edge_u, edge_v, .. } = &scene.sequence.lights[0].kind else {
+        panic!("a rectangle")
+    };
+    let sides = |frame: f64| [edge_u.at(frame), edge_v.at(frame)];
+    let [u, v] = sides(0.0);
+    assert!(close(u.cross(v), Vec3::NEG_Z), "{u} {v}");
+    // A quarter about +Y: -z becomes -x.
+    let [u, v] = sides(24.0);
+    assert!(close(u.cross(v), 4.0 * Vec3::NEG_X), "{u} {v}");
+}

@@ -65,7 +65,8 @@ pub(super) fn targets_of_tracks(graph: &Graph) -> (BTreeSet<Target>, u32) {
     let (mut targets, mut tracks) = (BTreeSet::new(), 0);
     for &i in &graph.order {
         let node = &graph.nodes[i];
-        if node.light.is_none() && node.lamp.is_none() && node.camera.is_none() {
+        let shines = node.light.is_some() || node.lamp.is_some() || node.area_light.is_some();
+        if !shines && node.camera.is_none() {
             continue;
         }
         tracks += 1;

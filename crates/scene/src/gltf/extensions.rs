@@ -6,6 +6,7 @@ use super::notes::Notes;
 
 /// Extensions that are imported.
 const SUPPORTED: &[&str] = &[
+    "EXT_lights_area",
     "EXT_lights_ies",
     "EXT_lights_image_based",
     "EXT_mesh_gpu_instancing",

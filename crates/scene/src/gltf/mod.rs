@@ -3,7 +3,7 @@
 //! Implements the Khronos glTF 2.0 specification with KHR_draco_mesh_compression, KHR_lights_punctual,
 //! KHR_materials_emissive_strength, KHR_materials_pbrSpecularGlossiness (converted), KHR_materials_unlit,
 //! KHR_materials_variants, KHR_mesh_quantization, KHR_meshopt_compression, KHR_node_visibility, KHR_texture_basisu, KHR_texture_ktx,
-//! KHR_texture_transform, EXT_lights_image_based, EXT_mesh_gpu_instancing, EXT_meshopt_compression, EXT_texture_webp and, for lights and cameras,
+//! KHR_texture_transform, EXT_lights_area, EXT_lights_ies, EXT_lights_image_based, EXT_mesh_gpu_instancing, EXT_meshopt_compression, EXT_texture_webp and, for lights and cameras,
 //! KHR_animation_pointer. Skins and morph targets are posed at rest. docs/import.md has the whole table.
 //!
 //! **Anybody may have written the file.** Every index, range, count and type is checked against the JSON and
@@ -28,6 +28,7 @@
 
 mod accessors;
 mod animation;
+mod area_lights;
 mod basis;
 mod component;
 mod container;

@@ -4,6 +4,7 @@
 //! Nodes must form trees whose roots scenes list. Files in which a node is reached by several paths mean what they
 //! say: it is there once per path, as a copy of its own after the file's nodes. Circles mean nothing.
 
+use super::area_lights::{self, AreaLight};
 use super::ies::{Lamp, Profiles};
 use super::instancing::{self, Instancing};
 use super::json::At;
@@ -99,6 +100,8 @@ pub(super) struct Node {
     pub light: Option<usize>,
     /// Of EXT_lights_ies.
     pub lamp: Option<Lamp>,
+    /// Of EXT_lights_area.
+    pub area_light: Option<usize>,
     pub skin: Option<usize>,
     /// Weights of its mesh's morph targets, as bits of f32, where it has its own.
     pub weights: Option<Vec<u32>>,
@@ -141,6 +144,7 @@ pub(super) struct Graph {
     pub nodes: Vec<Node>,
     pub cameras: List<Perspective>,
     pub lights: List<Punctual>,
+    pub area_lights: List<AreaLight>,
     /// All nodes of the scene that is shown, parents before children, in the order of the file.
     pub order: Vec<usize>,
     /// Taken away from all places in the world.
@@ -160,6 +164,7 @@ impl Graph {
         let lights = List::parse(punctual.as_ref().unwrap_or(&none), "lights", |at| {
             Some(parse_light(at, notes))
         });
+        let area_lights = area_lights::parse(root, notes);
         let skins = root.items("skins").len();
         let count = root.items("nodes").len();
         let nodes = List::parse(root, "nodes", |at| {
@@ -168,6 +173,7 @@ impl Graph {
             Some(Node {
                 instancing,
                 lamp: profiles.lamp(at),
+                area_light: area_lights::of_node(at, area_lights.len()),
                 ..node
             })
         });
@@ -177,13 +183,16 @@ impl Graph {
             let node = &mut graph.nodes[i];
             node.camera = node.camera.filter(|&c| cameras.get(c, root.faults()).is_some());
             node.light = node.light.filter(|&l| lights.get(l, root.faults()).is_some());
+            node.area_light = (node.area_light).filter(|&l| area_lights.get(l, root.faults()).is_some());
         }
         cameras.note_unused(notes);
         lights.note_unused(notes);
+        area_lights.note_unused(notes);
         Graph {
             nodes: graph.nodes,
             cameras,
             lights,
+            area_lights,
             order: graph.order,
             offset: DVec3::ZERO,
             mesh_names: (root.items("meshes").iter())
@@ -221,7 +230,7 @@ impl Graph {
     }
 }
 
-fn name_of(at: &At) -> Option<String> {
+pub(super) fn name_of(at: &At) -> Option<String> {
     at.text("name").filter(|name| !name.is_empty()).map(str::to_owned)
 }
 
@@ -331,6 +340,7 @@ fn parse_node(at: &At, nodes: usize, meshes: usize, cameras: usize, lights: usiz
         camera: at.index("camera", cameras, "cameras"),
         light,
         lamp: None,
+        area_light: None,
         skin: at.index("skin", skins, "skins"),
         weights: at.get("weights").map(|_| at.weights("weights")),
         instancing: None,
@@ -392,6 +402,7 @@ fn shown_tree(root: &At, list: &List<Node>, notes: &mut Notes) -> Tree {
         camera: None,
         light: None,
         lamp: None,
+        area_light: None,
         skin: None,
         weights: None,
         instancing: None,
@@ -459,6 +470,7 @@ fn shown_tree(root: &At, list: &List<Node>, notes: &mut Notes) -> Tree {
             hidden_count += 1;
             // Visibility does not affect cameras.
             (nodes[i].mesh, nodes[i].light) = (None, None);
+            (nodes[i].lamp, nodes[i].area_light) = (None, None);
         }
         if depth[i] > MAX_DEPTH {
             root.fault_at(

@@ -5,6 +5,7 @@
 //! the frames, which is where they are looked up.
 
 use super::animation::{Curve, Target, forward_and_up, moves, targets_of_tracks, world_from_node};
+use super::area_lights::AreaLight;
 use super::ies::{Lamp, Profile, Profiles};
 use super::json::Faults;
 use super::nodes::{Graph, Perspective, Punctual, PunctualKind};
@@ -19,6 +20,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Frames of one scene's animation: more than an hour at 24 frames per second.
 const MAX_FRAMES: f64 = 100_000.0;
+
+/// Least scale of a node with an area light.
+const LEAST_SCALE: f64 = 1e-6;
 
 /// Keys of all tracks together, some 64 bytes each.
 const MAX_KEYS: f64 = 2e7;
@@ -91,6 +95,16 @@ pub(super) fn build(
         {
             let name = node.name.as_ref().or(profiles.name(lamp.profile));
             match sampler.lamp(i, &lamp, profile) {
+                Some(kind) => lights.push(LightTrack {
+                    name: unique(name.map_or("light", |name| name), &mut light_names),
+                    kind,
+                }),
+                None => notes.count("lights without a place or direction left out", 1),
+            }
+        }
+        if let Some(light) = node.area_light.and_then(|l| graph.area_lights.peek(l)) {
+            let name = node.name.as_ref().or(light.name.as_ref());
+            match sampler.area_light(i, light) {
                 Some(kind) => lights.push(LightTrack {
                     name: unique(name.map_or("light", |name| name), &mut light_names),
                     kind,
@@ -250,6 +264,36 @@ impl Sampler<'_> {
             direction: self.vector(moving, |t| axes_or_default(&world(t)).0),
             up: self.vector(moving, right),
             scale: Animated::Constant(lamp.scale),
+        })
+    }
+
+    /// It shines along the node's −Z, and grows with the largest of its scales in the world.
+    fn area_light(&self, node: usize, light: &AreaLight) -> Option<LightKind> {
+        let chain = self.graph.chain(node);
+        let moving = moves(self.graph, self.curves, &chain);
+        let world = |t| self.world(&chain, t);
+        usable(&world(0.0))?;
+        let sides = |t| {
+            let world = world(t);
+            let m = world.matrix3;
+            // A scale that passes through 0 leaves a rectangle of some size.
+            let scale = [m.x_axis, m.y_axis, m.z_axis]
+                .map(DVec3::length)
+                .into_iter()
+                .fold(LEAST_SCALE, f64::max);
+            let (forward, up) = axes_or_default(&world);
+            let right = forward.cross(up).try_normalize();
+            let right = right.unwrap_or_else(|| forward.any_orthonormal_vector());
+            let [width, height] = light.size.map(|side| f64::from(side) * scale);
+            // Rectangles shine towards u × v.
+            [-width * right, height * right.cross(forward)]
+        };
+        let side = |k: usize| self.vector(moving, |t| sides(t)[k]);
+        Some(LightKind::Rect {
+            center: self.vector(moving, |t| world(t).translation),
+            edge_u: side(0),
+            edge_v: side(1),
+            radiance: Animated::Constant(light.radiance),
         })
     }
 
