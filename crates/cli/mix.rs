@@ -22,8 +22,9 @@ use std::path::PathBuf;
 
 /// Write the intensities of a lighting sequence into a copy of the scene it was made for.
 ///
-/// Punctual lights get colour and intensity by name, emissive materials their emission. What the sequence doesn't name is dark in the
-/// copy, as it is where the sequence plays; lights that the scene doesn't have are told. Places and directions stay as the scene has them.
+/// Punctual lights, photometric lamps and area lights get colour and intensity by name, emissive materials their emission. What the
+/// sequence doesn't name is dark in the copy, as it is where the sequence plays; lights that the scene doesn't have are told. Places and
+/// directions stay as the scene has them.
 #[derive(Args)]
 pub struct MixArgs {
     /// Scene whose lights to set: .glb or .gltf.

@@ -60,6 +60,8 @@ fn strength(scene: &Scene, name: &str) -> Vec3 {
     match &light.unwrap_or_else(|| panic!("no light {name}")).kind {
         LightKind::Point { intensity, .. } | LightKind::Spot { intensity, .. } => intensity.at(0.0),
         LightKind::Directional { irradiance, .. } => irradiance.at(0.0),
+        LightKind::Ies { scale, .. } => scale.at(0.0),
+        LightKind::Rect { radiance, .. } => radiance.at(0.0),
         other => panic!("{other:?}"),
     }
 }
@@ -118,6 +120,66 @@ fn lights_of_the_copy_shine_as_the_sequence_says() {
             assert_eq!(a, b);
         }
     }
+}
+
+/// Truth: the sequence. Lights of all extensions are named in one row.
+#[test]
+fn photometric_lamps_and_area_lights_are_mixed_like_others() {
+    let folder = folder();
+    let path = scene(folder.path());
+    let mut document: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let file = "data:application/x-ies-lm-63,TILT=NONE%0A1 -1 1 2 1 1 2 0 0 0%0A1 1 9%0A0 90%0A0%0A50 0";
+    document["extensions"]["EXT_lights_ies"] = json!({ "lights": [{ "uri": file }] });
+    document["extensions"]["EXT_lights_area"] = json!({ "lights": [{ "type": "rect", "intensity": 5 }] });
+    let nodes = document["nodes"].as_array_mut().unwrap();
+    for extension in ["EXT_lights_ies", "EXT_lights_area", "EXT_lights_area"] {
+        nodes.push(json!({ "name": "lamp", "extensions": { (extension): { "light": 0 } } }));
+    }
+    document["scenes"][0]["nodes"] = json!([0, 1, 2, 3, 4, 5, 6, 7]);
+    document["extensionsUsed"] = json!(["KHR_lights_punctual", "EXT_lights_ies", "EXT_lights_area"]);
+    std::fs::write(&path, document.to_string()).unwrap();
+    let sides =
+        json!({ "center": [0, 0, 0], "edge_u": [1, 0, 0], "edge_v": [0, 1, 0], "radiance": [3, 6, 0] });
+    let named = |name: &str, kind: &str, mut light: Value| {
+        (light["name"], light["type"]) = (json!(name), json!(kind));
+        light
+    };
+    let lights = json!([
+        named(
+            "lamp.2",
+            "ies",
+            json!({ "file": "TILT=NONE\n1 -1 1 2 1 1 2 0 0 0\n1 1 9\n0 90\n0\n50 0", "position": [0, 0, 0], "scale": [4, 2, 1] })
+        ),
+        named("lamp.3", "rect", sides),
+        named(
+            "beam",
+            "point",
+            json!({ "position": [0, 0, 0], "intensity": [1, 1, 1] })
+        ),
+    ]);
+    let lights = json!({ "relight_sequence": 1, "frames": 1, "lights": lights }).to_string();
+    let lights = sequence(folder.path(), "mix.json", &lights);
+    let copy = folder.path().join("copy.gltf");
+    let mut run = relight();
+    run.arg("mix").arg(&path).arg("--lights").arg(&lights);
+    let said = json(
+        &run.args(["--json", "-o"])
+            .arg(&copy)
+            .assert()
+            .success()
+            .get_output()
+            .stdout,
+    );
+    assert_eq!(said["lights"], json!(["lamp.2", "lamp.3"]));
+    assert_eq!(said["left_out"], json!(["beam"]), "a spot is no point light");
+    let mixed = imported(&copy);
+    assert!(close(strength(&mixed, "lamp.2"), [4.0, 2.0, 1.0]));
+    assert!(close(strength(&mixed, "lamp.3"), [3.0, 6.0, 0.0]));
+    assert!(
+        close(strength(&mixed, "lamp.4"), [0.0; 3]),
+        "it shared the other's"
+    );
+    assert!(close(strength(&mixed, "lamp"), [0.0; 3]));
 }
 
 /// Truth: the bytes of the source, and its emission.

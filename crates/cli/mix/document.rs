@@ -14,6 +14,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::f32::consts::PI;
 
 const PUNCTUAL: &str = "KHR_lights_punctual";
+const PHOTOMETRIC: &str = "EXT_lights_ies";
+const AREA: &str = "EXT_lights_area";
+/// In the order in which the importer takes those of a node.
+const EXTENSIONS: [&str; 3] = [PUNCTUAL, PHOTOMETRIC, AREA];
+/// Kinds of lights that their extension has no word for, or several.
+const LAMP: &str = "ies";
+const RECTANGLE: &str = "area";
 const STRENGTH: &str = "KHR_materials_emissive_strength";
 
 /// What a sequence says at a frame.
@@ -40,17 +47,19 @@ impl Strengths {
             others: Vec::new(),
         };
         for track in tracks {
-            let punctual = match &track.kind {
+            let held = match &track.kind {
                 LightKind::Point { intensity, .. } => Some(("point", intensity.at(frame) * per_sr)),
                 LightKind::Spot { intensity, .. } => Some(("spot", intensity.at(frame) * per_sr)),
                 LightKind::Directional { irradiance, .. } => Some(("directional", irradiance.at(frame))),
+                LightKind::Ies { scale, .. } => Some((LAMP, scale.at(frame))),
+                LightKind::Rect { radiance, .. } => Some((RECTANGLE, radiance.at(frame))),
                 LightKind::Emissive { material, scale } => {
                     all.emissive.push((material.clone(), scale.at(frame)));
                     continue;
                 }
                 _ => None,
             };
-            match punctual {
+            match held {
                 Some(light) => {
                     all.lights.insert(track.name.clone(), light);
                 }
@@ -115,7 +124,13 @@ impl Mixed {
 pub fn mix(document: &mut Value, strengths: &Strengths) -> Result<Mixed> {
     let animations = document["animations"].to_string();
     // Parts of the paths of KHR_animation_pointer.
-    let moved = ["/KHR_lights_punctual/", "/emissiveFactor", "/emissiveStrength"];
+    let moved = [
+        "/KHR_lights_punctual/",
+        "/EXT_lights_area/",
+        "/EXT_lights_ies/",
+        "/emissiveFactor",
+        "/emissiveStrength",
+    ];
     let mut mixed = Mixed {
         left_out: strengths.others.clone(),
         animated: moved.iter().any(|path| animations.contains(path)),
@@ -174,26 +189,29 @@ fn set_lights(document: &mut Value, strengths: &Strengths, mixed: &mut Mixed) ->
     let mut missing: BTreeSet<&String> = strengths.lights.keys().collect();
     let mut taken = BTreeSet::from([EMISSIVE.to_owned()]);
     let mut used = BTreeSet::new();
-    for node in shown(document) {
-        let Some(index) = document["nodes"][node]["extensions"][PUNCTUAL]["light"].as_u64() else {
+    let nodes = shown(document);
+    let pairs = nodes
+        .iter()
+        .flat_map(|&node| EXTENSIONS.map(|extension| (node, extension)));
+    for (node, extension) in pairs {
+        let Some(index) = document["nodes"][node]["extensions"][extension]["light"].as_u64() else {
             continue;
         };
-        let Some(light) = document["extensions"][PUNCTUAL]["lights"].get(index as usize) else {
-            bail!("nodes[{node}] names light {index}, which it doesn't have; export the scene again");
+        let Some(light) = document["extensions"][extension]["lights"].get(index as usize) else {
+            bail!(
+                "nodes[{node}] names light {index} of {extension}, which it doesn't have; export the scene again"
+            );
         };
         if !light.is_object() {
-            bail!("light {index} is no object; export the scene again");
+            bail!("light {index} of {extension} is no object; export the scene again");
         }
-        let named = |value: &Value| {
-            value["name"]
-                .as_str()
-                .filter(|n| !n.is_empty())
-                .map(str::to_owned)
-        };
-        let own = named(&document["nodes"][node]).or_else(|| named(light));
+        let own = name_of(&document["nodes"][node]).or_else(|| name_of(light));
         let name = unique(own.as_deref().unwrap_or("light"), &mut taken);
-        let kind = light["type"].as_str().unwrap_or_default().to_owned();
-        let mut light = light.clone();
+        let kind = match extension {
+            PHOTOMETRIC => LAMP,
+            AREA => RECTANGLE,
+            _ => light["type"].as_str().unwrap_or_default(),
+        };
         let strength = match strengths.lights.get(&name).filter(|(of, _)| *of == kind) {
             Some((_, strength)) => {
                 missing.remove(&name);
@@ -205,24 +223,44 @@ fn set_lights(document: &mut Value, strengths: &Strengths, mixed: &mut Mixed) ->
                 Vec3::ZERO
             }
         };
-        let most = strength.max_element();
-        if most > 0.0 {
-            light["color"] = rgb(strength / most);
+        if extension == PHOTOMETRIC {
+            set_strength(
+                &mut document["nodes"][node]["extensions"][extension],
+                "multiplier",
+                strength,
+            );
+            continue;
         }
-        light["intensity"] = number(most);
+        let mut light = light.clone();
+        set_strength(&mut light, "intensity", strength);
         // Several nodes may share a light, and now differ.
-        let Some(lights) = document["extensions"][PUNCTUAL]["lights"].as_array_mut() else {
+        let Some(lights) = document["extensions"][extension]["lights"].as_array_mut() else {
             continue;
         };
-        if used.insert(index) {
+        if used.insert((extension, index)) {
             lights[index as usize] = light;
         } else {
             lights.push(light);
             let new = lights.len() - 1;
-            document["nodes"][node]["extensions"][PUNCTUAL]["light"] = new.into();
+            document["nodes"][node]["extensions"][extension]["light"] = new.into();
         }
     }
     Ok(missing.into_iter().cloned().collect())
+}
+
+/// What an object is called, if anything.
+fn name_of(object: &Value) -> Option<String> {
+    let name = object["name"].as_str().filter(|name| !name.is_empty());
+    name.map(str::to_owned)
+}
+
+/// A colour of at most 1, and what it is multiplied by.
+fn set_strength(light: &mut Value, factor: &str, strength: Vec3) {
+    let most = strength.max_element();
+    if most > 0.0 {
+        light["color"] = rgb(strength / most);
+    }
+    light[factor] = number(most);
 }
 
 fn set_emission(document: &mut Value, strengths: &Strengths, mixed: &mut Mixed) {

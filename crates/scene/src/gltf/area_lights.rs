@@ -5,7 +5,6 @@
 
 use super::json::At;
 use super::list::List;
-use super::nodes::name_of;
 use super::notes::Notes;
 use crate::json::quantity::MAX_LIGHT;
 use glam::Vec3;
@@ -83,7 +82,7 @@ fn parse_light(at: &At, notes: &mut Notes) -> Option<AreaLight> {
         );
     }
     Some(AreaLight {
-        name: name_of(at),
+        name: at.name(),
         size,
         radiance: color * intensity,
     })

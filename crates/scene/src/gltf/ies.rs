@@ -42,7 +42,7 @@ impl Profiles {
         let empty = Value::Null;
         let none = At::root(&empty, root.faults());
         let list = List::parse(extension.as_ref().unwrap_or(&none), "lights", |at| {
-            let name = at.text("name").filter(|name| !name.is_empty()).map(str::to_owned);
+            let name = at.name();
             let source = match at.text("uri") {
                 Some(uri) => ImageSource::Uri(uri.to_owned()),
                 None => {

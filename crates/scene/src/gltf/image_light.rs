@@ -149,7 +149,7 @@ fn parse_light(at: &At, images: usize) -> Option<ImageLight> {
         .filter_map(|face| face.as_index(images, "images"))
         .collect();
     Some(ImageLight {
-        name: at.text("name").filter(|name| !name.is_empty()).map(str::to_owned),
+        name: at.name(),
         rotation: rotation?,
         intensity,
         faces: faces.try_into().ok()?,

@@ -278,6 +278,13 @@ impl<'a> At<'a> {
         self.items(key).into_iter().map(number).collect()
     }
 
+    /// What the file calls it; nothing where that is empty.
+    pub fn name(&self) -> Option<String> {
+        self.text("name")
+            .filter(|name| !name.is_empty())
+            .map(str::to_owned)
+    }
+
     /// A string.
     pub fn text(&self, key: &str) -> Option<&'a str> {
         let member = self.get(key)?;

@@ -230,10 +230,6 @@ impl Graph {
     }
 }
 
-pub(super) fn name_of(at: &At) -> Option<String> {
-    at.text("name").filter(|name| !name.is_empty()).map(str::to_owned)
-}
-
 fn parse_camera(at: &At, notes: &mut Notes) -> Option<Perspective> {
     match at.text("type") {
         Some("perspective") => {}
@@ -259,7 +255,7 @@ fn parse_camera(at: &At, notes: &mut Notes) -> Option<Perspective> {
         perspective.fault_at("aspectRatio", "must be above 0; leave it out for any");
     }
     Some(Perspective {
-        name: name_of(at),
+        name: at.name(),
         yfov: yfov?,
         aspect,
     })
@@ -310,7 +306,7 @@ fn parse_light(at: &At, notes: &mut Notes) -> Punctual {
         notes.say("the range of lights is ignored: their light falls off with the squared distance");
     }
     Punctual {
-        name: name_of(at),
+        name: at.name(),
         kind,
         color,
         intensity,
@@ -332,7 +328,7 @@ fn parse_node(at: &At, nodes: usize, meshes: usize, cameras: usize, lights: usiz
     Node {
         source: 0,
         hidden: !shown,
-        name: name_of(at),
+        name: at.name(),
         local: parse_local(at),
         parent: None,
         children,
