@@ -73,7 +73,19 @@ struct Film<'a> {
     moving: bool,
 }
 
-impl Film<'_> {
+impl<'a> Film<'a> {
+    /// Indirect light of the operators, where the camera stands still.
+    fn by_transfer(stage: &'a Stage, player: &'a Player) -> Film<'a> {
+        Film {
+            stage,
+            player,
+            integrator: Integrator::Transfer,
+            size: SIZE,
+            layer: "indirect",
+            moving: false,
+        }
+    }
+
     /// Grey values of its frames; `at` goes from 0 to 1.
     fn frames(&self, at: impl Fn(f32) -> (Camera, LightTrack)) -> Result<Vec<Vec<f32>>, String> {
         let settings = ShotSettings {
@@ -166,14 +178,7 @@ fn dimmed(at: f32) -> LightTrack {
 fn transfer(stage: &Stage) -> Measured {
     let player = stage.player(room(), &quick())?;
     let eye = standing(&player)?;
-    let film = Film {
-        stage,
-        player: &player,
-        integrator: Integrator::Transfer,
-        size: SIZE,
-        layer: "indirect",
-        moving: false,
-    };
+    let film = Film::by_transfer(stage, &player);
     let mut measures = film.flicker("lamp", |at| (eye, lamp(at)), LAMP_BOUNDS)?;
     measures.extend(film.flicker("globe", |at| (eye, ball(at)), LAMP_BOUNDS)?);
     measures.extend(film.along_the_wall(lamp(0.0), WALL_BOUNDS)?);
@@ -189,14 +194,7 @@ fn lobes(stage: &Stage) -> Measured {
     let asset = (stage.asset(metal, Shading::Full, &quick())).map_err(|e| e.to_string())?;
     let player = stage.through_file(&asset)?;
     let eye = standing(&player)?;
-    let film = Film {
-        stage,
-        player: &player,
-        integrator: Integrator::Transfer,
-        size: SIZE,
-        layer: "indirect",
-        moving: false,
-    };
+    let film = Film::by_transfer(stage, &player);
     let mut measures = film.flicker("lamp", |at| (eye, lamp(at)), LAMP_BOUNDS)?;
     measures.extend(film.flicker("globe", |at| (eye, ball(at)), LAMP_BOUNDS)?);
     Ok(measures)

@@ -139,7 +139,6 @@ fn plain(format: u32, [width, height]: [u32; 2], scheme: u32, level: &[u8], size
     file
 }
 
-/// Truth: the texels. `zlib` and `zstd` are those of 2 × 2 texels of red and green, as Python's `zlib` and the program `zstd` write them.
 /// Truth: the same by KHR_texture_basisu.
 #[test]
 fn the_proposed_khr_texture_ktx_is_read_as_far_as_its_first_layer() {
@@ -163,6 +162,7 @@ fn the_proposed_khr_texture_ktx_is_read_as_far_as_its_first_layer() {
     );
 }
 
+/// Truth: the texels. `zlib` and `zstd` are those of 2 × 2 texels of red and green, as Python's `zlib` and the program `zstd` write them.
 #[test]
 fn plain_texels_are_read_with_a_note() {
     let texels = [10u8, 20, 30, 40, 50, 60, 70, 80];

@@ -482,7 +482,7 @@ fn photometric_lamps() {
     // Turned by -90 degrees about x: -z becomes -y, x stays.
     let node = json!({ "translation": [1, 2, 3], "rotation": [(-SQRT_HALF), 0, 0, SQRT_HALF],
         "extensions": here(json!({ "light": 0, "multiplier": 2, "color": [1, 0.5, 7] })) });
-    let scene = lamp(&uri, node).scene();
+    let scene = lamp(&uri, node.clone()).scene();
     let [light] = &scene.sequence.lights[..] else {
         panic!("one light")
     };
@@ -502,6 +502,9 @@ fn photometric_lamps() {
     assert_eq!(*position, Animated::Constant(vec3(1.0, 2.0, 3.0)));
     assert!(close(direction.at(0.0), Vec3::NEG_Y) && close(up.at(0.0), Vec3::X));
     assert_eq!(*scale, Animated::Constant(vec3(2.0, 1.0, 2.0)));
+    let mut hidden = node.clone();
+    hidden["extensions"]["KHR_node_visibility"] = json!({ "visible": false });
+    assert!(lamp(&uri, hidden).scene().sequence.lights.is_empty());
     let node = |more: Value| json!({ "extensions": here(more) });
     for (uri, more, said) in [
         (
@@ -591,7 +594,7 @@ fn area_lights() {
         let error = lit_by(light, node.clone()).import().unwrap_err().to_string();
         assert!(error.contains(said), "{error}");
     }
-    // Neither shines where its node is hidden.
+    // It doesn't shine where its node is hidden.
     let mut hidden = node.clone();
     hidden["extensions"]["KHR_node_visibility"] = json!({ "visible": false });
     let scene = lit_by(json!({ "type": "rect" }), hidden).scene();

@@ -8,7 +8,6 @@ use super::list::List;
 use super::notes::Notes;
 use crate::json::quantity::MAX_LIGHT;
 use glam::Vec3;
-use serde_json::Value;
 use std::f32::consts::PI;
 
 /// Luminance of a light that doesn't say its own, cd/m².
@@ -25,13 +24,7 @@ pub(super) struct AreaLight {
 
 /// The document's list of them.
 pub(super) fn parse(root: &At, notes: &mut Notes) -> List<AreaLight> {
-    let extension = root.extension("EXT_lights_area");
-    // Without the extension there is no such list.
-    let empty = Value::Null;
-    let none = At::root(&empty, root.faults());
-    List::parse(extension.as_ref().unwrap_or(&none), "lights", |at| {
-        parse_light(at, notes)
-    })
+    List::lights_of(root, "EXT_lights_area", |at| parse_light(at, notes))
 }
 
 /// A node's, by its number.

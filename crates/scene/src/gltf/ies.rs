@@ -10,7 +10,6 @@ use super::uri;
 use crate::json::quantity::MAX_FACTOR;
 use crate::photometry::{MAX_BYTES, Photometry, text, with_tilt};
 use glam::Vec3;
-use serde_json::Value;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -37,11 +36,7 @@ pub(super) struct Profile {
 impl Profiles {
     /// Reads the list of the document.
     pub fn parse(root: &At, layout: &Layout) -> Profiles {
-        let extension = root.extension("EXT_lights_ies");
-        // Without the extension there is no such list.
-        let empty = Value::Null;
-        let none = At::root(&empty, root.faults());
-        let list = List::parse(extension.as_ref().unwrap_or(&none), "lights", |at| {
+        let list = List::lights_of(root, "EXT_lights_ies", |at| {
             let name = at.name();
             let source = match at.text("uri") {
                 Some(uri) => ImageSource::Uri(uri.to_owned()),

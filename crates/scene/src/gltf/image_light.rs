@@ -48,13 +48,7 @@ pub(super) struct ImageLights {
 impl ImageLights {
     /// Reads the list and the choice of the scene that is shown.
     pub fn parse(root: &At, images: usize, notes: &mut Notes) -> ImageLights {
-        let extension = root.extension(NAME);
-        // Without the extension there is no such list.
-        let empty = Value::Null;
-        let none = At::root(&empty, root.faults());
-        let list = List::parse(extension.as_ref().unwrap_or(&none), "lights", |at| {
-            parse_light(at, images)
-        });
+        let list = List::lights_of(root, NAME, |at| parse_light(at, images));
         let of_scene = shown_scene(root).and_then(|(_, scene)| scene.extension(NAME));
         let chosen =
             of_scene.and_then(|at| at.required_index("light", list.len(), &format!("lights of {NAME}")));

@@ -6,6 +6,7 @@
 use super::error::Fault;
 use super::json::{At, Faults};
 use super::notes::Notes;
+use serde_json::Value;
 use std::cell::Cell;
 
 /// Broken entries of one list whose faults are kept word by word; a file with more has them all for one reason.
@@ -28,6 +29,17 @@ struct Entry<T> {
 }
 
 impl<T> List<T> {
+    /// Reads the lights of an extension of the document, entry by entry: none where it is absent.
+    pub fn lights_of(root: &At, extension: &str, parse: impl FnMut(&At) -> Option<T>) -> List<T> {
+        let empty = Value::Null;
+        let none = At::root(&empty, root.faults());
+        List::parse(
+            root.extension(extension).as_ref().unwrap_or(&none),
+            "lights",
+            parse,
+        )
+    }
+
     /// Reads the member `key` of `parent`, entry by entry.
     pub fn parse(parent: &At, key: &'static str, mut parse: impl FnMut(&At) -> Option<T>) -> List<T> {
         let mut held = 0;

@@ -13,7 +13,6 @@ use super::list::List;
 use super::notes::Notes;
 use crate::json::quantity::MAX_LIGHT;
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
-use serde_json::Value;
 use std::collections::HashSet;
 
 /// How deep nodes may be nested: transforms of moving lights cost time in proportion.
@@ -157,13 +156,7 @@ impl Graph {
     /// Reads the graph and checks what is shown.
     pub fn parse(root: &At, layout: &Layout, meshes: usize, profiles: &Profiles, notes: &mut Notes) -> Graph {
         let cameras = List::parse(root, "cameras", |at| parse_camera(at, notes));
-        let punctual = root.extension("KHR_lights_punctual");
-        // Without the extension there is no such list.
-        let empty = Value::Null;
-        let none = At::root(&empty, root.faults());
-        let lights = List::parse(punctual.as_ref().unwrap_or(&none), "lights", |at| {
-            Some(parse_light(at, notes))
-        });
+        let lights = List::lights_of(root, "KHR_lights_punctual", |at| Some(parse_light(at, notes)));
         let area_lights = area_lights::parse(root, notes);
         let skins = root.items("skins").len();
         let count = root.items("nodes").len();

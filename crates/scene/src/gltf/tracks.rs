@@ -21,11 +21,11 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Frames of one scene's animation: more than an hour at 24 frames per second.
 const MAX_FRAMES: f64 = 100_000.0;
 
-/// Least scale of a node with an area light.
-const LEAST_SCALE: f64 = 1e-6;
-
 /// Keys of all tracks together, some 64 bytes each.
 const MAX_KEYS: f64 = 2e7;
+
+/// Least scale of a node with an area light: what passes through 0 keeps sides that floats tell from none.
+const LEAST_SCALE: f64 = 1e-6;
 
 /// All that moves, or could.
 pub(super) struct Tracks {
@@ -75,36 +75,18 @@ pub(super) fn build(
                 None => notes.count("cameras without a place or direction left out", 1),
             }
         }
-        if let Some((index, light)) = node.light.and_then(|l| Some((l, graph.lights.peek(l)?))) {
-            let name = node
-                .name
-                .as_ref()
-                .or(light.name.as_ref())
-                .map_or("light", |name| name);
-            match sampler.light(i, index, light, units) {
-                Some(kind) => lights.push(LightTrack {
-                    name: unique(name, &mut light_names),
-                    kind,
-                }),
-                None => notes.count("lights without a place or direction left out", 1),
-            }
-        }
-        if let Some((lamp, profile)) = node
-            .lamp
-            .and_then(|l| Some((l, loaded.get(l.profile)?.as_ref()?)))
-        {
-            let name = node.name.as_ref().or(profiles.name(lamp.profile));
-            match sampler.lamp(i, &lamp, profile) {
-                Some(kind) => lights.push(LightTrack {
-                    name: unique(name.map_or("light", |name| name), &mut light_names),
-                    kind,
-                }),
-                None => notes.count("lights without a place or direction left out", 1),
-            }
-        }
-        if let Some(light) = node.area_light.and_then(|l| graph.area_lights.peek(l)) {
-            let name = node.name.as_ref().or(light.name.as_ref());
-            match sampler.area_light(i, light) {
+        let punctual = node.light.and_then(|l| Some((l, graph.lights.peek(l)?)));
+        let lamp = (node.lamp).and_then(|l| Some((l, loaded.get(l.profile)?.as_ref()?)));
+        let area = node.area_light.and_then(|l| graph.area_lights.peek(l));
+        // What hangs on the node, and its own name.
+        let own = [
+            punctual.map(|(index, light)| (sampler.light(i, index, light, units), light.name.as_ref())),
+            lamp.map(|(lamp, profile)| (sampler.lamp(i, &lamp, profile), profiles.name(lamp.profile))),
+            area.map(|light| (sampler.area_light(i, light), light.name.as_ref())),
+        ];
+        for (kind, name) in own.into_iter().flatten() {
+            let name = node.name.as_ref().or(name);
+            match kind {
                 Some(kind) => lights.push(LightTrack {
                     name: unique(name.map_or("light", |name| name), &mut light_names),
                     kind,
@@ -276,7 +258,6 @@ impl Sampler<'_> {
         let sides = |t| {
             let world = world(t);
             let m = world.matrix3;
-            // A scale that passes through 0 leaves a rectangle of some size.
             let scale = [m.x_axis, m.y_axis, m.z_axis]
                 .map(DVec3::length)
                 .into_iter()
