@@ -7,6 +7,7 @@
 use crate::spread::sunflower;
 use glam::Vec3;
 use rayon::prelude::*;
+use relight_render::irradiance::Place;
 use relight_render::lighting::{DARK, LIT, Met};
 use relight_scene::rays::Ray;
 use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
@@ -25,7 +26,7 @@ const MANY: usize = 64;
 
 /// Those asked first: along the rim, some 70° apart by the golden angle. Where they agree with the place, no edge passes it, or one that
 /// cuts off less than an eighth.
-const RIM: [u32; 5] = [9, 11, 12, 13, 15];
+const RIM: [u8; 5] = [9, 11, 12, 13, 15];
 
 /// Radius of the surface that a place stands for, in disk radii: [`relight_render::irradiance::FOOTPRINT`] is its area.
 const REACH: f32 = 0.6;
@@ -52,19 +53,20 @@ const NEARER: [f32; 3] = [1.0, 0.5, 0.25];
 pub struct ShadowEdges {
     neighbours: OnceLock<SparseMatrix>,
     /// Spots of each place on its own surface, that nothing separates from it.
-    spots: Vec<OnceLock<Box<[Spot]>>>,
+    spots: Vec<OnceLock<Spots>>,
     /// The same, [`MANY`].
-    many: Vec<OnceLock<Box<[Spot]>>>,
+    many: Vec<OnceLock<Spots>>,
 }
 
-/// A spot of the scene's surfaces.
-#[derive(Debug)]
-struct Spot {
-    /// Which of the place's.
-    which: u32,
-    primitive: u32,
-    barycentric: [f32; 2],
-    front: bool,
+/// Spots around a place.
+#[derive(Debug, Default)]
+struct Spots {
+    /// Those of [`RIM`] before all others.
+    at: Box<[Place]>,
+    /// Which of the place's each is.
+    which: Box<[u8]>,
+    /// How many of [`RIM`] there are.
+    rim: u8,
 }
 
 /// A place that an edge may pass.
@@ -86,9 +88,9 @@ pub struct Places<'a> {
     pub disk_radius: f32,
 }
 
-/// Lights hits, of each the place and which of its spots it is: irradiance, and what its sample met.
-pub trait Lighting: Fn(&[Option<SurfaceHit>], &[(usize, u32)]) -> (Vec<Vec3>, Vec<Met>) + Sync {}
-impl<F: Fn(&[Option<SurfaceHit>], &[(usize, u32)]) -> (Vec<Vec3>, Vec<Met>) + Sync> Lighting for F {}
+/// Lights spots, of each the place and which of its spots it is: irradiance, and what its sample met.
+pub trait Lighting: Fn(&[Place], &[(usize, u32)]) -> (Vec<Vec3>, Vec<Met>) + Sync {}
+impl<F: Fn(&[Place], &[(usize, u32)]) -> (Vec<Vec3>, Vec<Met>) + Sync> Lighting for F {}
 
 impl ShadowEdges {
     /// Nothing known yet of so many places.
@@ -158,23 +160,22 @@ impl ShadowEdges {
     /// Light at some spots of places.
     fn lit_at(&self, places: Places, wanted: &[u32], which: Which, lighting: &impl Lighting) -> Vec<Lit> {
         let lit = |wanted: &[u32]| {
-            let (mut hits, mut runs, mut ends) = (Vec::new(), Vec::new(), Vec::new());
+            let (mut spots, mut runs, mut ends) = (Vec::new(), Vec::new(), Vec::new());
             for &place in wanted {
-                for (spot, number) in self.spots_of(places, place as usize, which) {
-                    hits.push(Some(spot));
-                    runs.push((place as usize, number));
+                if let Some((own, numbers)) = self.spots_of(places, place as usize, which) {
+                    spots.extend_from_slice(own);
+                    runs.extend(numbers.iter().map(|&number| (place as usize, u32::from(number))));
                 }
-                ends.push(hits.len());
+                ends.push(spots.len());
             }
-            let (irradiance, met) = lighting(&hits, &runs);
-            let mut next = irradiance.into_iter().zip(met);
+            let (irradiance, met) = lighting(&spots, &runs);
             let mut start = 0;
             ends.into_iter().map(move |end| {
-                let mut lit = Lit::NONE;
-                for (light, met) in next.by_ref().take(end - start) {
-                    lit.add(light, met);
-                }
+                let own = start..end;
                 start = end;
+                let mut lit = Lit::NONE;
+                (irradiance[own.clone()].iter().zip(&met[own]))
+                    .for_each(|(&light, &met)| lit.add(light, met));
                 lit
             })
         };
@@ -182,29 +183,21 @@ impl ShadowEdges {
     }
 
     /// Some spots of a place, and their numbers.
-    fn spots_of<'a>(
-        &'a self,
-        places: Places<'a>,
-        place: usize,
-        which: Which,
-    ) -> impl Iterator<Item = (SurfaceHit, u32)> + 'a {
-        let reach = REACH * places.disk_radius;
-        let (spots, count) = match which {
+    fn spots_of(&self, places: Places, place: usize, which: Which) -> Option<(&[Place], &[u8])> {
+        let (known, count) = match which {
             Which::Many => (&self.many[place], MANY),
             Which::Rim | Which::Inner => (&self.spots[place], SPOTS),
         };
-        let spots = places.hits[place]
-            .as_ref()
-            .map(|hit| spots.get_or_init(|| spots_around(places.scene, hit, place, count, reach)));
-        let is_wanted = move |spot: &&Spot| match which {
-            Which::Rim => RIM.contains(&spot.which),
-            Which::Inner => !RIM.contains(&spot.which),
-            Which::Many => true,
+        let reach = REACH * places.disk_radius;
+        let hit = places.hits[place].as_ref()?;
+        let spots = known.get_or_init(|| spots_around(places.scene, hit, place, count, reach));
+        let rim = usize::from(spots.rim);
+        let wanted = match which {
+            Which::Rim => 0..rim,
+            Which::Inner => rim..spots.at.len(),
+            Which::Many => 0..spots.at.len(),
         };
-        (spots.into_iter().flatten()).filter(is_wanted).map(move |spot| {
-            let hit = (places.scene).surface_at(spot.primitive, spot.barycentric, spot.front);
-            (hit, spot.which)
-        })
+        Some((&spots.at[wanted.clone()], &spots.which[wanted]))
     }
 }
 
@@ -271,13 +264,7 @@ impl Lit {
 }
 
 /// So many spots on the surface around a hit, on its own side of all others.
-fn spots_around(
-    scene: &TracedScene,
-    hit: &SurfaceHit,
-    place: usize,
-    count: usize,
-    reach: f32,
-) -> Box<[Spot]> {
+fn spots_around(scene: &TracedScene, hit: &SurfaceHit, place: usize, count: usize, reach: f32) -> Spots {
     let frame = Frame::around(hit.geometric_normal);
     let at = |which: usize, reach: f32| {
         let offset = frame.world_from_local((sunflower(which, count, place) * reach).extend(0.0));
@@ -295,17 +282,24 @@ fn spots_around(
             t_min: 0.0,
             t_max: 2.0 * height,
         };
-        let hit = scene.closest_hit(&down)?;
-        Some(Spot {
-            which: which as u32,
-            primitive: hit.primitive,
-            barycentric: hit.barycentric,
-            front: hit.front,
-        })
+        scene.closest_hit(&down)
     };
     // On what is small or bent, nearer ones.
-    let found = |which: usize| (NEARER.iter()).find_map(|nearer| at(which, reach * nearer));
-    (0..count).filter_map(found).collect()
+    let found = |which: usize| {
+        let hit = (NEARER.iter()).find_map(|nearer| at(which, reach * nearer))?;
+        Some((Place::from(&hit), which as u8))
+    };
+    let is_rim = |which: &usize| RIM.contains(&(*which as u8));
+    let (rim, inner): (Vec<usize>, Vec<usize>) = (0..count).partition(is_rim);
+    let rim: Vec<(Place, u8)> = rim.into_iter().filter_map(found).collect();
+    let count = rim.len() as u8;
+    let all = rim.into_iter().chain(inner.into_iter().filter_map(found));
+    let (at, which): (Vec<Place>, Vec<u8>) = all.unzip();
+    Spots {
+        at: at.into(),
+        which: which.into(),
+        rim: count,
+    }
 }
 
 /// Places near each other that face the same way: a row for each, weights of no use.
@@ -336,17 +330,17 @@ fn neighbours(places: Places) -> SparseMatrix {
 mod tests {
     use super::*;
     use crate::test_scenes::{level, matt, quad, traced};
+    use relight_scene::surface::ray_from_end;
 
     /// Disk radius of the places, m.
     const RADIUS: f32 = 0.1;
 
     /// Light from straight above: 1 where nothing is over a hit.
     fn from_above(scene: &TracedScene) -> impl Lighting {
-        |hits: &[Option<SurfaceHit>], _: &[(usize, u32)]| {
-            let is_lit =
-                |hit: &Option<SurfaceHit>| hit.is_some_and(|hit| !scene.occluded(&ray_from(&hit, Vec3::Y)));
-            let met: Vec<Met> = (hits.iter())
-                .map(|hit| if is_lit(hit) { LIT } else { DARK })
+        |spots: &[Place], _: &[(usize, u32)]| {
+            let is_lit = |spot: &Place| !scene.occluded(&ray_from_end(&spot.start, Vec3::Y));
+            let met: Vec<Met> = (spots.iter())
+                .map(|spot| if is_lit(spot) { LIT } else { DARK })
                 .collect();
             let lit = met
                 .iter()
@@ -381,7 +375,8 @@ mod tests {
                 disk_radius: RADIUS,
             };
             let lighting = from_above(&scene);
-            let (mut lit, met) = lighting(&hits, &[]);
+            let own: Vec<Place> = hits.iter().flatten().map(Place::from).collect();
+            let (mut lit, met) = lighting(&own, &[]);
             ShadowEdges::new(hits.len()).soften(places, &met, lighting, &mut lit);
             for (hit, lit) in hits.iter().flatten().zip(&lit) {
                 let d = ((hit.position.x - edge) / (REACH * RADIUS)).clamp(-1.0, 1.0);
@@ -410,11 +405,9 @@ mod tests {
         let from = Vec3::new(-0.01, 0.3, 0.0);
         let hit = scene.closest_hit(&Ray::endless(from, Vec3::NEG_Y)).unwrap();
         let spots = spots_around(&scene, &hit, 0, SPOTS, REACH * RADIUS);
-        assert!(spots.len() > SPOTS / 2, "{}", spots.len());
-        for spot in &spots {
-            let at = scene
-                .surface_at(spot.primitive, spot.barycentric, spot.front)
-                .position;
+        assert!(spots.at.len() > SPOTS / 2, "{}", spots.at.len());
+        for spot in &spots.at {
+            let at = spot.start.position;
             assert!(at.x < 0.02, "{at}");
             let height = if at.x < -0.03 { 0.002 } else { 0.0 };
             assert!((at.y - height).abs() < 1e-5, "{at}");

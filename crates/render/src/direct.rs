@@ -3,9 +3,9 @@
 use glam::Vec3;
 use relight_scene::bsdf;
 use relight_scene::light_set::{LightSample, LightSet, MetEmitter, ReferencePoint};
-use relight_scene::rays::Ray;
+use relight_scene::rays::{self, Ray, SurfacePoint};
 use relight_scene::shading::ShadingPoint;
-use relight_scene::surface::{SurfaceHit, Surfaces, ray_between, ray_between_hits, ray_from};
+use relight_scene::surface::{SurfaceHit, Surfaces, ray_end, ray_from_end};
 use relight_scene::traced::TracedScene;
 
 /// BRDF × cosine for light from `wi`.
@@ -14,7 +14,7 @@ pub fn reflected(point: &ShadingPoint, wo: Vec3, wi: Vec3) -> Vec3 {
 }
 
 /// The shadow ray from a surface point to what was drawn on a light.
-pub(crate) fn shadow_ray(scene: &TracedScene, hit: &SurfaceHit, sample: &LightSample) -> Ray {
+pub(crate) fn shadow_ray(scene: &TracedScene, from: &SurfacePoint, sample: &LightSample) -> Ray {
     match &sample.emitter {
         Some(emitter) => {
             let vertices = scene.triangle_positions(emitter.primitive);
@@ -23,10 +23,10 @@ pub(crate) fn shadow_ray(scene: &TracedScene, hit: &SurfaceHit, sample: &LightSa
                 .dot(emitter.normal)
                 > 0.0;
             let target = scene.surface_at(emitter.primitive, emitter.barycentric, front);
-            ray_between_hits(hit, &target)
+            rays::shadow_ray(from, &ray_end(&target))
         }
-        None if sample.distance == f32::INFINITY => ray_from(hit, sample.direction),
-        None => ray_between(hit, hit.position + sample.direction * sample.distance),
+        None if sample.distance == f32::INFINITY => ray_from_end(from, sample.direction),
+        None => rays::shadow_ray_to_point(from, from.position + sample.direction * sample.distance),
     }
 }
 
@@ -46,7 +46,7 @@ pub(crate) fn direct_sample(
     if reflected == Vec3::ZERO {
         return None;
     }
-    let ray = shadow_ray(scene, hit, &sample);
+    let ray = shadow_ray(scene, &ray_end(hit), &sample);
     let mut reflected = reflected;
     if scene.bends_from(hit, point) && scene.crosses_solid(&ray) {
         // What the lobe shows behind solid glass is found by rays that bend.

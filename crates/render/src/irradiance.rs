@@ -1,7 +1,9 @@
 //! Irradiance of a light at many places at once: points of the basis.
 
 use crate::guide::Guides;
+use crate::lamp::{Lamp, contribution};
 use crate::lighting::{Met, Reflection, Told, add_light, own_run};
+pub use crate::place::Place;
 use crate::rare::Rare;
 use crate::samples::Samples;
 use glam::Vec3;
@@ -15,20 +17,6 @@ use std::collections::BTreeMap;
 /// Surface that each point of a maximal Poisson-disk set stands for, over its squared disk radius: disks of half that
 /// radius cover 0.7 of a plane.
 pub const FOOTPRINT: f32 = std::f32::consts::FRAC_PI_4 / 0.7;
-
-/// Cosine under which a lamp at `distance` lights a place, for the mean over the `footprint` (m²) that the place stands
-/// for, where `cosine` is that of its middle.
-///
-/// A lamp nearer than the next point would light its own point like a sun, and give the scene a thousand times the
-/// light that it has. It is seen as if it hung √(h² + A/2π) above the place instead of h: then it sends half of its
-/// light down whatever h is (∫ h/(x² + h²)^{3/2} dA = 2π), right above a place the 2π/A that half of its light is on
-/// the footprint, and from some footprints away what the middle gets. docs/notebook/stability.md has the figures.
-pub(crate) fn cosine_over(footprint: f32, distance: f32, cosine: f32) -> f32 {
-    let squared = f64::from(distance) * f64::from(distance);
-    let lifted = f64::from(footprint) * std::f64::consts::FRAC_1_PI / 2.0 / squared;
-    let cosine = f64::from(cosine);
-    ((cosine * cosine + lifted).sqrt() / (1.0 + lifted).powf(1.5)) as f32
-}
 
 /// Irradiance of one light on the geometric side of each place, for its smooth normal. `samples` per place
 /// for lights with extent, more in a neighbourhood of places where most of them are in vain. `footprint`: the surface, m², that a
@@ -47,13 +35,13 @@ pub fn irradiance_at(
     if samples.count > 1 {
         samples = samples.told();
     }
-    let (mut irradiance, told) = irradiance_by(scene, &samples, hits, footprint, own_run);
+    let place = |place: usize| hits[place].as_ref().map(Place::from);
+    let (mut irradiance, told) = irradiance_by(scene, &samples, hits.len(), place, footprint, own_run);
     if samples.is_told {
         for again in rarely_lit(&samples, &told, hits, &irradiance) {
-            let of = |place: &usize| hits[*place];
-            let own: Vec<Option<SurfaceHit>> = again.places.iter().map(of).collect();
+            let own = |k: usize| place(again.places[k]);
             let run_of = |k: usize| (again.places[k], 0);
-            let (lit, _) = irradiance_by(scene, &again.samples, &own, footprint, run_of);
+            let (lit, _) = irradiance_by(scene, &again.samples, again.places.len(), own, footprint, run_of);
             for (&place, lit) in again.places.iter().zip(lit) {
                 irradiance[place] = lit;
             }
@@ -62,19 +50,19 @@ pub fn irradiance_at(
     (irradiance, told.met)
 }
 
-/// The same by one sample each, at several hits for each of some places. `runs`: of every hit its place, and which of the place's
-/// samples.
+/// The same by one sample each, at several spots of some places. `runs`: of every spot its place, and which of the place's samples.
 pub fn irradiance_around(
     scene: &TracedScene,
     lights: &LightSet,
     light: usize,
-    hits: &[Option<SurfaceHit>],
+    spots: &[Place],
     runs: &[(usize, u32)],
     footprint: f32,
     seed: u64,
 ) -> (Vec<Vec3>, Vec<Met>) {
-    let samples = Samples::of_points(lights, light, hits.len(), 1, seed);
-    let (irradiance, told) = irradiance_by(scene, &samples, hits, footprint, |hit| runs[hit]);
+    let samples = Samples::of_points(lights, light, spots.len(), 1, seed);
+    let spot = |spot: usize| Some(spots[spot]);
+    let (irradiance, told) = irradiance_by(scene, &samples, spots.len(), spot, footprint, |spot| runs[spot]);
     (irradiance, told.met)
 }
 
@@ -119,8 +107,8 @@ pub fn incident_at(
         .collect();
     let footprint = if one.is_delta() { footprint } else { 0.0 };
     let seen = (!lights.is_lamp(light)).then(|| {
-        let own: Vec<Option<SurfaceHit>> = runs.iter().map(|run| hits[run.0]).collect();
-        irradiance_by(scene, &one, &own, 0.0, |hit| runs[hit]).0
+        let own = |run: usize| hits[runs[run].0].as_ref().map(Place::from);
+        irradiance_by(scene, &one, runs.len(), own, 0.0, |run| runs[run]).0
     });
     let dark = Incident {
         irradiance: Vec3::ZERO,
@@ -130,15 +118,15 @@ pub fn incident_at(
     let directions = (runs.par_iter().enumerate())
         .with_min_len(256)
         .map(|(run, &(place, index))| {
-            let irradiance = |hit: &SurfaceHit, sample: &LightSample| match &seen {
+            let irradiance = |at: &Place, sample: &LightSample| match &seen {
                 Some(seen) => seen[run],
-                None => contribution(hit, sample, footprint) * above(hit, sample.direction),
+                None => contribution(at, sample, footprint) * above(at, sample.direction),
             };
             let is_dark = seen.as_ref().is_some_and(|seen| seen[run] == Vec3::ZERO);
-            let hit = hits[place].as_ref().filter(|_| !is_dark);
-            let sample = hit.and_then(|hit| Some((hit, one.at(place, hit, index)?)));
-            sample.map_or(dark, |(hit, sample)| Incident {
-                irradiance: irradiance(hit, &sample) / each as f32,
+            let at = hits[place].as_ref().filter(|_| !is_dark).map(Place::from);
+            let sample = at.and_then(|at| Some((at, one.at(place, &(&at.start).into(), index)?)));
+            sample.map_or(dark, |(at, sample)| Incident {
+                irradiance: irradiance(&at, &sample) / each as f32,
                 direction: sample.direction,
                 distance: sample.distance,
             })
@@ -209,21 +197,34 @@ fn rarely_lit<'a>(
         .collect()
 }
 
-/// Irradiance by these samples; `run_of`: see [`crate::lighting::reflected_at`].
+/// Irradiance by these samples of `count` places; `run_of`: see [`crate::lighting::reflected_at`].
 fn irradiance_by(
     scene: &TracedScene,
     samples: &Samples,
-    hits: &[Option<SurfaceHit>],
+    count: usize,
+    place: impl Fn(usize) -> Option<Place> + Sync,
     footprint: f32,
     run_of: impl Fn(usize) -> (usize, u32) + Sync,
 ) -> (Vec<Vec3>, Told) {
-    let footprint = if samples.is_delta() { footprint } else { 0.0 };
-    let is_above =
-        |place: usize, direction: Vec3| hits[place].as_ref().is_some_and(|hit| is_above(hit, direction));
-    let contribution = |place: usize, sample: &LightSample| {
-        hits[place]
-            .as_ref()
-            .map_or(Vec3::ZERO, |hit| contribution(hit, sample, footprint))
+    if samples.is_delta() {
+        let lamp = Lamp {
+            scene,
+            lights: samples.lights,
+            light: samples.light,
+            footprint,
+        };
+        let (out, met) = lamp.irradiance_at(count, place);
+        return (
+            out,
+            Told {
+                met,
+                light: Vec::new(),
+            },
+        );
+    }
+    let is_above = |at: usize, direction: Vec3| place(at).is_some_and(|place| place.faces(direction));
+    let contribution = |at: usize, sample: &LightSample| {
+        place(at).map_or(Vec3::ZERO, |place| contribution(&place, sample, 0.0))
     };
     // A cosine is wider than what samples of a light miss.
     let reflection = Reflection {
@@ -231,11 +232,11 @@ fn irradiance_by(
         draw: |_: usize, _: [f32; 3]| None,
         density: |_: usize, _: Vec3| 0.0,
     };
-    let mut out = vec![Vec3::ZERO; hits.len()];
+    let mut out = vec![Vec3::ZERO; count];
     let told = add_light(
         scene,
         samples,
-        hits,
+        |at| place(at).map(|place| place.start),
         run_of,
         is_above,
         contribution,
@@ -245,27 +246,12 @@ fn irradiance_by(
     (out, told)
 }
 
-/// Whether a direction is on the side of a place where both its normals are.
-fn is_above(hit: &SurfaceHit, direction: Vec3) -> bool {
-    hit.normal.dot(direction) > 0.0 && hit.geometric_normal.dot(direction) > 0.0
-}
-
-/// The same, but not at once: 0 below either horizon, 1 where the geometric normal is nearer to the direction.
-fn above(hit: &SurfaceHit, direction: Vec3) -> f32 {
-    let (smooth, geometric) = (hit.normal.dot(direction), hit.geometric_normal.dot(direction));
+/// How much of a direction is on the side where both normals are: 0 below either horizon, 1 where the geometric normal is nearer to it.
+fn above(place: &Place, direction: Vec3) -> f32 {
+    let (smooth, geometric) = (place.normal.dot(direction), place.start.normal.dot(direction));
     match smooth > 0.0 && geometric > 0.0 {
         true => (geometric / smooth).min(1.0),
         false => 0.0,
-    }
-}
-
-/// Irradiance by a sample from above, of a lamp the mean over the `footprint` that the place stands for.
-fn contribution(hit: &SurfaceHit, sample: &LightSample, footprint: f32) -> Vec3 {
-    let cosine = hit.normal.dot(sample.direction);
-    if footprint > 0.0 && sample.distance.is_finite() {
-        sample.radiance_over_pdf * cosine_over(footprint, sample.distance, cosine)
-    } else {
-        sample.radiance_over_pdf * cosine
     }
 }
 
@@ -347,48 +333,5 @@ mod tests {
             spread(&many),
             spread(&few)
         );
-    }
-
-    /// Truth: a lamp of 1 W/sr above a plane sends 2π down, however near it hangs. A square lattice of points, each for its
-    /// square; the mean over places of the lamp between them is the integral over the plane. Tolerance: what lies beyond
-    /// the lattice, a share of height/reach, and as much again for the lift. Single places: right above a point
-    /// the lift leaves 1.5 times the light, in the middle between four the least.
-    #[test]
-    fn a_lamp_upon_a_plane_of_points_gives_half_of_its_light_on_average() {
-        let flux = |height: f64, offset: [f64; 2], footprint: f32| -> f64 {
-            let reach = 150;
-            let mut sum = 0.0;
-            for i in -reach..=reach {
-                for j in -reach..=reach {
-                    let (x, z) = (f64::from(i) + offset[0], f64::from(j) + offset[1]);
-                    let squared = x * x + z * z + height * height;
-                    let cosine = height / squared.sqrt();
-                    let spread = if footprint > 0.0 {
-                        f64::from(cosine_over(footprint, squared.sqrt() as f32, cosine as f32))
-                    } else {
-                        cosine
-                    };
-                    sum += spread / squared;
-                }
-            }
-            sum / (2.0 * std::f64::consts::PI)
-        };
-        for height in [1e-3, 1e-2, 0.1, 0.5, 2.0] {
-            let steps = 6;
-            let mut mean = 0.0;
-            for k in 0..steps * steps {
-                let offset = [k % steps, k / steps].map(|at| f64::from(at) / f64::from(steps));
-                let found = flux(height, offset, 1.0);
-                assert!((0.6..1.6).contains(&found), "{height} {offset:?}: {found}");
-                mean += found / f64::from(steps * steps);
-            }
-            assert!((mean - 1.0).abs() < 0.02, "{height}: {mean}");
-        }
-        assert!(
-            flux(1e-3, [0.0; 2], 0.0) > 1e5,
-            "the middle alone takes it for a sun"
-        );
-        // Ten footprints away it is the cosine: A/2π in 100 A is a six-hundredth, 1.5 of them at normal incidence.
-        assert!((cosine_over(1.0, 10.0, 1.0) - 1.0).abs() < 3e-3);
     }
 }

@@ -11,9 +11,9 @@ use rayon::prelude::*;
 use relight_scene::bsdf;
 use relight_scene::environment::luminance;
 use relight_scene::light_set::LightSample;
-use relight_scene::rays::Ray;
+use relight_scene::rays::{Ray, SurfacePoint};
 use relight_scene::shading::{Gloss, ShadingPoint};
-use relight_scene::surface::{SurfaceHit, Surfaces, ray_from};
+use relight_scene::surface::{SurfaceHit, Surfaces, ray_end, ray_from_end};
 use relight_scene::traced::TracedScene;
 
 /// Places per parallel task and per packet of shadow rays.
@@ -74,11 +74,11 @@ struct Packet {
 }
 
 /// Adds `contribution(place, sample)` of one light, where its direction `is_above` the place and not occluded, to
-/// `out[place]`, averaged over the place's samples. Places without a hit get nothing. `run_of`: see [`reflected_at`].
+/// `out[place]`, averaged over the place's samples. Places that rays `start` at nowhere get nothing. `run_of`: see [`reflected_at`].
 pub(crate) fn add_light<D, P>(
     scene: &TracedScene,
     samples: &Samples,
-    hits: &[Option<SurfaceHit>],
+    start: impl Fn(usize) -> Option<SurfacePoint> + Sync,
     run_of: impl Fn(usize) -> (usize, u32) + Sync,
     is_above: impl Fn(usize, Vec3) -> bool + Sync,
     contribution: impl Fn(usize, &LightSample) -> Vec3 + Sync,
@@ -120,13 +120,13 @@ where
             targets.clear();
             for local in 0..out.len() {
                 let place = chunk * PACKET + local;
-                let Some(hit) = &hits[place] else { continue };
-                let (owner, start) = run_of(place);
-                let Some(sample) = samples.at(owner, hit, start + index) else {
+                let Some(start) = start(place) else { continue };
+                let (owner, first) = run_of(place);
+                let Some(sample) = samples.at(owner, &(&start).into(), first + index) else {
                     continue;
                 };
                 if sample.radiance_over_pdf.max_element() > 0.0 && is_above(place, sample.direction) {
-                    rays.push(shadow_ray(scene, hit, &sample));
+                    rays.push(shadow_ray(scene, &start, &sample));
                     targets.push((local, sample));
                 }
             }
@@ -156,17 +156,17 @@ where
         for index in 0..reflected {
             for (local, out) in out.iter_mut().enumerate() {
                 let place = chunk * PACKET + local;
-                let Some(hit) = &hits[place] else { continue };
-                let (owner, start) = run_of(place);
-                let start = start.div_ceil(PER_REFLECTED);
-                let random = samples.of_reflection(owner, start + index);
+                let Some(start) = start(place) else { continue };
+                let (owner, first) = run_of(place);
+                let first = first.div_ceil(PER_REFLECTED);
+                let random = samples.of_reflection(owner, first + index);
                 let Some((direction, density)) = (reflection.draw)(place, random) else {
                     continue;
                 };
                 if !is_above(place, direction) {
                     continue;
                 }
-                let ray = ray_from(hit, direction);
+                let ray = ray_from_end(&start, direction);
                 let end = scene.closest_hit(&ray);
                 light_met(
                     scene,
@@ -174,7 +174,7 @@ where
                     ray.origin,
                     direction,
                     end.as_ref(),
-                    Some(&hit.into()),
+                    Some(&(&start).into()),
                     |seen, radiance, pdf| {
                         if seen == light {
                             let sample = LightSample {
@@ -262,7 +262,7 @@ pub fn reflected_at(
     add_light(
         scene,
         samples,
-        hits,
+        |place| hits[place].as_ref().map(ray_end),
         run_of,
         is_above,
         contribution,

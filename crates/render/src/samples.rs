@@ -3,8 +3,7 @@
 use crate::guide::{Guide, Guides};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use relight_scene::light_set::{LightSample, LightSet};
-use relight_scene::surface::SurfaceHit;
+use relight_scene::light_set::{LightSample, LightSet, ReferencePoint};
 use relight_transport::random::Stream;
 use relight_transport::sampling::r2;
 use std::sync::Arc;
@@ -151,16 +150,16 @@ impl<'a> Samples<'a> {
         .of_each(samples)
     }
 
-    /// The `index`-th sample of a place at `hit`.
-    pub(crate) fn at(&self, place: usize, hit: &SurfaceHit, index: u32) -> Option<LightSample> {
+    /// The `index`-th sample of a place, which lies `at`.
+    pub(crate) fn at(&self, place: usize, at: &ReferencePoint, index: u32) -> Option<LightSample> {
         if self.is_delta() {
-            return self.lights.sample(self.light, hit, [0.0; 3]);
+            return self.lights.sample(self.light, *at, [0.0; 3]);
         }
         if !self.drawn.is_empty() && self.guide_of(place).is_none() {
             return self.drawn[self.drawn_of(place, index)];
         }
         let (random, density) = self.numbers(place, index);
-        let sample = self.lights.sample(self.light, hit, random)?;
+        let sample = self.lights.sample(self.light, *at, random)?;
         Some(LightSample {
             radiance_over_pdf: sample.radiance_over_pdf / density,
             ..sample

@@ -7,7 +7,7 @@ use crate::prepared::PreparedScene;
 use crate::shadow_edges::Places;
 use crate::spread::PointPlaces;
 use glam::Vec3;
-use relight_render::irradiance::{incident_at, irradiance_around, irradiance_at};
+use relight_render::irradiance::{Place, incident_at, irradiance_around, irradiance_at};
 use relight_render::lightcuts::{LightcutStats, ManyLights};
 use relight_render::lighting::Met;
 use relight_scene::light_set::LightSet;
@@ -110,12 +110,12 @@ impl Receiving<'_> {
         if self.settings.coarse || !lights.is_lamp(light) {
             return;
         }
-        let around = |hits: &[Option<SurfaceHit>], runs: &[(usize, u32)]| {
+        let around = |spots: &[Place], runs: &[(usize, u32)]| {
             irradiance_around(
                 &self.prepared.scene,
                 lights,
                 light,
-                hits,
+                spots,
                 runs,
                 self.prepared.footprint(),
                 self.settings.seed,

@@ -1,6 +1,6 @@
 //! What clusters of lights give a receiver: the terms of Walter et al. 2005, equations 1 and 2.
 
-use crate::irradiance::cosine_over;
+use crate::lamp::cosine_over;
 use crate::many_lights::{PointLights, clamped};
 use glam::Vec3;
 use relight_scene::bsdf::Viewed;

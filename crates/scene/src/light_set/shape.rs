@@ -5,6 +5,7 @@ use super::emitters::Emitters;
 use super::form::LightForm;
 use super::map::TurnedMap;
 use crate::environment::luminance;
+use crate::rays::SurfacePoint;
 use crate::surface::SurfaceHit;
 use glam::{DVec3, Vec3};
 
@@ -32,6 +33,15 @@ impl From<&SurfaceHit> for ReferencePoint {
         ReferencePoint {
             position: hit.position,
             normal: hit.geometric_normal,
+        }
+    }
+}
+
+impl From<&SurfacePoint> for ReferencePoint {
+    fn from(point: &SurfacePoint) -> ReferencePoint {
+        ReferencePoint {
+            position: point.position,
+            normal: point.normal,
         }
     }
 }
