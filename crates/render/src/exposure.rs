@@ -172,10 +172,9 @@ impl Exposure {
             let own = if point.lambert {
                 ShadingPoint::lambert(&hit, point.diffuse)
             } else {
-                scene.shading_point(&hit)
+                scene.shading_point_of(&hit, Some(point.base_color))
             };
             let point = ShadingPoint {
-                base_color: point.base_color,
                 diffuse: point.diffuse,
                 f0: point.f0,
                 ..own.facing(view)

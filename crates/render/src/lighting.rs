@@ -250,7 +250,7 @@ pub fn reflected_at(
     };
     let narrow = |place: usize| points[place].as_ref().filter(|point| is_narrow(point));
     let reflection = Reflection {
-        any: points.iter().flatten().any(is_narrow),
+        any: !samples.is_delta() && points.iter().flatten().any(is_narrow),
         draw: |place: usize, random: [f32; 3]| {
             let sample = bsdf::sample(narrow(place)?, views[place], random)?;
             Some((sample.wi, sample.pdf))

@@ -97,11 +97,13 @@ pub(crate) fn unshaded<S: Surfaces + ?Sized>(
 
 /// A ray from a hit into `direction`, without end, that does not meet the surface it starts on. It starts on the
 /// side of the surface that `direction` points to; t counts in units of the direction's length.
+#[inline]
 pub fn ray_from(hit: &SurfaceHit, direction: Vec3) -> Ray {
     ray_from_end(&ray_end(hit), direction)
 }
 
 /// As [`ray_from`] from where rays start at the hit.
+#[inline]
 pub fn ray_from_end(end: &SurfacePoint, direction: Vec3) -> Ray {
     Ray {
         origin: rays::offset_origin(end.position, end.normal, direction, end.clearance),
@@ -113,6 +115,7 @@ pub fn ray_from_end(end: &SurfacePoint, direction: Vec3) -> Ray {
 
 /// A ray from a hit to a point in space, such as a point light, that meets neither the surface it starts on nor
 /// one that the point lies on. Its direction is the difference of its ends.
+#[inline]
 pub fn ray_between(hit: &SurfaceHit, target: Vec3) -> Ray {
     rays::shadow_ray_to_point(&ray_end(hit), target)
 }
@@ -123,6 +126,7 @@ pub fn ray_between_hits(from: &SurfaceHit, to: &SurfaceHit) -> Ray {
 }
 
 /// Where rays that start or end at a hit do so.
+#[inline]
 pub fn ray_end(hit: &SurfaceHit) -> SurfacePoint {
     SurfacePoint {
         position: hit.position,

@@ -207,6 +207,38 @@ fn scale(printed: Vec3, specular: Vec3) -> Vec3 {
     limit(printed, specular) / printed.max(Vec3::splat(f32::MIN_POSITIVE))
 }
 
+/// Bins of cosines in [`GRAZING`].
+const BINS: usize = 64;
+
+/// For each bin of cosines the most that B is from its lower end on, whatever the roughness.
+static GRAZING: LazyLock<[f32; BINS]> = LazyLock::new(|| {
+    std::array::from_fn(|bin| {
+        let (first, _) = place(cosine_place(bin as f32 / BINS as f32), COSINES);
+        let rows = TABLES.specular.chunks(COSINES);
+        let factors = rows.flat_map(|row| &row[first..]).map(|[_, b]| *b);
+        factors.fold(0.0, f32::max)
+    })
+});
+
+/// s(μ_o) s(μ_i).
+pub(super) fn diffuse_scales(point: &ShadingPoint, cos_o: f32, cos_i: f32) -> Vec3 {
+    match are_unscaled(point, cos_o.min(cos_i)) {
+        true => Vec3::ONE,
+        false => diffuse_scale(point, cos_o) * diffuse_scale(point, cos_i),
+    }
+}
+
+/// Whether a bound of what there is of either part says that s is 1 from a cosine on, as for most: no more of the diffuse one than at
+/// K = 1, no more of the other than f0 + f90 B.
+pub(super) fn are_unscaled(point: &ShadingPoint, cos: f32) -> bool {
+    let bin = ((cos * BINS as f32) as usize).min(BINS - 1);
+    let most = point.diffuse.max_element() + point.f0.max_element() + point.f90 * GRAZING[bin];
+    most < 1.0 - TABLE_MARGIN - ROUNDING
+}
+
+/// Of a few sums and products of numbers below 1.
+const ROUNDING: f32 = 8.0 * f32::EPSILON;
+
 /// Nodes within which [`DiffuseScale::unscaled_from`] is found: five halvings.
 const NODES_APART: usize = 3;
 

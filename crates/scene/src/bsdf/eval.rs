@@ -329,7 +329,7 @@ fn diffuse(point: &ShadingPoint, cos_o: f32, cos_i: f32, cos_oh: f32) -> Vec3 {
         return Vec3::ZERO;
     }
     let lost = veil(point, fresnel(point, cos_oh), cos_oh);
-    let conserve = albedo::diffuse_scale(point, cos_o) * albedo::diffuse_scale(point, cos_i);
+    let conserve = albedo::diffuse_scales(point, cos_o, cos_i);
     (Vec3::ONE - lost) * point.diffuse * conserve * FRAC_1_PI
 }
 

@@ -190,6 +190,27 @@ fn energy_is_conserved() {
 }
 
 /// The tables behind everything above: E of a white and of a black-based specular part against quadrature.
+/// Truth: the product of both factors.
+#[test]
+fn what_directions_leave_of_the_diffuse_part_is_told_at_once_where_it_is_all() {
+    let (mut all, mut at_once) = (0, 0);
+    for metallic in [0.0, 0.5] {
+        for alpha in ALPHAS {
+            for base in [0.0, 0.3, 0.6, 0.8, 0.9, 0.95, 0.98, 1.0] {
+                let point = material(Vec3::new(base, 0.5 * base, 0.1), metallic, alpha);
+                for k in 0..400 {
+                    let [cos_o, cos_i] = [k % 20, k / 20].map(|k| ((k as f32 + 0.5) / 20.0).powi(2));
+                    let truth = albedo::diffuse_scale(&point, cos_o) * albedo::diffuse_scale(&point, cos_i);
+                    assert_eq!(albedo::diffuse_scales(&point, cos_o, cos_i), truth);
+                    all += usize::from(truth == Vec3::ONE);
+                    at_once += usize::from(albedo::are_unscaled(&point, cos_o.min(cos_i)));
+                }
+            }
+        }
+    }
+    assert!(at_once > all / 2, "{at_once} of {all}");
+}
+
 #[test]
 fn the_specular_albedo_is_right_to_its_stated_error() {
     let mut worst = 0.0f64;

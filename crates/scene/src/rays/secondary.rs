@@ -63,18 +63,19 @@ fn geometric_normal(a: Vec3, b: Vec3, c: Vec3) -> Vec3 {
 
 /// A start for a ray in `direction` from a surface point that is known up to `position_error` along each axis: moved
 /// along the normal, to the side that `direction` points to, by at least that error, and rounded away from the surface.
+#[inline]
 pub fn offset_origin(position: Vec3, geometric_normal: Vec3, direction: Vec3, position_error: f32) -> Vec3 {
     let n = geometric_normal;
     let height = position_error * (n.x.abs() + n.y.abs() + n.z.abs());
-    let offset = if direction.dot(n) < 0.0 {
-        -height * n
-    } else {
-        height * n
-    };
-    let away = |p: f32, o: f32| match p + o {
-        moved if o > 0.0 => moved.next_up(),
-        moved if o < 0.0 => moved.next_down(),
-        moved => moved,
+    let offset = n * if direction.dot(n) < 0.0 { -height } else { height };
+    let away = |p: f32, o: f32| {
+        let moved = p + o;
+        let next = if o > 0.0 {
+            moved.next_up()
+        } else {
+            moved.next_down()
+        };
+        if o == 0.0 { moved } else { next }
     };
     Vec3::new(
         away(position.x, offset.x),
@@ -84,12 +85,14 @@ pub fn offset_origin(position: Vec3, geometric_normal: Vec3, direction: Vec3, po
 }
 
 /// The parameter that leads `distance` along each axis at most, in units of `direction`.
+#[inline]
 fn parameter_of(distance: f32, direction: Vec3) -> f32 {
     distance / direction.abs().max_element()
 }
 
 /// A ray from a surface point into `direction`, without end. It starts one clearance above the surface and one along
 /// the ray, so that at an edge it does not hit the other face that it starts on, either.
+#[inline]
 pub fn ray_from_surface(from: &SurfacePoint, direction: Vec3) -> Ray {
     let origin = offset_origin(from.position, from.normal, direction, from.clearance);
     Ray {
@@ -101,6 +104,7 @@ pub fn ray_from_surface(from: &SurfacePoint, direction: Vec3) -> Ray {
 }
 
 /// A ray between two surface points that hits neither's surface. Its direction is the difference of its ends.
+#[inline]
 pub fn shadow_ray(from: &SurfacePoint, to: &SurfacePoint) -> Ray {
     let between = to.position - from.position;
     // Seen from the start, the target's triangle lies as far away as the ray is long.
@@ -115,6 +119,7 @@ pub fn shadow_ray(from: &SurfacePoint, to: &SurfacePoint) -> Ray {
 
 /// A ray from a surface point to a point in space, such as a point light. It ends short of the point by 2⁻¹⁷ of its
 /// length, so that a light on a surface is not hidden by it, except at grazing angles.
+#[inline]
 pub fn shadow_ray_to_point(from: &SurfacePoint, point: Vec3) -> Ray {
     let mut ray = ray_from_surface(from, point - from.position);
     ray.direction = point - ray.origin;

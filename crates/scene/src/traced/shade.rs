@@ -20,9 +20,17 @@ impl TracedScene {
     /// # Panics
     /// The hit is from another scene with more triangles.
     pub fn shading_point(&self, hit: &SurfaceHit) -> ShadingPoint {
+        self.shading_point_of(hit, None)
+    }
+
+    /// As [`TracedScene::shading_point`], of another base colour than what is there: none is looked up then.
+    ///
+    /// # Panics
+    /// As [`TracedScene::shading_point`].
+    pub fn shading_point_of(&self, hit: &SurfaceHit, base_color: Option<Vec3>) -> ShadingPoint {
         let (index, corner) = self.corner_of(hit.primitive, hit.barycentric);
         let material = &self.materials()[index as usize];
-        let base_color = self.base_color(index, &corner).truncate();
+        let base_color = base_color.unwrap_or_else(|| self.base_color(index, &corner).truncate());
         let mut point = ShadingPoint {
             base_color,
             material: index,
