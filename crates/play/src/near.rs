@@ -37,7 +37,7 @@ pub fn near(prepared: &PreparedScene, place: (Vec3, Vec3)) -> Option<Near> {
         &transfer.finest,
         &[Some(place)],
         &transfer.near_separated,
-        |place, point| transfer.is_separated(&prepared.scene, place, point),
+        |asked| transfer.each_separated(&prepared.scene, asked),
     );
     let points: Vec<(u32, f32)> = row(&weights, 0).collect();
     let mut links = links_of(transfer, &points);
@@ -108,7 +108,7 @@ mod tests {
             if (near.points.iter()).any(|(j, _)| transfer.finest.normals[*j as usize].dot(place.1) < 0.9999) {
                 continue;
             }
-            let weights = weights_at(&transfer.finest, &[Some(place)], &[], |_, _| false);
+            let weights = weights_at(&transfer.finest, &[Some(place)], &[], |_| Vec::new());
             let components = reconstruct::components(&weights, &transfer.finest, &[(place.1, place.1)]);
             let expected = reconstruct::irradiance(&weights, &components, &values)[0].x;
             let summed: f32 = (near.links.iter())

@@ -7,26 +7,67 @@ use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_transport::basis::{FunctionsInOrder, Level};
 use relight_transport::pyramid::{VectorIrradiance, carried_back};
-use relight_transport::sparse::{SparseMatrix, build_with, fill_rows, row};
+use relight_transport::sparse::{SparseMatrix, build_runs, fill_rows, row};
 
 /// The finest level's functions at each pixel's surface; empty rows where there is no surface. `places` has
 /// position and smooth normal of each pixel.
 ///
 /// A place that no function covers (a crevice that no candidate met, the back of a thin rim) takes the nearest
-/// points whatever their normals, and failing that stays empty. Points that `is_separated` from it count for nothing, as
-/// long as others are left; it is asked about those in `near_separated` alone.
+/// points whatever their normals, and failing that stays empty. Points that a surface separates from it count for nothing, as
+/// long as others are left: `each_separated` is asked about those in `near_separated` alone, of many places at a time.
 pub fn weights_at(
     finest: &Level,
     places: &[Option<(Vec3, Vec3)>],
     near_separated: &[bool],
-    is_separated: impl Fn((Vec3, Vec3), u32) -> bool + Sync,
+    each_separated: impl Fn(&[((Vec3, Vec3), u32)]) -> Vec<bool> + Sync,
 ) -> SparseMatrix {
-    let functions = || FunctionsInOrder::new(finest);
-    build_with(places.len(), finest.len(), functions, |functions, i, row| {
-        if let Some(place) = places[i] {
-            functions_at(functions, place, near_separated, &is_separated, row);
+    let functions = || (FunctionsInOrder::new(finest), Vec::new(), Vec::new());
+    let is_near = |j: u32| near_separated.get(j as usize).copied().unwrap_or(false);
+    build_runs(
+        places.len(),
+        finest.len(),
+        functions,
+        |(functions, entries, ends), run, rows| {
+            entries.clear();
+            ends.clear();
+            let mut asked = Vec::new();
+            for place in &places[run] {
+                let first = entries.len();
+                if let Some(place) = *place {
+                    functions.functions_or_nearest_at(place.0, place.1, entries);
+                    let near = entries[first..].iter().filter(|entry| is_near(entry.0));
+                    asked.extend(near.map(|entry| (place, entry.0)));
+                }
+                ends.push(entries.len());
+            }
+            let mut separated = each_separated(&asked).into_iter();
+            let mut start = 0;
+            for &end in ends.iter() {
+                let row = &mut entries[start..end];
+                start = end;
+                let kept = keep(row, |j| is_near(j) && separated.next().unwrap_or(false));
+                rows.push(kept);
+            }
+        },
+    )
+}
+
+/// Moves the entries of a row that no surface separates from it to its front and scales them to a sum of 1; all as they were, where none is left.
+fn keep(row: &mut [(u32, f32)], mut is_separated: impl FnMut(u32) -> bool) -> &mut [(u32, f32)] {
+    let mut kept = 0;
+    let mut sum = 0.0;
+    for at in 0..row.len() {
+        if !is_separated(row[at].0) {
+            sum += row[at].1;
+            row.swap(kept, at);
+            kept += 1;
         }
-    })
+    }
+    if kept == row.len() || sum <= 0.0 {
+        return row;
+    }
+    row[..kept].iter_mut().for_each(|entry| entry.1 /= sum);
+    &mut row[..kept]
 }
 
 /// Appends a row of [`weights_at`].
@@ -40,17 +81,8 @@ pub(crate) fn functions_at(
     let first = row.len();
     functions.functions_or_nearest_at(place.0, place.1, row);
     let near = |j: u32| near_separated.get(j as usize).copied().unwrap_or(false);
-    if !row[first..].iter().any(|e| near(e.0)) {
-        return;
-    }
-    let kept: Vec<(u32, f32)> = (row[first..].iter().copied())
-        .filter(|e| !(near(e.0) && is_separated(place, e.0)))
-        .collect();
-    let sum: f32 = kept.iter().map(|e| e.1).sum();
-    if sum > 0.0 {
-        row.truncate(first);
-        row.extend(kept.iter().map(|e| (e.0, e.1 / sum)));
-    }
+    let kept = keep(&mut row[first..], |j| near(j) && is_separated(place, j)).len();
+    row.truncate(first + kept);
 }
 
 /// Weights of the pixels' rows on the components of vector irradiance: row weight times what the shading normal

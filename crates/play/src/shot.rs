@@ -211,15 +211,12 @@ impl RelitShot {
 }
 
 fn weights(transfer: &Transfer, scene: &TracedScene, seen: &Exposure) -> SparseMatrix {
-    let places: Vec<Option<(Vec3, Vec3)>> = (seen.hits.iter())
+    let places: Vec<Option<(Vec3, Vec3)>> = (seen.hits.par_iter().with_min_len(4096))
         .map(|hit| hit.as_ref().map(|h| (h.position, h.normal)))
         .collect();
-    reconstruct::weights_at(
-        &transfer.finest,
-        &places,
-        &transfer.near_separated,
-        |place, point| transfer.is_separated(scene, place, point),
-    )
+    reconstruct::weights_at(&transfer.finest, &places, &transfer.near_separated, |asked| {
+        transfer.each_separated(scene, asked)
+    })
 }
 
 /// Reflectances for what is spread like something matt, and what lobes see.
@@ -250,7 +247,7 @@ fn lobes(
 }
 
 fn components(finest: &Level, seen: &Exposure, weights: &SparseMatrix) -> Vec<Vec3> {
-    let normals: Vec<(Vec3, Vec3)> = (seen.points.iter())
+    let normals: Vec<(Vec3, Vec3)> = (seen.points.par_iter().with_min_len(4096))
         .map(|p| {
             p.as_ref()
                 .map_or((Vec3::Z, Vec3::Z), |p| (p.normal, p.shading_normal))

@@ -6,7 +6,7 @@
 
 use glam::{Vec3, Vec3A};
 use relight_render::irradiance::FOOTPRINT;
-use relight_scene::separation::are_separated;
+use relight_scene::separation::{self, Pair};
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
 use relight_transport::bounce::{self, Solve};
@@ -174,9 +174,25 @@ impl Transfer {
 
     /// Whether a surface separates a place (position and smooth normal) from a finest point.
     pub fn is_separated(&self, surfaces: &dyn Surfaces, place: (Vec3, Vec3), point: u32) -> bool {
+        separation::are_separated(surfaces, &self.pair(place, point))
+    }
+
+    /// [`Transfer::is_separated`] of many places and points.
+    pub fn each_separated(&self, surfaces: &dyn Surfaces, asked: &[((Vec3, Vec3), u32)]) -> Vec<bool> {
+        let pairs: Vec<Pair> = asked
+            .iter()
+            .map(|&(place, point)| self.pair(place, point))
+            .collect();
+        separation::each_separated(surfaces, &pairs)
+    }
+
+    fn pair(&self, place: (Vec3, Vec3), point: u32) -> Pair {
         let (finest, j) = (&self.finest, point as usize);
-        let there = (finest.positions[j], finest.normals[j]);
-        are_separated(surfaces, place, there, finest.disk_radius_of(j))
+        Pair {
+            from: place,
+            to: (finest.positions[j], finest.normals[j]),
+            scale: finest.disk_radius_of(j),
+        }
     }
 
     /// Other reflectances at the finest points, one each. A baked solution keeps those that it was solved with.

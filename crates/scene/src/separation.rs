@@ -15,26 +15,72 @@ const LIFT: f32 = 0.05;
 /// places, steps and mouldings pass below it.
 const DETOUR: f32 = 0.5;
 
-/// Whether a surface separates two places, each a position and unit normal: it stands between them, and on the way around
-/// over what lies low between them as well. `scale` is the distance (metres) of the points that there are: places nearer
-/// to each other are lifted as if they were so far apart.
-pub fn are_separated(surfaces: &dyn Surfaces, a: (Vec3, Vec3), b: (Vec3, Vec3), scale: f32) -> bool {
-    let distance = a.0.distance(b.0).max(scale);
-    let [from, to] = [a, b].map(|(position, normal)| position + normal * (LIFT * distance));
-    let blocked = |origin: Vec3, end: Vec3| {
-        surfaces.occluded(&Ray {
-            origin,
-            direction: end - origin,
-            t_min: 0.0,
-            t_max: 1.0,
-        })
-    };
-    if !blocked(from, to) {
-        return false;
+/// Two places, each a position and unit normal, that a surface may separate.
+#[derive(Clone, Copy, Debug)]
+pub struct Pair {
+    /// From here.
+    pub from: (Vec3, Vec3),
+    /// To here.
+    pub to: (Vec3, Vec3),
+    /// Distance (metres) of the points that there are: places nearer to each other are lifted as if they were so far apart.
+    pub scale: f32,
+}
+
+impl Pair {
+    fn distance(&self) -> f32 {
+        self.from.0.distance(self.to.0).max(self.scale)
     }
-    let up = (a.1 + b.1).try_normalize().unwrap_or(a.1);
-    let over = (a.0 + b.0) * 0.5 + up * (DETOUR * distance);
-    blocked(from, over) || blocked(over, to)
+
+    /// Straight from one to the other.
+    fn straight(&self) -> Ray {
+        let [from, to] = self.lifted();
+        between(from, to)
+    }
+
+    /// Both halves of the way around, over what lies low between them.
+    fn around(&self) -> [Ray; 2] {
+        let (a, b) = (self.from, self.to);
+        let up = (a.1 + b.1).try_normalize().unwrap_or(a.1);
+        let over = (a.0 + b.0) * 0.5 + up * (DETOUR * self.distance());
+        let [from, to] = self.lifted();
+        [between(from, over), between(over, to)]
+    }
+
+    fn lifted(&self) -> [Vec3; 2] {
+        let lift = LIFT * self.distance();
+        [self.from, self.to].map(|(position, normal)| position + normal * lift)
+    }
+}
+
+fn between(origin: Vec3, end: Vec3) -> Ray {
+    Ray {
+        origin,
+        direction: end - origin,
+        t_min: 0.0,
+        t_max: 1.0,
+    }
+}
+
+/// Whether a surface separates two places: it stands between them, and on the way around over what lies low between them as well.
+pub fn are_separated(surfaces: &dyn Surfaces, pair: &Pair) -> bool {
+    surfaces.occluded(&pair.straight()) && pair.around().iter().any(|ray| surfaces.occluded(ray))
+}
+
+/// [`are_separated`] of many pairs, whose rays are cast together.
+pub fn each_separated(surfaces: &dyn Surfaces, pairs: &[Pair]) -> Vec<bool> {
+    let occluded = |rays: &[Ray]| {
+        let mut occluded = vec![false; rays.len()];
+        surfaces.occluded_packet(rays, &mut occluded);
+        occluded
+    };
+    let straight: Vec<Ray> = pairs.iter().map(Pair::straight).collect();
+    let mut separated = occluded(&straight);
+    let blocked: Vec<usize> = (0..pairs.len()).filter(|&i| separated[i]).collect();
+    let around: Vec<Ray> = blocked.iter().flat_map(|&i| pairs[i].around()).collect();
+    for (&i, halves) in blocked.iter().zip(occluded(&around).chunks_exact(2)) {
+        separated[i] = halves[0] || halves[1];
+    }
+    separated
 }
 
 #[cfg(test)]
@@ -52,6 +98,13 @@ mod tests {
 
     fn on_floor(x: f32) -> (Vec3, Vec3) {
         (Vec3::new(x, 0.0, 0.0), Vec3::Y)
+    }
+
+    fn are_separated(surfaces: &dyn Surfaces, from: (Vec3, Vec3), to: (Vec3, Vec3), scale: f32) -> bool {
+        let pair = Pair { from, to, scale };
+        let alone = super::are_separated(surfaces, &pair);
+        assert_eq!(each_separated(surfaces, &[pair, pair]), [alone; 2]);
+        alone
     }
 
     fn ellipsoid(x: f64, y: f64) -> ImplicitSurface {

@@ -7,7 +7,7 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::iter::Sum;
-use std::ops::Mul;
+use std::ops::{Mul, Range};
 
 /// A sparse matrix of weights, always in compressed rows; columns ascend within a row. Columns and offsets are `u32`: at
 /// most 2³² entries.
@@ -40,49 +40,71 @@ pub fn build(rows: usize, columns: usize, fill: impl Fn(usize, &mut Vec<(u32, f3
 /// [`build`] with something that rows near each other share, such as a memo; it must not change what they are.
 ///
 /// # Panics
-/// A row has a column twice, or one that is not below `columns`.
+/// As [`build_runs`].
 pub fn build_with<T>(
     rows: usize,
     columns: usize,
     shared: impl Fn() -> T + Sync + Send,
     fill: impl Fn(&mut T, usize, &mut Vec<(u32, f32)>) + Sync,
 ) -> SparseMatrix {
-    #[derive(Default)]
-    struct Chunk {
-        /// Ends of the rows within the chunk.
-        ends: Vec<u32>,
-        columns: Vec<u32>,
-        weights: Vec<f32>,
+    let shared = || (shared(), Vec::new());
+    build_runs(rows, columns, shared, |(shared, row), run, out| {
+        for i in run {
+            row.clear();
+            fill(shared, i, row);
+            out.push(row);
+        }
+    })
+}
+
+/// Some rows of a matrix, one after the other.
+#[derive(Debug, Default)]
+pub struct Rows {
+    /// End of each.
+    ends: Vec<u32>,
+    columns: Vec<u32>,
+    weights: Vec<f32>,
+}
+
+impl Rows {
+    /// Appends a row; sorts its entries.
+    pub fn push(&mut self, row: &mut [(u32, f32)]) {
+        if !row.is_sorted_by_key(|entry| entry.0) {
+            row.sort_unstable_by_key(|entry| entry.0);
+        }
+        self.columns.extend(row.iter().map(|entry| entry.0));
+        self.weights.extend(row.iter().map(|entry| entry.1));
+        self.ends.push(self.columns.len() as u32);
     }
-    let chunks: Vec<Chunk> = (0..rows.div_ceil(CHUNK))
+}
+
+/// [`build`] of several rows at a time: `fill(shared, run, rows)` appends those of a run, one after the other.
+///
+/// # Panics
+/// A row has a column twice, or one that is not below `columns`; or a run has not as many rows as it should.
+pub fn build_runs<T>(
+    rows: usize,
+    columns: usize,
+    shared: impl Fn() -> T + Sync + Send,
+    fill: impl Fn(&mut T, Range<usize>, &mut Rows) + Sync,
+) -> SparseMatrix {
+    let runs: Vec<Rows> = (0..rows.div_ceil(CHUNK))
         .into_par_iter()
-        .map_init(
-            || (shared(), Vec::new()),
-            |(shared, row), number| {
-                let mut chunk = Chunk::default();
-                for i in number * CHUNK..((number + 1) * CHUNK).min(rows) {
-                    row.clear();
-                    fill(shared, i, row);
-                    if !row.is_sorted_by_key(|entry| entry.0) {
-                        row.sort_unstable_by_key(|entry| entry.0);
-                    }
-                    chunk.columns.extend(row.iter().map(|entry| entry.0));
-                    chunk.weights.extend(row.iter().map(|entry| entry.1));
-                    chunk.ends.push(chunk.columns.len() as u32);
-                }
-                chunk
-            },
-        )
+        .map_init(shared, |shared, number| {
+            let mut run = Rows::default();
+            fill(shared, number * CHUNK..((number + 1) * CHUNK).min(rows), &mut run);
+            run
+        })
         .collect();
-    let entries = chunks.iter().map(|chunk| chunk.columns.len()).sum();
+    let entries = runs.iter().map(|run| run.columns.len()).sum();
     let mut offsets = Vec::with_capacity(rows + 1);
     offsets.push(0);
     let (mut indices, mut weights) = (Vec::with_capacity(entries), Vec::with_capacity(entries));
-    for chunk in chunks {
+    for run in runs {
         let start = indices.len() as u32;
-        offsets.extend(chunk.ends.into_iter().map(|end| start + end));
-        indices.extend_from_slice(&chunk.columns);
-        weights.extend_from_slice(&chunk.weights);
+        offsets.extend(run.ends.into_iter().map(|end| start + end));
+        indices.extend_from_slice(&run.columns);
+        weights.extend_from_slice(&run.weights);
     }
     SparseMatrix::try_new((rows, columns), offsets, indices, weights)
         .unwrap_or_else(|(.., error)| panic!("rows of a matrix with {columns} columns: {error}"))

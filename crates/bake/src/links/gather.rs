@@ -11,7 +11,7 @@ use crate::points::candidates::Candidate;
 use glam::{Vec3, Vec3A};
 use relight_scene::environment::luminance;
 use relight_scene::rays::Ray;
-use relight_scene::separation::are_separated;
+use relight_scene::separation::{Pair, are_separated};
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::NearestPoint;
 use relight_transport::pyramid::LevelRanges;
@@ -41,7 +41,12 @@ impl SenderField<'_> {
         let separated = |point: u32| {
             let point = point as usize;
             let there = (level.positions[point], level.normals[point]);
-            are_separated(surfaces, (x, normal), there, level.disk_radius_of(point))
+            let pair = Pair {
+                from: (x, normal),
+                to: there,
+                scale: level.disk_radius_of(point),
+            };
+            are_separated(surfaces, &pair)
         };
         (self.points).on_same_side((x, normal), nearest, self.near_separated, separated)
     }

@@ -1,7 +1,7 @@
 //! Which points surfaces separate from each other: what may not be interpolated between.
 
 use rayon::prelude::*;
-use relight_scene::separation::are_separated;
+use relight_scene::separation::{Pair, are_separated};
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
 use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
@@ -27,7 +27,14 @@ pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Separations, SparseMa
         .iter()
         .flat_map(|level| level.positions.iter().copied().zip(level.normals.iter().copied()))
         .collect();
-    let separated = |a: usize, b: usize| are_separated(surfaces, places[a], places[b], finest * widths[b]);
+    let separated = |a: usize, b: usize| {
+        let pair = Pair {
+            from: places[a],
+            to: places[b],
+            scale: finest * widths[b],
+        };
+        are_separated(surfaces, &pair)
+    };
     let pairs = Mutex::new(Vec::new());
     let rows = fine_from_coarse(levels, |point, parent| {
         let separated = separated(point as usize, parent as usize);
