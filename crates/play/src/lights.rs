@@ -1,5 +1,6 @@
 //! Lights over time, as a player takes them.
 
+use glam::Vec3;
 use relight_scene::light::LightTrack;
 use relight_scene::light_set::{
     DistantLight, LightRig, LightSet, LightSetError, PreparedLights, SceneEmitters, Split,
@@ -19,12 +20,25 @@ pub struct Lights {
     directions: u32,
 }
 
-/// The lights of a frame as visibility cuts take them.
-pub(crate) struct Distant<'a> {
+/// The lights of a frame, each also at a colour of 1: a lamp that is dimmed stays the same but for that.
+pub(crate) struct FrameLights<'a> {
+    /// As they are.
+    pub lights: LightSet<'a>,
+    /// What visibility cuts leave of them, if they take any.
+    left: Option<LightSet<'a>>,
+    /// What has shadow rays of its own, at a colour of 1.
+    pub white: LightSet<'a>,
+    /// Per light the part that comes from even directions, where visibility cuts take it; at a colour of 1.
+    pub even: Vec<Option<DistantLight>>,
+    /// What that, and `white`, are to be multiplied by.
+    pub colors: Vec<Vec3>,
+}
+
+impl<'a> FrameLights<'a> {
     /// What has shadow rays of its own.
-    pub near: LightSet<'a>,
-    /// Per light the part that comes from even directions.
-    pub lights: Vec<Option<DistantLight>>,
+    pub fn shadowed(&self) -> &LightSet<'a> {
+        self.left.as_ref().unwrap_or(&self.lights)
+    }
 }
 
 impl Lights {
@@ -74,16 +88,31 @@ impl Lights {
         self.rig().at(time)
     }
 
-    /// The same with what comes from even directions apart.
-    pub(crate) fn distant_at(&self, time: f64) -> Distant<'_> {
+    /// The same as frames take them; `by_cuts`: visibility cuts take what comes from even directions.
+    pub(crate) fn of_frame(&self, time: f64, by_cuts: bool) -> FrameLights<'_> {
         let rig = self.rig();
-        let mut near = rig.at(time);
-        let lights = near.take_distant(|light| match &self.splits[light] {
-            None if self.directions > 0 && rig.map_changes(light) => {
-                rig.split(light, time, self.directions).map(Arc::new)
-            }
-            kept => kept.clone(),
+        let (lights, mut white, colors) = rig.colored_at(time);
+        let mut even: Vec<Option<DistantLight>> = self.tracks.iter().map(|_| None).collect();
+        let left = by_cuts.then(|| {
+            let splits: Vec<Option<Arc<Split>>> = (self.splits.iter().enumerate())
+                .map(|(light, kept)| match kept {
+                    None if self.directions > 0 && rig.map_changes(light) => {
+                        rig.split(light, time, self.directions).map(Arc::new)
+                    }
+                    kept => kept.clone(),
+                })
+                .collect();
+            even = white.take_distant(|light| splits[light].clone());
+            let mut left = rig.at(time);
+            left.take_distant(|light| splits[light].clone());
+            left
         });
-        Distant { near, lights }
+        FrameLights {
+            lights,
+            left,
+            white,
+            even,
+            colors,
+        }
     }
 }

@@ -188,6 +188,36 @@ pub enum LightKind {
     },
 }
 
+impl LightKind {
+    /// What all of its light is in proportion to, RGB: its intensity, irradiance or radiance, or what multiplies a map or materials.
+    pub fn color(&self) -> &Animated<Vec3> {
+        match self {
+            LightKind::Point { intensity, .. } | LightKind::Spot { intensity, .. } => intensity,
+            LightKind::Directional { irradiance, .. } => irradiance,
+            LightKind::Rect { radiance, .. } | LightKind::Sphere { radiance, .. } => radiance,
+            LightKind::Ies { scale, .. }
+            | LightKind::Environment { scale, .. }
+            | LightKind::SunSky { scale, .. }
+            | LightKind::Weather { scale, .. }
+            | LightKind::Emissive { scale, .. } => scale,
+        }
+    }
+
+    /// The same, to be changed.
+    pub fn color_mut(&mut self) -> &mut Animated<Vec3> {
+        match self {
+            LightKind::Point { intensity, .. } | LightKind::Spot { intensity, .. } => intensity,
+            LightKind::Directional { irradiance, .. } => irradiance,
+            LightKind::Rect { radiance, .. } | LightKind::Sphere { radiance, .. } => radiance,
+            LightKind::Ies { scale, .. }
+            | LightKind::Environment { scale, .. }
+            | LightKind::SunSky { scale, .. }
+            | LightKind::Weather { scale, .. }
+            | LightKind::Emissive { scale, .. } => scale,
+        }
+    }
+}
+
 /// A day of the year, as `MM-DD`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "String", into = "String")]

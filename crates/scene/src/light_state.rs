@@ -2,6 +2,7 @@
 
 use crate::animated::{Animated, Blend};
 use crate::light::{EnvironmentMap, EnvironmentMaps, LightKind, LightTrack};
+use glam::Vec3;
 use std::sync::Arc;
 
 /// A light at one time. Two of the same place in a sequence that are equal shine alike, to the bit.
@@ -18,6 +19,14 @@ impl PartialEq for LightState {
     fn eq(&self, other: &LightState) -> bool {
         let map = |state: &LightState| state.map.as_ref().map(Arc::as_ptr);
         map(self) == map(other) && self.kind == other.kind
+    }
+}
+
+impl LightState {
+    /// The same light at a colour of 1 ([`LightKind::color`]): what it is in proportion to is no part of this.
+    pub fn white(mut self) -> LightState {
+        *self.kind.color_mut() = Animated::Constant(Vec3::ONE);
+        self
     }
 }
 
@@ -126,7 +135,6 @@ fn hold<T: Blend>(value: &mut Animated<T>, frame: f64) {
 mod tests {
     use super::*;
     use crate::animated::Interpolation;
-    use glam::Vec3;
 
     fn keys<T>(keys: Vec<(f64, T)>) -> Animated<T> {
         Animated::Keys {
@@ -155,6 +163,18 @@ mod tests {
             lamp.state_at(4.0),
             sphere(Animated::Constant(Vec3::X)).state_at(0.0)
         );
+    }
+
+    #[test]
+    fn a_lamp_that_is_dimmed_is_the_same_but_for_its_colour() {
+        let lamp = |radiance: Vec3, center: Vec3| {
+            let mut lamp = sphere(Animated::Constant(center));
+            *lamp.kind.color_mut() = keys(vec![(0.0, radiance), (1.0, Vec3::ZERO)]);
+            lamp.state_at(0.5)
+        };
+        assert_ne!(lamp(Vec3::ONE, Vec3::X), lamp(Vec3::X, Vec3::X));
+        assert_eq!(lamp(Vec3::ONE, Vec3::X).white(), lamp(Vec3::X, Vec3::X).white());
+        assert_ne!(lamp(Vec3::ONE, Vec3::X).white(), lamp(Vec3::ONE, Vec3::Y).white());
     }
 
     #[test]

@@ -2,20 +2,19 @@
 
 use super::direct::Sums;
 use super::emission::emission_at;
-use super::parts::{EvenLight, Received};
+use super::parts::{EvenLight, Received, multiply};
 use super::received::Starts;
 use super::settings::FrameSettings;
 use super::stats::{FrameTimes, RelitStats, milliseconds};
 use super::task::{NodeCounts, Task, add};
 use crate::choice::{CutKind, CutUse};
-use crate::lights::{Distant, Lights};
+use crate::lights::{FrameLights, Lights};
 use crate::prepared::PreparedScene;
 use crate::shot::RelitShot;
 use crate::still::Cause;
 use glam::Vec3;
 use relight_render::sum::Sum;
 use relight_render::watch::{Cancelled, Watch, go_on};
-use relight_scene::light_set::LightSet;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -80,22 +79,20 @@ pub fn light(
         points: (shot.transfers && prepared.transfer.is_some()).then_some(&prepared.places),
         samples: (samples.filter(|_| by_cuts == CutUse::FirstBounce)).map(|samples| &samples.hits[..]),
     };
-    let even = (by_cuts == CutUse::Environments).then(|| lights.distant_at(time));
+    let by_directions = by_cuts == CutUse::Environments;
     let causes: Vec<Cause> = (lights.tracks().iter())
         .map(|track| Cause {
-            light: Arc::new(track.state_at(time)),
+            light: Arc::new(track.state_at(time).white()),
             settings: *settings,
-            by_directions: even.is_some(),
+            by_directions,
             starts: [starts.points.is_some(), starts.samples.is_some()],
             edition: shot.edition,
         })
         .collect();
-    let lights = lights.at(time);
     let shining = Shining {
         causes: &causes,
-        lights: &lights,
-        shadowed: even.as_ref().map_or(&lights, |even| &even.near),
-        even: even.as_ref(),
+        of: &lights.of_frame(time, by_directions),
+        by_directions,
     };
     let mut stats = RelitStats {
         pixels: shot.seen.width * shot.seen.height,
@@ -117,30 +114,41 @@ pub fn light(
 
 /// The lights of a frame.
 struct Shining<'a> {
-    /// What each follows from.
+    /// What each at a colour of 1 follows from.
     causes: &'a [Cause],
-    lights: &'a LightSet<'a>,
-    /// The same, less what comes from even directions.
-    shadowed: &'a LightSet<'a>,
-    /// What comes from even directions, where visibility cuts take it.
-    even: Option<&'a Distant<'a>>,
+    of: &'a FrameLights<'a>,
+    /// Whether visibility cuts take what comes from even directions.
+    by_directions: bool,
 }
 
 impl Shining<'_> {
     /// What a light lets arrive where indirect light starts, by shadow rays.
     fn received_of(&self, light: usize, task: &Task, starts: Starts, times: &mut FrameTimes) -> Received {
         let start = Instant::now();
-        let make = || task.receiving().with_lobes(starts, self.shadowed, light);
-        let (received, _) = (task.prepared.received).light_of(light, &self.causes[light].at_points(), make);
+        let receiving = task.receiving();
+        let received = match self.of.lights.is_dark(light) {
+            true => receiving.dark(starts),
+            false => {
+                let make = || receiving.with_lobes(starts, &self.of.white, light);
+                let cause = self.causes[light].at_points();
+                let (white, _) = task.prepared.received.light_of(light, &cause, make);
+                white.times(self.of.colors[light])
+            }
+        };
         times.direct_points += milliseconds(start);
         received
     }
 
     /// What fragments reflect of a light, by shadow rays.
     fn reflected_of(&self, light: usize, task: &Task, stats: &mut RelitStats) -> Vec<Vec3> {
+        if self.of.lights.is_dark(light) {
+            return vec![Vec3::ZERO; task.shot.seen.len()];
+        }
         let start = Instant::now();
-        let make = || task.reflected_of(self.shadowed, light, self.even.is_some());
-        let (reflected, kept) = (task.shot.reflected).light_of(light, &self.causes[light].at_pixels(), make);
+        let make = || task.reflected_of(&self.of.white, light, self.by_directions);
+        let cause = self.causes[light].at_pixels();
+        let (mut reflected, kept) = task.shot.reflected.light_of(light, &cause, make);
+        multiply(&mut reflected, self.of.colors[light]);
         stats.still_lights += usize::from(kept);
         stats.times.direct_pixels += milliseconds(start);
         reflected
@@ -148,11 +156,14 @@ impl Shining<'_> {
 
     /// Its light of even directions, where visibility cuts take it.
     fn even_of(&self, light: usize, task: &Task, times: &mut FrameTimes) -> Option<EvenLight> {
-        let distant = self.even?.lights[light].as_ref()?;
+        let distant = self.of.even[light].as_ref()?;
+        if self.of.lights.is_dark(light) {
+            return None;
+        }
         let make = || task.even_light(distant, times);
         let even = (task.shot.even).light_of(light, &self.causes[light], make).0?;
         task.nodes.add(&even.nodes);
-        Some(even)
+        Some(even.times(self.of.colors[light]))
     }
 }
 
@@ -164,9 +175,9 @@ fn all_together(
     stats: &mut RelitStats,
     watch: &dyn Watch,
 ) -> Result<Lit, Cancelled> {
-    let Shining { lights, shadowed, .. } = *shining;
+    let lights = &shining.of.lights;
     let mut sums = Sums::new(task.shot.seen.len(), starts);
-    let at_once = task.add_by_lightcuts(starts, shadowed, &mut sums, &mut stats.times);
+    let at_once = task.add_by_lightcuts(starts, shining.of.shadowed(), &mut sums, &mut stats.times);
     stats.lightcuts = at_once.used;
     for light in 0..lights.len() {
         go_on(watch)?;
@@ -210,7 +221,7 @@ fn light_by_light(
     stats: &mut RelitStats,
     watch: &dyn Watch,
 ) -> Result<Lit, Cancelled> {
-    let (lights, seen) = (shining.lights, &task.shot.seen);
+    let (lights, seen) = (&shining.of.lights, &task.shot.seen);
     let mut layers = Vec::new();
     let nothing = || Sum::Nothing(seen.len());
     let (mut all_direct, mut all_indirect) = (nothing(), nothing());

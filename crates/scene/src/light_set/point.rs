@@ -15,6 +15,7 @@ pub(super) struct PointLight {
 }
 
 /// The cone of a spot light.
+#[derive(Clone, Copy)]
 pub(super) struct Cone {
     pub axis: DVec3,
     pub cos_inner: f64,

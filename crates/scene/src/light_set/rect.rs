@@ -73,7 +73,7 @@ impl Shape for RectLight {
 }
 
 /// A parallelogram that emits towards `edge_u × edge_v`.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Rect {
     /// Its corner at −u, −v.
     corner: DVec3,

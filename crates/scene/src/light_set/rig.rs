@@ -17,6 +17,7 @@ use crate::daylight::sun_sky_at;
 use crate::environment::EnvironmentSampler;
 use crate::light::{EnvironmentMap, EnvironmentMaps, LightKind, LightTrack};
 use crate::photometry::LampAxes;
+use glam::Vec3;
 use std::collections::HashMap;
 use std::sync::Arc;
 use thiserror::Error;
@@ -152,38 +153,58 @@ impl<'a> LightRig<'a> {
     /// The lights at `frame`. Values that interpolation carries out of their range (a negative intensity
     /// after a cubic overshoot) are clamped to it.
     pub fn at(&self, frame: f64) -> LightSet<'a> {
-        let lights = (self.tracks.iter().enumerate()).map(|(i, track)| {
-            let shape = self.shape(i, &track.kind, frame);
-            (track.name.clone(), shape.unwrap_or_else(|| Box::new(Dark)))
-        });
-        LightSet::of_shapes(lights, self.emitters)
+        self.colored_at(frame).0
     }
 
-    /// A light at `frame`; `None` where nothing shines.
-    fn shape(&self, i: usize, kind: &LightKind, frame: f64) -> Option<Box<dyn Shape>> {
+    /// The same; and again each at a colour of 1 ([`LightKind::color`]), with the colours that it is to be multiplied by.
+    pub fn colored_at(&self, frame: f64) -> (LightSet<'a>, LightSet<'a>, Vec<Vec3>) {
+        let colors: Vec<Vec3> = (self.tracks.iter())
+            .map(|track| positive(track.kind.color().at(frame)))
+            .collect();
+        let shapes: Vec<Option<Colored>> = (self.tracks.iter().enumerate())
+            .map(|(i, track)| self.shape(i, &track.kind, frame))
+            .collect();
+        let of_colors = |colors: &[Vec3]| {
+            let lights = (self.tracks.iter().zip(&shapes).zip(colors)).map(|((track, shape), color)| {
+                let shape = shape.as_ref().map(|shape| shape(*color));
+                (track.name.clone(), shape.unwrap_or_else(|| Box::new(Dark)))
+            });
+            LightSet::of_shapes(lights, self.emitters)
+        };
+        let white = of_colors(&vec![Vec3::ONE; colors.len()]);
+        (of_colors(&colors), white, colors)
+    }
+
+    /// A light at `frame`, of any colour; `None` where nothing shines.
+    fn shape(&self, i: usize, kind: &LightKind, frame: f64) -> Option<Colored> {
         Some(match kind {
-            LightKind::Point { position, intensity } => Box::new(PointLight {
-                position: position.at(frame).as_dvec3(),
-                intensity: positive(intensity.at(frame)),
-                cone: None,
-            }),
+            LightKind::Point { position, .. } => {
+                let position = position.at(frame).as_dvec3();
+                colored(move |intensity| PointLight {
+                    position,
+                    intensity,
+                    cone: None,
+                })
+            }
             LightKind::Spot {
                 position,
                 direction,
                 inner_angle_deg,
                 outer_angle_deg,
-                intensity,
+                ..
             } => {
                 let cos = |degrees: f32| f64::from(degrees.clamp(0.0, 90.0)).to_radians().cos();
                 let cos_outer = cos(outer_angle_deg.at(frame));
-                Box::new(PointLight {
-                    position: position.at(frame).as_dvec3(),
-                    intensity: positive(intensity.at(frame)),
-                    cone: Some(Cone {
-                        axis: unit(direction.at(frame))?,
-                        cos_inner: cos(inner_angle_deg.at(frame)).max(cos_outer),
-                        cos_outer,
-                    }),
+                let position = position.at(frame).as_dvec3();
+                let cone = Cone {
+                    axis: unit(direction.at(frame))?,
+                    cos_inner: cos(inner_angle_deg.at(frame)).max(cos_outer),
+                    cos_outer,
+                };
+                colored(move |intensity| PointLight {
+                    position,
+                    intensity,
+                    cone: Some(cone),
                 })
             }
             LightKind::Ies {
@@ -191,65 +212,73 @@ impl<'a> LightRig<'a> {
                 position,
                 direction,
                 up,
-                scale,
                 ..
             } => {
                 let axes = LampAxes::new(direction.at(frame).as_dvec3(), up.at(frame).as_dvec3())?;
-                Box::new(ProfileLight {
-                    position: position.at(frame).as_dvec3(),
+                let (position, profile) = (position.at(frame).as_dvec3(), profile.clone());
+                let tilted = profile.tilted(axes.aim());
+                colored(move |scale| ProfileLight {
+                    position,
                     axes,
                     profile: profile.clone(),
-                    scale: times(positive(scale.at(frame)), profile.tilted(axes.aim())),
+                    scale: times(scale, tilted),
                 })
             }
-            LightKind::Directional {
-                direction,
-                irradiance,
-            } => Box::new(DirectionalLight {
-                towards: -unit(direction.at(frame))?,
-                irradiance: positive(irradiance.at(frame)),
-            }),
+            LightKind::Directional { direction, .. } => {
+                let towards = -unit(direction.at(frame))?;
+                colored(move |irradiance| DirectionalLight { towards, irradiance })
+            }
             LightKind::Rect {
                 center,
                 edge_u,
                 edge_v,
-                radiance,
-            } => Box::new(RectLight {
-                rect: Rect::new(center.at(frame), edge_u.at(frame), edge_v.at(frame))?,
-                radiance: positive(radiance.at(frame)),
-            }),
-            LightKind::Sphere {
-                center,
-                radius,
-                radiance,
-            } => Box::new(SphereLight {
-                sphere: Sphere {
+                ..
+            } => {
+                let rect = Rect::new(center.at(frame), edge_u.at(frame), edge_v.at(frame))?;
+                colored(move |radiance| RectLight { rect, radiance })
+            }
+            LightKind::Sphere { center, radius, .. } => {
+                let sphere = Sphere {
                     center: center.at(frame).as_dvec3(),
                     radius: Some(f64::from(radius.at(frame))).filter(|&radius| radius > 0.0)?,
-                },
-                radiance: positive(radiance.at(frame)),
-            }),
-            LightKind::Environment {
-                maps,
-                scale,
-                rotation_deg,
-                ..
-            } => Box::new(EnvironmentLight(TurnedMap {
-                map: maps.at(frame),
-                sampler: self.sampler(i, maps, frame)?,
-                scale: positive(scale.at(frame)),
-                turn: (f64::from(rotation_deg.at(frame)) / 360.0).rem_euclid(1.0) as f32,
-            })),
-            LightKind::SunSky { .. } | LightKind::Weather { .. } => {
-                let (sky, scale) = sun_sky_at(kind, frame)?;
-                Box::new(SunSkyLight::new(sky, positive(scale))?)
+                };
+                colored(move |radiance| SphereLight { sphere, radiance })
             }
-            LightKind::Emissive { scale, .. } => Box::new(EmissiveLight {
-                table: self.prepared.tables[i].clone()?,
-                scale: positive(scale.at(frame)),
-            }),
+            LightKind::Environment {
+                maps, rotation_deg, ..
+            } => {
+                let (map, sampler) = (maps.at(frame), self.sampler(i, maps, frame)?);
+                let turn = (f64::from(rotation_deg.at(frame)) / 360.0).rem_euclid(1.0) as f32;
+                colored(move |scale| {
+                    EnvironmentLight(TurnedMap {
+                        map: map.clone(),
+                        sampler: sampler.clone(),
+                        scale,
+                        turn,
+                    })
+                })
+            }
+            LightKind::SunSky { .. } | LightKind::Weather { .. } => {
+                let (sky, _) = sun_sky_at(kind, frame)?;
+                let white = SunSkyLight::new(sky)?;
+                colored(move |scale| white.scaled(scale))
+            }
+            LightKind::Emissive { .. } => {
+                let table = self.prepared.tables[i].clone()?;
+                colored(move |scale| EmissiveLight {
+                    table: table.clone(),
+                    scale,
+                })
+            }
         })
     }
+}
+
+/// A light that may have any colour.
+type Colored = Box<dyn Fn(Vec3) -> Box<dyn Shape>>;
+
+fn colored<S: Shape + 'static>(of_color: impl Fn(Vec3) -> S + 'static) -> Colored {
+    Box::new(move |color| Box::new(of_color(color)))
 }
 
 impl<'a> LightSet<'a> {

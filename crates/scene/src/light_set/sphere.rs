@@ -55,7 +55,7 @@ impl Shape for SphereLight {
 }
 
 /// A sphere that emits outwards.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Sphere {
     pub center: DVec3,
     /// m.

@@ -13,6 +13,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// A sky as a map, and the sun's disc before it.
+#[derive(Clone)]
 pub(super) struct SunSkyLight {
     sky: TurnedMap,
     sun: SunDisc,
@@ -42,7 +43,7 @@ impl SunDisc {
 
 impl SunSkyLight {
     /// `None` where the sky is black.
-    pub(super) fn new(sun_sky: SunSky, scale: Vec3) -> Option<SunSkyLight> {
+    pub(super) fn new(sun_sky: SunSky) -> Option<SunSkyLight> {
         let SunSky {
             sky,
             sun_direction,
@@ -58,16 +59,24 @@ impl SunSkyLight {
             sky: TurnedMap {
                 map: Arc::new(sky),
                 sampler: Arc::new(sampler),
-                scale,
+                scale: Vec3::ONE,
                 turn: 0.0,
             },
             sun: SunDisc {
                 axis: sun_direction.as_dvec3().normalize(),
-                radiance: sun_radiance * scale,
+                radiance: sun_radiance,
                 one_minus_cos,
                 chance,
             },
         })
+    }
+
+    /// The same, multiplied.
+    pub(super) fn scaled(&self, scale: Vec3) -> SunSkyLight {
+        let mut scaled = self.clone();
+        scaled.sky.scale *= scale;
+        scaled.sun.radiance *= scale;
+        scaled
     }
 
     /// Radiance of sun and sky in a direction and the density of the mixture that samples them.
