@@ -325,6 +325,11 @@ fn rejected_hits_are_passed_through() {
         let rays = awkward_rays(&mesh, 1000);
         // Every ray passes through triangles of its own.
         let passes = |i: usize, hit: &Hit| hit.triangle as usize % 2 != i % 2;
+        let mut occluded = vec![false; rays.len()];
+        bvh.any_hit_packet_where(&rays, &mut occluded, passes);
+        for (i, (ray, &occluded)) in rays.iter().zip(&occluded).enumerate() {
+            assert_eq!(occluded, bvh.any_hit_where(ray, |hit| passes(i, hit)), "{ray:?}");
+        }
         let mut packet = vec![None; rays.len()];
         bvh.closest_hit_packet(&rays, &mut packet, passes);
         for (i, (ray, hit)) in rays.iter().zip(packet).enumerate() {

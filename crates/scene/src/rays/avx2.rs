@@ -65,10 +65,17 @@ impl Avx2 {
         unsafe { kernel::cast_among(tree, ray, parts, accept) }
     }
 
-    /// See [`super::TriangleBvh::any_hit_packet`].
-    pub(super) fn any_hit_packet(self, tree: &Tree, rays: &[Ray], occluded: &mut [bool]) {
+    /// See [`super::TriangleBvh::any_hit_packet_where`]. `ALL`: `accept` takes all.
+    #[inline(always)]
+    pub(super) fn any_hit_packet<const ALL: bool>(
+        self,
+        tree: &Tree,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        accept: &impl Fn(usize, &Hit) -> bool,
+    ) {
         // SAFETY: a value of this type exists only where `detect` found the instructions.
-        unsafe { packet::any_hit_packet(tree, rays, occluded) }
+        unsafe { packet::any_hit_packet::<ALL>(tree, rays, occluded, accept) }
     }
 
     /// See [`super::TriangleBvh::closest_hit_packet`].

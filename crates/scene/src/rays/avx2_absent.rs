@@ -39,7 +39,13 @@ impl Avx2 {
         match self {}
     }
 
-    pub(super) fn any_hit_packet(self, _: &Tree, _: &[Ray], _: &mut [bool]) {
+    pub(super) fn any_hit_packet<const ALL: bool>(
+        self,
+        _: &Tree,
+        _: &[Ray],
+        _: &mut [bool],
+        _: &impl Fn(usize, &Hit) -> bool,
+    ) {
         match self {}
     }
 

@@ -100,13 +100,7 @@ impl Best {
         if straddles && !ray.plane_is_ahead(&block.triangle(lane)) {
             return false;
         }
-        let hit = Hit {
-            t: ray.world_t(t),
-            triangle,
-            u: edges[1] / det,
-            v: edges[2] / det,
-            sheet: 0.0,
-        };
+        let hit = hit_of(triangle, ray, t, edges);
         if !accept(&hit) {
             return false;
         }
@@ -142,6 +136,19 @@ impl Best {
     #[inline(always)]
     pub(super) fn some_hit(&self) -> Option<Hit> {
         self.front.hit.or(self.back.hit)
+    }
+}
+
+/// A hit of a triangle at internal parameter `t`, from its edge functions.
+#[inline(always)]
+pub(super) fn hit_of(triangle: u32, ray: &RaySetup, t: f32, edges: [f32; 3]) -> Hit {
+    let det = edges[0] + edges[1] + edges[2];
+    Hit {
+        t: ray.world_t(t),
+        triangle,
+        u: edges[1] / det,
+        v: edges[2] / det,
+        sheet: 0.0,
     }
 }
 

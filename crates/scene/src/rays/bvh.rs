@@ -115,7 +115,18 @@ impl TriangleBvh {
     /// Right for any rays, faster than single calls for rays that share their origin or their target and lie close to
     /// each other in the slice. If the slices differ in length, the shorter one counts.
     pub fn any_hit_packet(&self, rays: &[Ray], occluded: &mut [bool]) {
-        packet::any_hit_packet(&self.tree, self.simd, rays, occluded);
+        packet::any_hit_packet::<true>(&self.tree, self.simd, rays, occluded, &|_, _| true);
+    }
+
+    /// As [`any_hit_packet`](Self::any_hit_packet) of what `accept` takes, asked with the ray's number: `occluded[i]` is what
+    /// [`any_hit_where`](Self::any_hit_where) returns for `rays[i]`.
+    pub fn any_hit_packet_where(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        accept: impl Fn(usize, &Hit) -> bool,
+    ) {
+        packet::any_hit_packet::<false>(&self.tree, self.simd, rays, occluded, &accept);
     }
 
     /// The closest hit of each of `rays` that `accept` takes, asked with the ray's number: `hits[i]` is what

@@ -200,17 +200,37 @@ impl TracedScene {
         let met = RefCell::new(Vec::new());
         let stop = self
             .bvh()
-            .some_hit_where(ray, |hit| match self.passed_pane(ray, hit) {
-                None => self.stops(ray, hit),
-                Some(share) => {
-                    let mut met = met.borrow_mut();
-                    met.push(self.met(ray, hit, share));
-                    met.len() > MOST
-                }
-            });
+            .some_hit_where(ray, |hit| self.stops_or_met(ray, hit, &met));
         match stop {
             Some(_) => Vec3::ZERO,
             None => self.product(ray, ray.t_max, met.into_inner()),
+        }
+    }
+
+    /// [`Surfaces::passed_packet`](crate::surface::Surfaces::passed_packet) of scenes with panes.
+    pub(super) fn passed_panes_packet(&self, rays: &[Ray], passed: &mut [Vec3], occluded: &mut Vec<bool>) {
+        occluded.clear();
+        occluded.resize(rays.len(), false);
+        let met: Vec<RefCell<Vec<Met>>> = rays.iter().map(|_| RefCell::default()).collect();
+        self.bvh()
+            .any_hit_packet_where(rays, occluded, |i, hit| self.stops_or_met(&rays[i], hit, &met[i]));
+        for (((ray, met), out), &stopped) in rays.iter().zip(met).zip(passed).zip(occluded.iter()) {
+            *out = match stopped {
+                true => Vec3::ZERO,
+                false => self.product(ray, ray.t_max, met.into_inner()),
+            };
+        }
+    }
+
+    /// Whether a ray ends where it meets a triangle; panes that it passes are added to those that it has `met`.
+    fn stops_or_met(&self, ray: &Ray, hit: &Hit, met: &RefCell<Vec<Met>>) -> bool {
+        match self.passed_pane(ray, hit) {
+            None => self.stops(ray, hit),
+            Some(share) => {
+                let mut met = met.borrow_mut();
+                met.push(self.met(ray, hit, share));
+                met.len() > MOST
+            }
         }
     }
 

@@ -413,10 +413,8 @@ impl Surfaces for TracedScene {
     fn occluded_packet(&self, rays: &[Ray], occluded: &mut [bool]) {
         if self.opaque {
             self.bvh.any_hit_packet(rays, occluded);
-            return;
-        }
-        for (ray, out) in rays.iter().zip(occluded) {
-            *out = self.occluded(ray);
+        } else {
+            (self.bvh).any_hit_packet_where(rays, occluded, |i, hit| self.stops(&rays[i], hit));
         }
     }
 
@@ -433,9 +431,7 @@ impl Surfaces for TracedScene {
             unshaded(self, rays, passed, occluded);
             return;
         }
-        for (ray, out) in rays.iter().zip(passed) {
-            *out = self.passed_panes(ray);
-        }
+        self.passed_panes_packet(rays, passed, occluded);
     }
 
     fn tint(&self, ray: &Ray, t: f32) -> Vec3 {

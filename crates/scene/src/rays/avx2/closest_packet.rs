@@ -12,7 +12,7 @@ use super::super::ray::{Hit, Ray};
 use super::super::ray_setup::RaySetup;
 use super::kernel::improve;
 use super::packet::{
-    Common, FEW, GROUPS, Group, LANES, PACKET, Planes, Sorted, WINDOW, common, group, highest, lowest,
+    Common, FEW, GROUPS, Group, LANES, PACKET, Planes, Sorted, WINDOW, array, common, group, highest, lowest,
     meet_any, meet_triangle, place,
 };
 
@@ -176,15 +176,6 @@ impl Packet<'_> {
             }
         }
     }
-}
-
-#[inline]
-#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-fn array(v: __m256) -> [f32; LANES] {
-    let mut out = [0.0; LANES];
-    // SAFETY: the array holds eight floats.
-    unsafe { _mm256_storeu_ps(out.as_mut_ptr(), v) };
-    out
 }
 
 /// Rays for which something at `near` may matter.

@@ -10,8 +10,9 @@
 
 use std::arch::x86_64::*;
 
+use super::super::best::hit_of;
 use super::super::layout::{Block, LEAF_BIT, NO_TRIANGLE, Node, STACK_SIZE, Tree, UNIT_ROUNDOFF};
-use super::super::ray::Ray;
+use super::super::ray::{Hit, Ray};
 use super::super::ray_setup::RaySetup;
 use super::kernel::{difference_of_products_8, traverse};
 
@@ -26,16 +27,25 @@ pub(super) const PACKET: usize = GROUPS * LANES;
 /// With at most this many rays left in a subtree, single traversal is faster (docs/notebook/rays.md).
 pub(super) const FEW: u32 = 5;
 
-/// See [`super::super::TriangleBvh::any_hit_packet`].
+/// See [`super::super::TriangleBvh::any_hit_packet_where`]. `ALL`: `accept` takes all.
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-pub(super) fn any_hit_packet(tree: &Tree, rays: &[Ray], occluded: &mut [bool]) {
+pub(super) fn any_hit_packet<const ALL: bool>(
+    tree: &Tree,
+    rays: &[Ray],
+    occluded: &mut [bool],
+    accept: &impl Fn(usize, &Hit) -> bool,
+) {
     let count = rays.len().min(occluded.len());
     occluded[..count].fill(false);
     let mut sorted = Sorted::new();
-    for (rays, occluded) in rays[..count].chunks(WINDOW).zip(occluded.chunks_mut(WINDOW)) {
+    let windows = rays[..count].chunks(WINDOW).zip(occluded.chunks_mut(WINDOW));
+    for (window, (rays, occluded)) in windows.enumerate() {
         sorted.sort(tree, rays);
         for members in sorted.packets() {
-            let hits = cast_packet(tree, &sorted.of_packet(members), members.len());
+            let setups = sorted.of_packet(members);
+            let hits = cast_packet::<ALL>(tree, &setups, members.len(), &|lane, hit| {
+                accept(window * WINDOW + place(members[lane]), hit)
+            });
             for (lane, member) in members.iter().enumerate() {
                 occluded[place(*member)] = hits >> lane & 1 != 0;
             }
@@ -123,13 +133,19 @@ pub(super) struct Common {
     pub(super) t_max: __m256,
 }
 
-/// Casts up to sixteen rays whose directions have the same signs; unused slots repeat one of them. Returns a bit per ray.
+/// Casts up to sixteen rays whose directions have the same signs; unused slots repeat one of them. Returns a bit per ray. `accept` is asked
+/// with the ray's lane.
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-fn cast_packet(tree: &Tree, rays: &[&RaySetup; PACKET], count: usize) -> u32 {
+fn cast_packet<const ALL: bool>(
+    tree: &Tree,
+    rays: &[&RaySetup; PACKET],
+    count: usize,
+    accept: &impl Fn(usize, &Hit) -> bool,
+) -> u32 {
     let mut active = (1u32 << count) - 1;
     if active.count_ones() <= FEW {
-        return cast_singly(tree, rays, active, 0);
+        return cast_singly(tree, rays, active, 0, accept);
     }
     let groups = [group(&rays[..LANES]), group(&rays[LANES..])];
     let common = common(rays, &groups);
@@ -147,14 +163,14 @@ fn cast_packet(tree: &Tree, rays: &[&RaySetup; PACKET], count: usize) -> u32 {
         }
         let mut found = 0;
         if mask.count_ones() <= FEW {
-            found = cast_singly(tree, rays, mask, child);
+            found = cast_singly(tree, rays, mask, child, accept);
         } else if child & LEAF_BIT != 0 {
             // SAFETY: references with the leaf bit are indices of `blocks`.
             let block = unsafe { tree.blocks.get_unchecked((child & !LEAF_BIT) as usize) };
             found = if same_axes {
-                meet_block(block, &groups, rays, mask)
+                meet_block::<ALL>(block, &groups, rays, mask, accept)
             } else {
-                cast_singly(tree, rays, mask, child)
+                cast_singly(tree, rays, mask, child, accept)
             };
         } else {
             // SAFETY: references without the leaf bit are indices of `nodes`.
@@ -183,13 +199,19 @@ fn cast_packet(tree: &Tree, rays: &[&RaySetup; PACKET], count: usize) -> u32 {
 /// Casts the rays of `mask` one by one from `root` on.
 #[inline(never)]
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-fn cast_singly(tree: &Tree, rays: &[&RaySetup; PACKET], mask: u32, root: u32) -> u32 {
+fn cast_singly(
+    tree: &Tree,
+    rays: &[&RaySetup; PACKET],
+    mask: u32,
+    root: u32,
+    accept: &impl Fn(usize, &Hit) -> bool,
+) -> u32 {
     let mut hits = 0;
     let mut rest = mask;
     while rest != 0 {
-        let lane = rest.trailing_zeros() as usize;
+        let lane = rest.trailing_zeros() as usize & (PACKET - 1);
         rest &= rest - 1;
-        if traverse::<true>(tree, rays[lane & (PACKET - 1)], root, &|_| true).is_some() {
+        if traverse::<true>(tree, rays[lane], root, &|hit| accept(lane, hit)).is_some() {
             hits |= 1 << lane;
         }
     }
@@ -403,7 +425,13 @@ impl Planes {
 /// The rays of `mask` that hit a triangle of the block. All rays share their axes.
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-fn meet_block(block: &Block, groups: &[Group; GROUPS], rays: &[&RaySetup; PACKET], mask: u32) -> u32 {
+fn meet_block<const ALL: bool>(
+    block: &Block,
+    groups: &[Group; GROUPS],
+    rays: &[&RaySetup; PACKET],
+    mask: u32,
+    accept: &impl Fn(usize, &Hit) -> bool,
+) -> u32 {
     let axes = rays[0].axes;
     let mut hits = 0;
     for lane in 0..block.triangles.len() {
@@ -425,10 +453,47 @@ fn meet_block(block: &Block, groups: &[Group; GROUPS], rays: &[&RaySetup; PACKET
                     hit &= !(1 << ray);
                 }
             }
+            if !ALL && hit != 0 {
+                let rays = &rays[LANES * index..];
+                hit = accepted(block.triangles[lane], &met, hit, rays, &|ray, hit| {
+                    accept(LANES * index + ray, hit)
+                });
+            }
             hits |= hit << (LANES * index);
         }
     }
     hits
+}
+
+/// Those of a group's rays of `hit` whose hit of a triangle `accept` takes.
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+fn accepted(
+    triangle: u32,
+    met: &Met,
+    hit: u32,
+    rays: &[&RaySetup],
+    accept: &impl Fn(usize, &Hit) -> bool,
+) -> u32 {
+    let (t, edges) = (array(met.t), met.edges.map(|edges| array(edges)));
+    let mut accepted = 0;
+    let mut rest = hit;
+    while rest != 0 {
+        let ray = rest.trailing_zeros() as usize & (LANES - 1);
+        rest &= rest - 1;
+        let hit = hit_of(triangle, rays[ray], t[ray], edges.map(|edges| edges[ray]));
+        accepted |= u32::from(accept(ray, &hit)) << ray;
+    }
+    accepted
+}
+
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+pub(super) fn array(v: __m256) -> [f32; LANES] {
+    let mut out = [0.0; LANES];
+    // SAFETY: the array holds eight floats.
+    unsafe { _mm256_storeu_ps(out.as_mut_ptr(), v) };
+    out
 }
 
 /// How eight rays meet a triangle.
