@@ -74,6 +74,7 @@ pub mod player;
 pub mod prepared;
 pub mod reconstruct;
 pub mod reflections;
+mod separated;
 mod shadow_edges;
 pub mod shot;
 mod snap;

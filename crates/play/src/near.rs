@@ -36,7 +36,7 @@ pub fn near(prepared: &PreparedScene, place: (Vec3, Vec3)) -> Option<Near> {
     let weights = weights_at(
         &transfer.finest,
         &[Some(place)],
-        &transfer.near_separated,
+        transfer.separated(&prepared.scene),
         |asked| transfer.each_separated(&prepared.scene, asked),
     );
     let points: Vec<(u32, f32)> = row(&weights, 0).collect();
@@ -82,6 +82,7 @@ mod tests {
     use super::*;
     use crate::player::Player;
     use crate::reconstruct;
+    use crate::separated::Separated;
 
     /// Truth: the product with T itself. On a wall all normals are alike, and light there is what its links sum to.
     #[test]
@@ -108,7 +109,9 @@ mod tests {
             if (near.points.iter()).any(|(j, _)| transfer.finest.normals[*j as usize].dot(place.1) < 0.9999) {
                 continue;
             }
-            let weights = weights_at(&transfer.finest, &[Some(place)], &[], |_| Vec::new());
+            let weights = weights_at(&transfer.finest, &[Some(place)], &Separated::default(), |_| {
+                Vec::new()
+            });
             let components = reconstruct::components(&weights, &transfer.finest, &[(place.1, place.1)]);
             let expected = reconstruct::irradiance(&weights, &components, &values)[0].x;
             let summed: f32 = (near.links.iter())

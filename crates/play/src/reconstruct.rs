@@ -3,6 +3,7 @@
 //! Source: Lehtinen et al. 2008, equations 1 and 4.1 (flat basis for display), vector irradiance dotted with
 //! the shading normal, so that normal maps work.
 
+use crate::separated::Separated;
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_transport::basis::{FunctionsInOrder, Level};
@@ -14,50 +15,106 @@ use relight_transport::sparse::{SparseMatrix, build_runs, fill_rows, row};
 ///
 /// A place that no function covers (a crevice that no candidate met, the back of a thin rim) takes the nearest
 /// points whatever their normals, and failing that stays empty. Points that a surface separates from it count for nothing, as
-/// long as others are left: `each_separated` is asked about those in `near_separated` alone, of many places at a time.
-pub fn weights_at(
+/// long as others are left: `each_separated` is asked of many places at a time, about those alone that are `separated` from others that
+/// cover the place.
+pub(crate) fn weights_at(
     finest: &Level,
     places: &[Option<(Vec3, Vec3)>],
-    near_separated: &[bool],
+    separated: &Separated,
     each_separated: impl Fn(&[((Vec3, Vec3), u32)]) -> Vec<bool> + Sync,
 ) -> SparseMatrix {
-    let functions = || (FunctionsInOrder::new(finest), Vec::new(), Vec::new());
-    let is_near = |j: u32| near_separated.get(j as usize).copied().unwrap_or(false);
-    build_runs(
-        places.len(),
-        finest.len(),
-        functions,
-        |(functions, entries, ends), run, rows| {
-            entries.clear();
-            ends.clear();
-            let mut asked = Vec::new();
-            for place in &places[run] {
-                let first = entries.len();
-                if let Some(place) = *place {
-                    functions.functions_or_nearest_at(place.0, place.1, entries);
-                    let near = entries[first..].iter().filter(|entry| is_near(entry.0));
-                    asked.extend(near.map(|entry| (place, entry.0)));
-                }
-                ends.push(entries.len());
+    let rows_in_order = || RowsInOrder {
+        functions: FunctionsInOrder::new(finest),
+        covering: Covering::of(finest.len()),
+        entries: Vec::new(),
+        ends: Vec::new(),
+        asked: Vec::new(),
+    };
+    build_runs(places.len(), finest.len(), rows_in_order, |run_of, run, rows| {
+        let RowsInOrder {
+            functions,
+            covering,
+            entries,
+            ends,
+            asked,
+        } = run_of;
+        entries.clear();
+        ends.clear();
+        asked.clear();
+        for place in &places[run] {
+            let first = entries.len();
+            if let Some(place) = *place {
+                functions.functions_or_nearest_at(place.0, place.1, entries);
+                let in_doubt = covering.in_doubt(&entries[first..], separated);
+                asked.extend(in_doubt.map(|at| (first + at, (place, entries[first + at].0))));
             }
-            let mut separated = each_separated(&asked).into_iter();
-            let mut start = 0;
-            for &end in ends.iter() {
-                let row = &mut entries[start..end];
-                start = end;
-                let kept = keep(row, |j| is_near(j) && separated.next().unwrap_or(false));
-                rows.push(kept);
-            }
-        },
-    )
+            ends.push(entries.len());
+        }
+        let questions: Vec<((Vec3, Vec3), u32)> = asked.iter().map(|asked| asked.1).collect();
+        let answers = each_separated(&questions);
+        let mut beyond = asked.iter().zip(answers).filter(|(_, beyond)| *beyond).peekable();
+        let mut start = 0;
+        for &end in ends.iter() {
+            let at = |k: usize| start + k;
+            let kept = keep(&mut entries[start..end], |k| {
+                beyond.next_if(|((asked, _), _)| *asked == at(k)).is_some()
+            });
+            rows.push(kept);
+            start = end;
+        }
+    })
 }
 
-/// Moves the entries of a row that no surface separates from it to its front and scales them to a sum of 1; all as they were, where none is left.
-fn keep(row: &mut [(u32, f32)], mut is_separated: impl FnMut(u32) -> bool) -> &mut [(u32, f32)] {
+/// What runs of rows of [`weights_at`] share.
+struct RowsInOrder<'a> {
+    functions: FunctionsInOrder<'a>,
+    covering: Covering,
+    /// Entries of the rows of a run, and the end of each.
+    entries: Vec<(u32, f32)>,
+    ends: Vec<usize>,
+    /// Those of them that are in doubt, with their places and points.
+    asked: Vec<(usize, ((Vec3, Vec3), u32))>,
+}
+
+/// Which points cover the place that is looked at.
+struct Covering {
+    /// Of each point the last place that it covered.
+    place_of: Vec<u32>,
+    place: u32,
+}
+
+impl Covering {
+    fn of(points: usize) -> Covering {
+        Covering {
+            place_of: vec![0; points],
+            place: 0,
+        }
+    }
+
+    /// Entries of the next row whose points are separated from others of the row.
+    fn in_doubt<'a>(
+        &'a mut self,
+        row: &'a [(u32, f32)],
+        separated: &'a Separated,
+    ) -> impl Iterator<Item = usize> + 'a {
+        self.place += 1;
+        for entry in row {
+            self.place_of[entry.0 as usize] = self.place;
+        }
+        let covers = |point: &u32| self.place_of[*point as usize] == self.place;
+        let is_in_doubt = move |point: u32| separated.from(point).iter().any(covers);
+        (row.iter().enumerate())
+            .filter(move |(_, entry)| is_in_doubt(entry.0))
+            .map(|(at, _)| at)
+    }
+}
+
+/// Moves the entries of a row that are not `beyond` a wall to its front and scales them to a sum of 1; all as they were, where none is left.
+fn keep(row: &mut [(u32, f32)], mut beyond: impl FnMut(usize) -> bool) -> &mut [(u32, f32)] {
     let mut kept = 0;
     let mut sum = 0.0;
     for at in 0..row.len() {
-        if !is_separated(row[at].0) {
+        if !beyond(at) {
             sum += row[at].1;
             row.swap(kept, at);
             kept += 1;
@@ -74,14 +131,16 @@ fn keep(row: &mut [(u32, f32)], mut is_separated: impl FnMut(u32) -> bool) -> &m
 pub(crate) fn functions_at(
     functions: &mut FunctionsInOrder,
     place: (Vec3, Vec3),
-    near_separated: &[bool],
+    separated: &Separated,
     is_separated: impl Fn((Vec3, Vec3), u32) -> bool,
     row: &mut Vec<(u32, f32)>,
 ) {
     let first = row.len();
     functions.functions_or_nearest_at(place.0, place.1, row);
-    let near = |j: u32| near_separated.get(j as usize).copied().unwrap_or(false);
-    let kept = keep(&mut row[first..], |j| near(j) && is_separated(place, j)).len();
+    let points: Vec<u32> = row[first..].iter().map(|entry| entry.0).collect();
+    let is_in_doubt = |point: u32| separated.from(point).iter().any(|other| points.contains(other));
+    let beyond = |at: usize| is_in_doubt(points[at]) && is_separated(place, points[at]);
+    let kept = keep(&mut row[first..], beyond).len();
     row.truncate(first + kept);
 }
 

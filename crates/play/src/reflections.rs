@@ -297,7 +297,7 @@ impl Follower<'_> {
             functions_at(
                 &mut self.functions,
                 place,
-                near_separated,
+                self.transfer.separated(self.scene),
                 separated,
                 &mut self.end,
             );

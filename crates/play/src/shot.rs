@@ -214,7 +214,7 @@ fn weights(transfer: &Transfer, scene: &TracedScene, seen: &Exposure) -> SparseM
     let places: Vec<Option<(Vec3, Vec3)>> = (seen.hits.par_iter().with_min_len(4096))
         .map(|hit| hit.as_ref().map(|h| (h.position, h.normal)))
         .collect();
-    reconstruct::weights_at(&transfer.finest, &places, &transfer.near_separated, |asked| {
+    reconstruct::weights_at(&transfer.finest, &places, transfer.separated(scene), |asked| {
         transfer.each_separated(scene, asked)
     })
 }

@@ -4,6 +4,7 @@
 //! clusters (`relight_transport::senders`); further bounces are solved on one level of them before the one
 //! product with T.
 
+use crate::separated::Separated;
 use glam::{Vec3, Vec3A};
 use relight_render::irradiance::FOOTPRINT;
 use relight_scene::separation::{self, Pair};
@@ -15,6 +16,7 @@ use relight_transport::links::{FamilyRow, Links, SenderLinks};
 use relight_transport::pyramid::{LevelRanges, VectorIrradiance, fine_from_coarse, push};
 use relight_transport::senders::SenderTree;
 use relight_transport::sparse::{SparseMatrix, apply};
+use std::sync::OnceLock;
 use std::time::Instant;
 
 /// Which levels of receivers make indirect light, to see what each adds; all else is what it always is.
@@ -42,6 +44,8 @@ pub struct Transfer {
     pub finest: Level,
     /// Of each of its points, whether a surface separates it from a neighbour; empty where none does.
     pub near_separated: Vec<bool>,
+    /// From which; found when it is first asked for.
+    separated: OnceLock<Separated>,
     /// Reflectance at the finest points.
     pub albedo: Vec<Vec3>,
     ranges: LevelRanges,
@@ -154,6 +158,7 @@ impl Transfer {
         Transfer {
             finest,
             near_separated,
+            separated: OnceLock::new(),
             albedo,
             ranges,
             positions,
@@ -184,6 +189,11 @@ impl Transfer {
             .map(|&(place, point)| self.pair(place, point))
             .collect();
         separation::each_separated(surfaces, &pairs)
+    }
+
+    /// Which finest points walls separate from which others.
+    pub(crate) fn separated(&self, surfaces: &dyn Surfaces) -> &Separated {
+        self.separated.get_or_init(|| Separated::find(surfaces, self))
     }
 
     fn pair(&self, place: (Vec3, Vec3), point: u32) -> Pair {

@@ -17,6 +17,10 @@ const FACING: f32 = 0.5;
 /// candidate met are narrower, and the light of places farther away says nothing about its own.
 const FAR: f32 = 8.0;
 
+/// Disk radii within which another point may be the nearest on its own side of a wall to a place that a point's disk covers from beyond:
+/// one to the place, and, since disks know of no walls and may leave a strip along one to the next room's points, two from there.
+const ACROSS: f32 = 3.0;
+
 /// Points of one level with the functions they carry.
 #[derive(Clone, Debug)]
 pub struct Level {
@@ -128,6 +132,11 @@ impl Level {
             self.disk_radius,
             support_radius,
         )
+    }
+
+    /// The same points, with functions that reach all neighbours that a wall may separate them from.
+    pub fn across_walls(&self) -> Level {
+        self.with_support(self.support_radius.max(ACROSS * self.disk_radius))
     }
 
     /// Poisson-disk radius of a point.

@@ -54,10 +54,6 @@ pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Separations, SparseMa
     )
 }
 
-/// Disk radii within which another point may be the nearest on its own side of a wall to a place that a point's disk covers from beyond:
-/// one to the place, and, since disks know of no walls and may leave a strip along one to the next room's points, two from there.
-const ACROSS: f32 = 3.0;
-
 /// `separated` of two points, numbered over all levels.
 fn near(levels: &[Level], separated: impl Fn(usize, usize) -> bool + Sync) -> Vec<bool> {
     let Some(finest) = levels.last() else {
@@ -66,7 +62,7 @@ fn near(levels: &[Level], separated: impl Fn(usize, usize) -> bool + Sync) -> Ve
     let first = LevelRanges::new(levels.iter().map(Level::len))
         .range(levels.len() - 1)
         .start;
-    let around = finest.with_support(finest.support_radius.max(ACROSS * finest.disk_radius));
+    let around = finest.across_walls();
     let neighbours: Vec<Vec<u32>> = (0..finest.len())
         .into_par_iter()
         .with_min_len(256)
