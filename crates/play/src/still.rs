@@ -52,7 +52,7 @@ impl Cause {
 }
 
 /// Light as it is kept.
-pub(crate) trait Kept: Clone {
+pub(crate) trait Kept {
     /// Memory that it takes.
     fn bytes(&self) -> usize;
 }
@@ -80,7 +80,7 @@ pub(crate) struct Still<K> {
 struct Lamp<K> {
     /// What it was the last time.
     cause: Option<Cause>,
-    light: Option<K>,
+    light: Option<Arc<K>>,
 }
 
 impl<K> Default for Still<K> {
@@ -101,7 +101,7 @@ impl<K> Still<K> {
 impl<K: Kept> Still<K> {
     /// The light of a lamp: what is kept, if its cause is as it was, else what `make` makes, which is kept unless the lamp has just
     /// moved. And whether it was kept.
-    pub fn light_of(&self, lamp: usize, cause: &Cause, make: impl FnOnce() -> K) -> (K, bool) {
+    pub fn light_of(&self, lamp: usize, cause: &Cause, make: impl FnOnce() -> K) -> (Arc<K>, bool) {
         let moved = {
             let mut lamps = self.lamps.lock().unwrap_or_else(PoisonError::into_inner);
             if lamps.len() <= lamp {
@@ -120,10 +120,12 @@ impl<K: Kept> Still<K> {
             known.light = None;
             before.is_some_and(|before| before.light != cause.light || before.edition != cause.edition)
         };
-        let light = make();
+        let light = Arc::new(make());
         if !moved {
             let mut lamps = self.lamps.lock().unwrap_or_else(PoisonError::into_inner);
-            let kept: usize = lamps.iter().map(|lamp| lamp.light.bytes()).sum();
+            let kept: usize = (lamps.iter().flat_map(|lamp| &lamp.light))
+                .map(|light| light.bytes())
+                .sum();
             // Meanwhile another frame may have moved the lamp, or all been forgotten.
             let known = (lamps.get_mut(lamp)).filter(|known| known.cause.as_ref() == Some(cause));
             if let Some(known) = known.filter(|_| kept + light.bytes() <= MOST_BYTES) {
@@ -161,7 +163,7 @@ mod tests {
     fn made(still: &Still<Vec<Vec3>>, places: &[f32]) -> Vec<bool> {
         let of = |&x| {
             let (light, kept) = still.light_of(0, &cause(x), || vec![Vec3::splat(x)]);
-            assert_eq!(light, [Vec3::splat(x)]);
+            assert_eq!(*light, [Vec3::splat(x)]);
             !kept
         };
         places.iter().map(of).collect()
@@ -216,7 +218,7 @@ mod tests {
                 vec![Vec3::ONE]
             })
         };
-        assert_eq!(light_of(true), (vec![Vec3::ONE], false));
+        assert_eq!(light_of(true), (Arc::new(vec![Vec3::ONE]), false));
         assert_eq!(
             [light_of(false).1, light_of(false).1],
             [false, true],

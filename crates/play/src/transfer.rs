@@ -6,6 +6,7 @@
 
 use crate::separated::Separated;
 use glam::{Vec3, Vec3A};
+use rayon::prelude::*;
 use relight_render::irradiance::FOOTPRINT;
 use relight_scene::separation::{self, Pair};
 use relight_scene::surface::Surfaces;
@@ -400,7 +401,7 @@ impl Transfer {
         let start = Instant::now();
         let (mut values, links_used) = self.links.apply(&coefficients);
         if let Some(besides) = besides {
-            add_vectors(&mut values, besides);
+            add_vectors(&mut values, besides, Vec3::ONE);
         }
         stats.links_used = links_used;
         stats.transfer_ms += milliseconds(start);
@@ -448,13 +449,14 @@ impl Transfer {
     }
 }
 
-/// Adds vector irradiance, place by place.
-pub(crate) fn add_vectors(sum: &mut [VectorIrradiance], part: &[VectorIrradiance]) {
-    for (sum, part) in sum.iter_mut().zip(part) {
-        sum.x += part.x;
-        sum.y += part.y;
-        sum.z += part.z;
-    }
+/// Adds vector irradiance times a colour, place by place.
+pub(crate) fn add_vectors(sum: &mut [VectorIrradiance], part: &[VectorIrradiance], color: Vec3) {
+    let color = Vec3A::from(color);
+    (sum.par_iter_mut().zip(part).with_min_len(4096)).for_each(|(sum, part)| {
+        sum.x += part.x * color;
+        sum.y += part.y * color;
+        sum.z += part.z * color;
+    });
 }
 
 fn milliseconds(start: Instant) -> f64 {

@@ -21,13 +21,14 @@ pub enum Sum {
 }
 
 impl Sum {
-    /// Adds a light's part at every place, or an empty one: nothing.
-    pub fn add(&mut self, part: Vec<Vec3>) {
+    /// Adds a light's part at every place, or an empty one, nothing, times its colour.
+    pub fn add(&mut self, part: &[Vec3], color: Vec3) {
         if part.is_empty() {
             return;
         }
+        let part = part.par_iter().map(|&part| part * color);
         *self = match std::mem::replace(self, Sum::Nothing(0)) {
-            Sum::Nothing(_) => Sum::One(part),
+            Sum::Nothing(_) => Sum::One(part.with_min_len(TASK).collect()),
             Sum::One(first) => {
                 let both = first.into_par_iter().zip(part).with_min_len(TASK);
                 Sum::Several(both.map(|(a, b)| a.as_dvec3() + b.as_dvec3()).collect())
@@ -74,18 +75,18 @@ mod tests {
     #[test]
     fn many_faint_lights_beside_a_bright_one_are_not_lost() {
         let mut sum = Sum::Nothing(2);
-        sum.add(vec![Vec3::splat(16_777_216.0), Vec3::ZERO]);
+        sum.add(&[Vec3::splat(16_777_216.0), Vec3::ZERO], Vec3::ONE);
         for _ in 0..64 {
-            sum.add(vec![Vec3::ONE; 2]);
+            sum.add(&[Vec3::splat(0.5); 2], Vec3::splat(2.0));
         }
-        sum.add(Vec::new());
+        sum.add(&[], Vec3::ONE);
         assert_eq!(sum.rounded(), [Vec3::splat(16_777_280.0), Vec3::splat(64.0)]);
     }
 
     #[test]
     fn one_light_stays_as_it_is_and_none_is_dark() {
         let mut one = Sum::Nothing(1);
-        one.add(vec![Vec3::new(0.1, 1e-30, 1e30)]);
+        one.add(&[Vec3::new(0.1, 1e-30, 1e30)], Vec3::ONE);
         assert_eq!(one.rounded(), [Vec3::new(0.1, 1e-30, 1e30)]);
         assert_eq!(Sum::Nothing(2).rounded(), [Vec3::ZERO; 2]);
     }

@@ -1,7 +1,7 @@
 //! Direct light at fragments, finest points and surface samples: light by light with shadow rays, or, of very many, by
 //! lightcuts.
 
-use super::parts::Received;
+use super::parts::{EvenLight, Received};
 use super::received::{Receiving, Starts};
 use super::stats::{DirectLightcuts, FrameTimes, milliseconds};
 use super::task::Task;
@@ -40,20 +40,27 @@ impl Sums {
         }
     }
 
-    /// Adds what a light lets arrive at the starts of indirect light.
-    pub fn add_received(&mut self, received: Received) {
-        match (&mut self.over_lobes, received.over_lobes) {
-            (Some(sum), Some(part)) => add_vectors(sum, &part),
-            (sum @ None, part) => *sum = part,
-            _ => {}
+    /// Adds what a light lets arrive at the starts of indirect light, times its colour.
+    pub fn add_received(&mut self, received: &Received, color: Vec3) {
+        if let Some(part) = &received.over_lobes {
+            let none = || vec![VectorIrradiance::default(); part.len()];
+            add_vectors(self.over_lobes.get_or_insert_with(none), part, color);
         }
         for (sum, part) in [
-            (&mut self.points, received.points),
-            (&mut self.samples, received.samples),
+            (&mut self.points, &received.points),
+            (&mut self.samples, &received.samples),
         ] {
             if let (Some(sum), Some(part)) = (sum, part) {
-                sum.add(part);
+                sum.add(part, color);
             }
+        }
+    }
+
+    /// Adds light of even directions, times its colour.
+    pub fn add_even(&mut self, even: &EvenLight, color: Vec3) {
+        self.direct.add(&even.radiance, color);
+        if let (Some(sum), Some(part)) = (&mut self.points, &even.irradiance) {
+            sum.add(part, color);
         }
     }
 
@@ -126,12 +133,12 @@ impl Task<'_> {
         if points {
             if let (Some(places), Some(sum)) = (starts.points, &mut sums.points) {
                 let (irradiance, stats) = self.receiving().by_lightcuts(&many, places);
-                sum.add(irradiance);
+                sum.add(&irradiance, Vec3::ONE);
                 used.points += stats;
             }
             if let (Some(hits), Some(sum)) = (starts.samples, &mut sums.samples) {
                 let (irradiance, stats) = many.irradiance_at(scene, hits, 0.0);
-                sum.add(irradiance);
+                sum.add(&irradiance, Vec3::ONE);
                 used.points += stats;
             }
         }
@@ -139,7 +146,7 @@ impl Task<'_> {
         if pixels {
             let start = Instant::now();
             let (reflected, stats) = many.reflected_at(scene, &Receivers::of(&self.shot.seen, self.views));
-            sums.direct.add(reflected);
+            sums.direct.add(&reflected, Vec3::ONE);
             used.pixels = stats;
             times.direct_pixels += milliseconds(start);
         }

@@ -2,7 +2,7 @@
 
 use super::direct::Sums;
 use super::emission::emission_at;
-use super::parts::{EvenLight, Received, multiply};
+use super::parts::Received;
 use super::received::Starts;
 use super::settings::FrameSettings;
 use super::stats::{FrameTimes, RelitStats, milliseconds};
@@ -122,48 +122,55 @@ struct Shining<'a> {
 }
 
 impl Shining<'_> {
-    /// What a light lets arrive where indirect light starts, by shadow rays.
-    fn received_of(&self, light: usize, task: &Task, starts: Starts, times: &mut FrameTimes) -> Received {
+    /// Adds what a light lets arrive where indirect light starts, by shadow rays.
+    fn add_received(
+        &self,
+        light: usize,
+        task: &Task,
+        starts: Starts,
+        sums: &mut Sums,
+        times: &mut FrameTimes,
+    ) {
+        if self.of.lights.is_dark(light) {
+            return;
+        }
         let start = Instant::now();
-        let receiving = task.receiving();
-        let received = match self.of.lights.is_dark(light) {
-            true => receiving.dark(starts),
-            false => {
-                let make = || receiving.with_lobes(starts, &self.of.white, light);
-                let cause = self.causes[light].at_points();
-                let (white, _) = task.prepared.received.light_of(light, &cause, make);
-                white.times(self.of.colors[light])
-            }
-        };
+        let make = || task.receiving().with_lobes(starts, &self.of.white, light);
+        let cause = self.causes[light].at_points();
+        let (received, _) = task.prepared.received.light_of(light, &cause, make);
+        sums.add_received(&received, self.of.colors[light]);
         times.direct_points += milliseconds(start);
-        received
     }
 
-    /// What fragments reflect of a light, by shadow rays.
-    fn reflected_of(&self, light: usize, task: &Task, stats: &mut RelitStats) -> Vec<Vec3> {
+    /// Adds what fragments reflect of a light, by shadow rays.
+    fn add_reflected(&self, light: usize, task: &Task, sums: &mut Sums, stats: &mut RelitStats) {
         if self.of.lights.is_dark(light) {
-            return vec![Vec3::ZERO; task.shot.seen.len()];
+            return;
         }
         let start = Instant::now();
         let make = || task.reflected_of(&self.of.white, light, self.by_directions);
         let cause = self.causes[light].at_pixels();
-        let (mut reflected, kept) = task.shot.reflected.light_of(light, &cause, make);
-        multiply(&mut reflected, self.of.colors[light]);
+        let (reflected, kept) = task.shot.reflected.light_of(light, &cause, make);
+        sums.direct.add(&reflected, self.of.colors[light]);
         stats.still_lights += usize::from(kept);
         stats.times.direct_pixels += milliseconds(start);
-        reflected
     }
 
-    /// Its light of even directions, where visibility cuts take it.
-    fn even_of(&self, light: usize, task: &Task, times: &mut FrameTimes) -> Option<EvenLight> {
-        let distant = self.of.even[light].as_ref()?;
+    /// Adds its light of even directions, where visibility cuts take it.
+    fn add_even(&self, light: usize, task: &Task, sums: &mut Sums, stats: &mut RelitStats) {
+        let Some(distant) = &self.of.even[light] else {
+            return;
+        };
         if self.of.lights.is_dark(light) {
-            return None;
+            return;
         }
-        let make = || task.even_light(distant, times);
-        let even = (task.shot.even).light_of(light, &self.causes[light], make).0?;
-        task.nodes.add(&even.nodes);
-        Some(even.times(self.of.colors[light]))
+        let make = || task.even_light(distant, &mut stats.times);
+        let (even, _) = task.shot.even.light_of(light, &self.causes[light], make);
+        if let Some(even) = &*even {
+            task.nodes.add(&even.nodes);
+            sums.add_even(even, self.of.colors[light]);
+            stats.cuts = Some(even.stats);
+        }
     }
 }
 
@@ -182,25 +189,16 @@ fn all_together(
     for light in 0..lights.len() {
         go_on(watch)?;
         if !at_once.points {
-            sums.add_received(shining.received_of(light, task, starts, &mut stats.times));
+            shining.add_received(light, task, starts, &mut sums, &mut stats.times);
         }
         if !at_once.pixels {
-            sums.direct.add(shining.reflected_of(light, task, stats));
+            shining.add_reflected(light, task, &mut sums, stats);
         }
         watch.advance_to(light + 1, lights.len() + 1);
     }
     for light in 0..lights.len() {
         go_on(watch)?;
-        let Some(even) = shining.even_of(light, task, &mut stats.times) else {
-            continue;
-        };
-        sums.direct.add(even.radiance);
-        sums.add_received(Received {
-            points: even.irradiance,
-            over_lobes: None,
-            samples: None,
-        });
-        stats.cuts = Some(even.stats);
+        shining.add_even(light, task, &mut sums, stats);
     }
     go_on(watch)?;
     let (direct, received) = sums.rounded();
@@ -233,8 +231,8 @@ fn light_by_light(
             let indirect = indirect(task, &received, stats);
             add(&mut layer, &direct);
             add(&mut layer, &indirect);
-            all_direct.add(direct);
-            all_indirect.add(indirect);
+            all_direct.add(&direct, Vec3::ONE);
+            all_indirect.add(&indirect, Vec3::ONE);
         }
         layers.push((lights.name(light).to_owned(), layer));
         watch.advance_to(light + 1, lights.len() + 1);
@@ -256,16 +254,11 @@ fn direct_of(
     light: usize,
     stats: &mut RelitStats,
 ) -> (Vec<Vec3>, Received) {
-    let mut received = shining.received_of(light, task, starts, &mut stats.times);
-    let mut direct = shining.reflected_of(light, task, stats);
-    if let Some(even) = shining.even_of(light, task, &mut stats.times) {
-        add(&mut direct, &even.radiance);
-        if let (Some(points), Some(irradiance)) = (&mut received.points, &even.irradiance) {
-            add(points, irradiance);
-        }
-        stats.cuts = Some(even.stats);
-    }
-    (direct, received)
+    let mut sums = Sums::new(task.shot.seen.len(), starts);
+    shining.add_received(light, task, starts, &mut sums, &mut stats.times);
+    shining.add_reflected(light, task, &mut sums, stats);
+    shining.add_even(light, task, &mut sums, stats);
+    sums.rounded()
 }
 
 /// Indirect light at the fragments of what points and samples have received.

@@ -2,8 +2,7 @@
 
 use super::stats::CutStats;
 use crate::still::Kept;
-use glam::{Vec3, Vec3A};
-use rayon::prelude::*;
+use glam::Vec3;
 use relight_transport::pyramid::VectorIrradiance;
 
 /// Direct irradiance from which indirect light starts.
@@ -24,35 +23,6 @@ impl Kept for Received {
     }
 }
 
-impl Received {
-    /// The same of a lamp of another colour than 1.
-    pub fn times(mut self, color: Vec3) -> Received {
-        for irradiance in [&mut self.points, &mut self.samples].into_iter().flatten() {
-            multiply(irradiance, color);
-        }
-        if let Some(over_lobes) = self.over_lobes.as_mut().filter(|_| color != Vec3::ONE) {
-            let color = Vec3A::from(color);
-            let times = |value: &mut VectorIrradiance| {
-                value.x *= color;
-                value.y *= color;
-                value.z *= color;
-            };
-            over_lobes.par_iter_mut().with_min_len(TASK).for_each(times);
-        }
-        self
-    }
-}
-
-/// Places that are multiplied together.
-const TASK: usize = 4096;
-
-/// Light of a lamp of another colour than 1.
-pub(crate) fn multiply(light: &mut [Vec3], color: Vec3) {
-    if color != Vec3::ONE {
-        (light.par_iter_mut().with_min_len(TASK)).for_each(|light| *light *= color);
-    }
-}
-
 /// Light of even directions.
 #[derive(Clone, Debug)]
 pub(crate) struct EvenLight {
@@ -63,17 +33,6 @@ pub(crate) struct EvenLight {
     /// Nodes that each fragment was shaded with, where somebody wants to know; else empty.
     pub nodes: Vec<u32>,
     pub stats: CutStats,
-}
-
-impl EvenLight {
-    /// The same of another colour than 1.
-    pub fn times(mut self, color: Vec3) -> EvenLight {
-        multiply(&mut self.radiance, color);
-        if let Some(irradiance) = &mut self.irradiance {
-            multiply(irradiance, color);
-        }
-        self
-    }
 }
 
 impl Kept for EvenLight {

@@ -65,7 +65,7 @@ fn received(receiving: Receiving, lights: &LightSet, watch: &dyn Watch) -> Resul
     let mut sum = Sum::Nothing(prepared.places.points());
     for light in (0..lights.len()).filter(|&light| !lights.is_dark(light)) {
         go_on(watch)?;
-        sum.add(received_of(receiving, lights, light));
+        sum.add(&received_of(receiving, lights, light), Vec3::ONE);
     }
     Ok(sum.rounded())
 }
