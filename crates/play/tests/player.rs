@@ -4,7 +4,7 @@ use relight_play::frame::stats::FrameStats;
 use relight_play::glam::Vec3;
 use relight_play::player::{FrameError, ShotError};
 use relight_play::render::watch::{Cancelled, Watch};
-use relight_play::scene::animated::Animated;
+use relight_play::scene::animated::{Animated, Interpolation};
 use relight_play::scene::light::{LightKind, LightTrack};
 use relight_play::scene::material_edits::{MaterialEdits, parse_material_edits};
 use relight_play::{Frame, FrameSettings, Integrator, Lights, Player, Shot, ShotSettings, Tracer};
@@ -81,6 +81,50 @@ fn light_layers_sum_to_the_beauty() {
         (left + right - beauty).abs() < 1e-3 * beauty,
         "{left} {right} {beauty}"
     );
+}
+
+/// Truth: light is in proportion to a lamp's colour, channel by channel. Tolerance: f32 roundings of products and of sums over two lamps.
+#[test]
+fn a_lamp_that_is_dimmed_or_coloured_is_found_once() {
+    let player = player();
+    let shot = shot(&player);
+    let colors = [
+        Vec3::ONE,
+        Vec3::splat(0.25),
+        Vec3::new(0.5, 2.0, 0.0),
+        Vec3::ZERO,
+        Vec3::splat(1e-12),
+        Vec3::splat(3.0),
+    ];
+    let mut dimmed = lamp("left", Vec3::new(0.2, 0.4, 0.1));
+    *dimmed.kind.color_mut() = Animated::Keys {
+        keys: (0..).map(f64::from).zip(colors).collect(),
+        interpolation: Interpolation::Step,
+    };
+    let lights = player.lights(&[dimmed]).unwrap();
+    let pixels = |frame: &Frame| frame.layers.rgb("beauty").unwrap().pixels.clone();
+    let mut white = Vec::new();
+    for (time, color) in colors.into_iter().enumerate() {
+        let frame = player
+            .frame(&shot, &lights, time as f64, &FrameSettings::default())
+            .unwrap();
+        let FrameStats::Relit(stats) = &frame.stats else {
+            panic!("transfer makes indirect light")
+        };
+        let kept = usize::from(time > 0 && color != Vec3::ZERO);
+        assert_eq!(stats.still_lights, kept, "frame {time}");
+        if white.is_empty() {
+            white = pixels(&frame);
+        }
+        for (pixel, white) in pixels(&frame).iter().zip(&white) {
+            let (pixel, expected) = (Vec3::from(*pixel), Vec3::from(*white) * color);
+            let most = (Vec3::from(*white) * color).max_element();
+            assert!(
+                (pixel - expected).abs().max_element() <= 1e-5 * most,
+                "frame {time}: {pixel}, not {expected}"
+            );
+        }
+    }
 }
 
 #[test]

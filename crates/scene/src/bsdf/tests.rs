@@ -193,7 +193,6 @@ fn energy_is_conserved() {
 /// Truth: the product of both factors, as far as there is a diffuse part.
 #[test]
 fn what_directions_leave_of_the_diffuse_part_is_told_at_once_where_it_is_all() {
-    let (mut all, mut at_once) = (0, 0);
     for metallic in [0.0, 0.5] {
         for alpha in ALPHAS {
             for base in [0.0, 0.3, 0.6, 0.8, 0.9, 0.95, 0.98, 1.0] {
@@ -203,13 +202,15 @@ fn what_directions_leave_of_the_diffuse_part_is_told_at_once_where_it_is_all() {
                     let truth = albedo::diffuse_scale(&point, cos_o) * albedo::diffuse_scale(&point, cos_i);
                     let found = albedo::diffuse_scales(&point, cos_o, cos_i);
                     assert_eq!(point.diffuse * found, point.diffuse * truth);
-                    all += usize::from(truth == Vec3::ONE);
-                    at_once += usize::from(albedo::are_unscaled(&point, cos_o.min(cos_i)));
+                    let is_told = albedo::are_unscaled(&point, cos_o.min(cos_i));
+                    assert!(
+                        is_told || base > 0.8 || cos_o.min(cos_i) < 0.5,
+                        "{base} {alpha} {cos_o} {cos_i}"
+                    );
                 }
             }
         }
     }
-    assert!(at_once > all / 2, "{at_once} of {all}");
 }
 
 #[test]
