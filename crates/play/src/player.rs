@@ -206,6 +206,16 @@ impl Player {
         Ok(lights)
     }
 
+    /// The same after others: maps and surfaces that those had are not prepared again.
+    ///
+    /// # Errors
+    /// As [`Player::lights`].
+    pub fn lights_after(&self, before: &Lights, tracks: &[LightTrack]) -> Result<Lights, LightsError> {
+        kept::check_emission(&self.provenance, tracks)?;
+        let lights = before.again(&self.prepared.scene, tracks, self.prepared.directions())?;
+        Ok(lights)
+    }
+
     /// The camera of this name, else that of the sequence, else the scene's first.
     ///
     /// # Errors

@@ -265,7 +265,11 @@ impl Painter {
             None => None,
         };
         let sequence = read.as_ref().unwrap_or(room.sequence);
-        let lights = room.player.lights(&sequence.lights).map_err(refused)?;
+        let lights = match &self.lights {
+            Some(before) => room.player.lights_after(&before.lights, &sequence.lights),
+            None => room.player.lights(&sequence.lights),
+        };
+        let lights = lights.map_err(refused)?;
         self.lights = Some(KeptLights {
             text: wish.lights.clone(),
             edition: room.edition,

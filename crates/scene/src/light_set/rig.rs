@@ -18,7 +18,6 @@ use crate::environment::EnvironmentSampler;
 use crate::light::{EnvironmentMap, EnvironmentMaps, LightKind, LightTrack};
 use crate::photometry::LampAxes;
 use glam::Vec3;
-use std::collections::HashMap;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -40,13 +39,18 @@ pub enum LightSetError {
     },
 }
 
-/// What lights over time need that does not change from frame to frame. Clones share it.
+/// What lights over time need that does not change from frame to frame, light by light. Clones share it.
+#[derive(Clone, Default)]
+pub struct PreparedLights(Vec<Prepared>);
+
+/// What one light needs.
 #[derive(Clone)]
-pub struct PreparedLights {
-    /// Per light its environment sampler, if it is an environment of one map that is not black.
-    samplers: Vec<Option<Arc<EnvironmentSampler>>>,
-    /// Per light its emissive triangles, if it is of that kind.
-    tables: Vec<Option<Arc<EmissiveTable>>>,
+enum Prepared {
+    Nothing,
+    /// Of an environment of one map; no sampler if that is black.
+    Map(Arc<EnvironmentMap>, Option<Arc<EnvironmentSampler>>),
+    /// Of emissive surfaces of a material, or of all.
+    Surfaces(Option<String>, Arc<EmissiveTable>),
 }
 
 impl PreparedLights {
@@ -55,44 +59,82 @@ impl PreparedLights {
     /// # Errors
     /// An `emissive` light names a material that does not emit.
     pub fn new(emitters: &dyn Emitters, tracks: &[LightTrack]) -> Result<PreparedLights, LightSetError> {
-        let all = emitters.emissive_triangles();
-        let names = emitters.material_names();
-        let name_of = |material: u32| names.get(material as usize).map_or("", String::as_str);
-        let mut prepared: HashMap<*const EnvironmentMap, Option<Arc<EnvironmentSampler>>> = HashMap::new();
-        let (mut samplers, mut tables) = (Vec::new(), Vec::new());
+        PreparedLights::default().again(emitters, tracks)
+    }
+
+    /// The same of other lights of the same surfaces: maps and surfaces that were prepared before are not prepared again.
+    ///
+    /// # Errors
+    /// As [`PreparedLights::new`].
+    pub fn again(
+        &self,
+        emitters: &dyn Emitters,
+        tracks: &[LightTrack],
+    ) -> Result<PreparedLights, LightSetError> {
+        let mut all: Vec<Prepared> = self.0.clone();
         for track in tracks {
-            samplers.push(match &track.kind {
-                LightKind::Environment { maps, .. } => maps.only().and_then(|map| {
+            let prepared = match &track.kind {
+                LightKind::Environment { maps, .. } => maps.only().map(|map| {
+                    let known = all.iter().find_map(|known| match known {
+                        Prepared::Map(of, sampler) if Arc::ptr_eq(of, map) => Some(sampler.clone()),
+                        _ => None,
+                    });
                     let sampler = || EnvironmentSampler::new(map).map(Arc::new);
-                    prepared.entry(Arc::as_ptr(map)).or_insert_with(sampler).clone()
+                    Prepared::Map(map.clone(), known.unwrap_or_else(sampler))
                 }),
-                _ => None,
-            });
-            tables.push(match &track.kind {
                 LightKind::Emissive { material, .. } => {
-                    let is_wanted = |name: &String| material.as_ref().is_none_or(|wanted| name == wanted);
-                    let wanted: Vec<bool> = names.iter().map(is_wanted).collect();
-                    let chosen: Vec<u32> = (0..all.len() as u32)
-                        .filter(|&i| wanted.get(all[i as usize].material as usize) == Some(&true))
-                        .collect();
-                    if let (Some(material), true) = (material, chosen.is_empty()) {
-                        let mut known: Vec<String> =
-                            all.iter().map(|t| name_of(t.material).to_owned()).collect();
-                        known.sort();
-                        known.dedup();
-                        return Err(LightSetError::NoSuchMaterial {
-                            light: track.name.clone(),
-                            material: material.clone(),
-                            known,
-                        });
-                    }
-                    Some(Arc::new(EmissiveTable::new(all, chosen)))
+                    let known = all.iter().find_map(|known| match known {
+                        Prepared::Surfaces(of, table) if of == material => Some(table.clone()),
+                        _ => None,
+                    });
+                    let table = match known {
+                        Some(table) => table,
+                        None => Arc::new(table_of(emitters, &track.name, material.as_deref())?),
+                    };
+                    Some(Prepared::Surfaces(material.clone(), table))
                 }
                 _ => None,
-            });
+            };
+            all.push(prepared.unwrap_or(Prepared::Nothing));
         }
-        Ok(PreparedLights { samplers, tables })
+        Ok(PreparedLights(all.split_off(self.0.len())))
     }
+
+    /// What does not depend on surfaces.
+    pub fn of_maps(&self) -> PreparedLights {
+        let maps = self
+            .0
+            .iter()
+            .filter(|prepared| matches!(prepared, Prepared::Map(..)));
+        PreparedLights(maps.cloned().collect())
+    }
+}
+
+/// Emissive surfaces of a material, or all.
+fn table_of(
+    emitters: &dyn Emitters,
+    light: &str,
+    material: Option<&str>,
+) -> Result<EmissiveTable, LightSetError> {
+    let (all, names) = (emitters.emissive_triangles(), emitters.material_names());
+    let name_of = |of: u32| names.get(of as usize).map(String::as_str);
+    let is_wanted = |of: u32| name_of(of).is_some_and(|name| material.is_none_or(|wanted| name == wanted));
+    let chosen: Vec<u32> = (0..all.len() as u32)
+        .filter(|&i| is_wanted(all[i as usize].material))
+        .collect();
+    if let (Some(material), true) = (material, chosen.is_empty()) {
+        let mut known: Vec<String> = (all.iter())
+            .map(|t| name_of(t.material).unwrap_or_default().to_owned())
+            .collect();
+        known.sort();
+        known.dedup();
+        return Err(LightSetError::NoSuchMaterial {
+            light: light.to_owned(),
+            material: material.to_owned(),
+            known,
+        });
+    }
+    Ok(EmissiveTable::new(all, chosen))
 }
 
 /// Lights over time together with what can be prepared once for all frames.
@@ -145,7 +187,10 @@ impl<'a> LightRig<'a> {
     /// What draws directions of an environment at `frame`; `None` where it is black.
     fn sampler(&self, light: usize, maps: &EnvironmentMaps, frame: f64) -> Option<Arc<EnvironmentSampler>> {
         match maps.only() {
-            Some(_) => self.prepared.samplers[light].clone(),
+            Some(_) => match &self.prepared.0[light] {
+                Prepared::Map(_, sampler) => sampler.clone(),
+                _ => None,
+            },
             None => EnvironmentSampler::new(&maps.at(frame)).map(Arc::new),
         }
     }
@@ -264,7 +309,10 @@ impl<'a> LightRig<'a> {
                 colored(move |scale| white.scaled(scale))
             }
             LightKind::Emissive { .. } => {
-                let table = self.prepared.tables[i].clone()?;
+                let Prepared::Surfaces(_, table) = &self.prepared.0[i] else {
+                    return None;
+                };
+                let table = table.clone();
                 colored(move |scale| EmissiveLight {
                     table: table.clone(),
                     scale,

@@ -8,6 +8,7 @@ use crate::texture_range::TextureRange;
 use crate::traced::{EmissionTexture, TracedScene};
 use glam::{DVec2, DVec3, Vec3};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Points of each part over which emission is averaged; its range bounds what they may miss.
 const SAMPLES: u32 = 16;
@@ -59,6 +60,13 @@ impl SceneEmitters {
             scene: scene.clone(),
             triangles,
         }
+    }
+
+    /// Whether they are those of a scene, with the materials that it has now.
+    pub fn are_of(&self, scene: &TracedScene) -> bool {
+        Arc::ptr_eq(self.scene.scene(), scene.scene())
+            && self.scene.shading() == scene.shading()
+            && self.scene.materials() == scene.materials()
     }
 }
 
