@@ -86,19 +86,6 @@ pub struct FamilyRow {
     pub longest: f32,
 }
 
-impl Block {
-    /// Links of a sender.
-    fn links_of(&self, sender: u32) -> std::ops::Range<usize> {
-        match self.senders.binary_search_by_key(&sender, |s| s.0) {
-            Ok(at) => {
-                let start = if at == 0 { 0 } else { self.senders[at - 1].1 };
-                start as usize..self.senders[at].1 as usize
-            }
-            Err(_) => 0..0,
-        }
-    }
-}
-
 impl SenderLinks {
     /// Sorts links by sender.
     pub fn new(links: &Links) -> SenderLinks {
@@ -171,33 +158,42 @@ impl SenderLinks {
         families: &[&[u32]],
         coefficients: impl Fn(usize, usize, &FamilyRow, &mut [Vec3A]) + Sync,
     ) -> Vec<VectorIrradiance> {
+        // Of each sender its family and which member of that it is.
+        let last = families.iter().copied().flatten().max();
+        let mut member_of: Vec<Option<(u32, u32)>> = vec![None; last.map_or(0, |&last| last as usize + 1)];
+        for (f, family) in (0..).zip(families) {
+            for (member, &sender) in (0..).zip(*family) {
+                member_of[sender as usize] = Some((f, member));
+            }
+        }
         let mut out = vec![VectorIrradiance::default(); self.receivers];
         (out.par_chunks_mut(BLOCK).zip(&self.blocks).enumerate()).for_each(|(b, (sums, block))| {
-            // Row, sender within its family, link.
-            let mut links: Vec<(u16, usize, usize)> = Vec::new();
+            // Family, row, sender within its family, link.
+            let mut links: Vec<(u32, u16, u32, u32)> = Vec::new();
+            let mut start = 0;
+            for &(sender, end) in &block.senders {
+                if let Some(&Some((family, member))) = member_of.get(sender as usize) {
+                    links.extend((start..end).map(|link| (family, block.rows[link as usize], member, link)));
+                }
+                start = end;
+            }
+            links.sort_unstable();
             let mut own = Vec::new();
             let mut row = FamilyRow::default();
-            for (f, family) in families.iter().enumerate() {
-                links.clear();
-                for (member, &sender) in family.iter().enumerate() {
-                    links.extend(
-                        block
-                            .links_of(sender)
-                            .map(|link| (block.rows[link], member, link)),
-                    );
-                }
-                links.sort_unstable();
-                own.resize(family.len(), Vec3A::ZERO);
-                for run in links.chunk_by(|a, b| a.0 == b.0) {
-                    let lengths = run.iter().map(|link| block.vectors[link.2].length_squared());
-                    row.longest = lengths.fold(0.0, f32::max).sqrt();
-                    row.members.clear();
-                    row.members.extend(run.iter().map(|link| link.1));
-                    let receiver = usize::from(run[0].0);
-                    coefficients(f, b * BLOCK + receiver, &row, &mut own);
-                    for &(_, member, link) in run {
-                        sums[receiver].add(block.vectors[link], own[member]);
-                    }
+            for run in links.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+                let (family, receiver) = (run[0].0 as usize, usize::from(run[0].1));
+                let vector = |link: &(u32, u16, u32, u32)| block.vectors[link.3 as usize];
+                row.longest = run
+                    .iter()
+                    .map(|link| vector(link).length_squared())
+                    .fold(0.0, f32::max)
+                    .sqrt();
+                row.members.clear();
+                row.members.extend(run.iter().map(|link| link.2 as usize));
+                own.resize(families[family].len(), Vec3A::ZERO);
+                coefficients(family, b * BLOCK + receiver, &row, &mut own);
+                for link in run {
+                    sums[receiver].add(vector(link), own[link.2 as usize]);
                 }
             }
         });

@@ -50,6 +50,10 @@ impl Receiving<'_> {
         Received {
             over_lobes: None,
             points: starts.points.map(|places| {
+                if self.settings.coarse {
+                    // A wide point's own place stands for all of its surface.
+                    return irradiance(&self.prepared.points, self.prepared.footprint()).0;
+                }
                 let (mut lit, met) = irradiance(&places.hits, self.prepared.footprint());
                 self.soften(lights, light, &met, &mut lit);
                 places.means(lit)
@@ -112,7 +116,7 @@ impl Receiving<'_> {
     /// Takes the mean over a point's surface where a shadow's edge passes it.
     fn soften(&self, lights: &LightSet, light: usize, met: &[Met], lit: &mut [Vec3]) {
         // Surfaces of the scene stand still, and what comes from all around has no edges.
-        if self.settings.coarse || !lights.is_lamp(light) {
+        if !lights.is_lamp(light) {
             return;
         }
         let around = |spots: &[Place], runs: &[(usize, u32)]| {
