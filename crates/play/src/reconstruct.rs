@@ -10,6 +10,9 @@ use relight_transport::basis::{FunctionsInOrder, Level};
 use relight_transport::pyramid::{VectorIrradiance, carried_back};
 use relight_transport::sparse::{SparseMatrix, build_runs, fill_rows, row};
 
+/// A place, by position and smooth normal, and a finest point that covers it.
+pub(crate) type Asked = ((Vec3, Vec3), u32);
+
 /// The finest level's functions at each pixel's surface; empty rows where there is no surface. `places` has
 /// position and smooth normal of each pixel.
 ///
@@ -21,7 +24,7 @@ pub(crate) fn weights_at(
     finest: &Level,
     places: &[Option<(Vec3, Vec3)>],
     separated: &Separated,
-    each_separated: impl Fn(&[((Vec3, Vec3), u32)]) -> Vec<bool> + Sync,
+    each_separated: impl Fn(&[Asked]) -> Vec<bool> + Sync,
 ) -> SparseMatrix {
     let rows_in_order = || RowsInOrder {
         functions: FunctionsInOrder::new(finest),
@@ -50,7 +53,7 @@ pub(crate) fn weights_at(
             }
             ends.push(entries.len());
         }
-        let questions: Vec<((Vec3, Vec3), u32)> = asked.iter().map(|asked| asked.1).collect();
+        let questions: Vec<Asked> = asked.iter().map(|asked| asked.1).collect();
         let answers = each_separated(&questions);
         let mut beyond = asked.iter().zip(answers).filter(|(_, beyond)| *beyond).peekable();
         let mut start = 0;
@@ -73,7 +76,7 @@ struct RowsInOrder<'a> {
     entries: Vec<(u32, f32)>,
     ends: Vec<usize>,
     /// Those of them that are in doubt, with their places and points.
-    asked: Vec<(usize, ((Vec3, Vec3), u32))>,
+    asked: Vec<(usize, Asked)>,
 }
 
 /// Which points cover the place that is looked at.

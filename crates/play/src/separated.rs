@@ -3,9 +3,10 @@
 //! A wall between a place and a point that covers it has other points that cover the place on its own side of it, and separates the point
 //! from those as well. So only where points that cover a place are separated from one another rays ask about the place itself.
 
-use crate::transfer::Transfer;
 use rayon::prelude::*;
+use relight_scene::separation::{Pair, each_separated};
 use relight_scene::surface::Surfaces;
+use relight_transport::basis::Level;
 
 /// Points that are separated, point by point.
 #[derive(Clone, Debug, Default)]
@@ -19,37 +20,42 @@ pub(crate) struct Separated {
 const TOGETHER: usize = 256;
 
 impl Separated {
-    /// Asks about all neighbours of which the bake says that something separates them from some.
-    pub fn find(surfaces: &dyn Surfaces, transfer: &Transfer) -> Separated {
-        let (finest, near) = (&transfer.finest, &transfer.near_separated);
+    /// Asks about all neighbours among those points that are `near` a wall: of each point, or empty.
+    pub fn find(surfaces: &dyn Surfaces, points: &Level, near: &[bool]) -> Separated {
         if !near.contains(&true) {
             return Separated::default();
         }
-        let around = finest.across_walls();
-        let points: Vec<u32> = (0..finest.len() as u32).collect();
-        let found: Vec<Vec<[u32; 2]>> = (points.par_chunks(TOGETHER))
-            .map(|points| {
+        let around = points.across_walls();
+        let place_of = |point: u32| (points.positions[point as usize], points.normals[point as usize]);
+        let numbers: Vec<u32> = (0..points.len() as u32).collect();
+        let found: Vec<Vec<[u32; 2]>> = (numbers.par_chunks(TOGETHER))
+            .map(|numbers| {
                 let (mut asked, mut pairs) = (Vec::new(), Vec::new());
-                for &i in points.iter().filter(|&&i| near[i as usize]) {
-                    let place = (finest.positions[i as usize], finest.normals[i as usize]);
-                    around.weights_at(place.0, place.1, |j, _| {
+                for &i in numbers.iter().filter(|&&i| near[i as usize]) {
+                    let from = place_of(i);
+                    around.weights_at(from.0, from.1, |j, _| {
                         if j != i && near[j as usize] {
-                            asked.push((place, j));
+                            asked.push(Pair {
+                                from,
+                                to: place_of(j),
+                                scale: points.disk_radius_of(j as usize),
+                            });
                             pairs.push([i, j]);
                         }
                     });
                 }
-                let separated = transfer.each_separated(surfaces, &asked);
-                let separated = pairs.into_iter().zip(separated).filter(|pair| pair.1);
-                separated.flat_map(|([i, j], _)| [[i, j], [j, i]]).collect()
+                let separated = pairs.into_iter().zip(each_separated(surfaces, &asked));
+                (separated.filter(|pair| pair.1))
+                    .flat_map(|([i, j], _)| [[i, j], [j, i]])
+                    .collect()
             })
             .collect();
         let mut pairs = found.concat();
         pairs.par_sort_unstable();
         pairs.dedup();
-        let mut offsets = vec![0; finest.len() + 1];
+        let mut offsets = vec![0; points.len() + 1];
         pairs.iter().for_each(|pair| offsets[pair[0] as usize + 1] += 1);
-        for point in 0..finest.len() {
+        for point in 0..points.len() {
             offsets[point + 1] += offsets[point];
         }
         Separated {
@@ -65,5 +71,67 @@ impl Separated {
             Some(&[start, end, ..]) => &self.others[start as usize..end as usize],
             _ => &[],
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reconstruct::weights_at;
+    use glam::{DVec3, Vec3};
+    use relight_scene::implicit::{ImplicitSurface, Sdf};
+    use relight_transport::sparse::row;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    /// Distance of the points, m.
+    const DISTANCE: f32 = 0.1;
+
+    /// Truth: a wall of 2 mm across a floor, and which side of it points and places are on. Rays are asked near the wall alone.
+    #[test]
+    fn places_beside_a_wall_take_no_point_beyond_it_and_others_ask_no_ray() {
+        let wall = Sdf::Ellipsoid {
+            center: DVec3::ZERO,
+            radii: DVec3::new(0.001, 1.0, 5.0),
+        };
+        let wall = ImplicitSurface::new(wall, (Vec3::splat(-5.0), Vec3::splat(5.0)), Vec3::ONE);
+        let at = |i: i32| DISTANCE * (i as f32 + 0.4);
+        let positions: Vec<Vec3> = (0..400)
+            .map(|k| Vec3::new(at(k % 20 - 10), 0.0, at(k / 20 - 10)))
+            .collect();
+        let points = Level::new(positions, vec![Vec3::Y; 400], DISTANCE, 2.0 * DISTANCE);
+        let separated = Separated::find(&wall, &points, &[true; 400]);
+        let side = |x: Vec3| x.x > 0.0;
+        let side_of = |point: u32| side(points.positions[point as usize]);
+        let mut pairs = 0;
+        for point in 0..400 {
+            pairs += separated.from(point).len();
+            assert!((separated.from(point).iter()).all(|&other| side_of(other) != side_of(point)));
+        }
+        assert!(pairs > 200, "{pairs}");
+        let places: Vec<Option<(Vec3, Vec3)>> = (0..2000)
+            .map(|k| 0.002 + 0.9 * ((k as f32 * 0.618_034) % 1.0))
+            .zip((0..2000).map(|k| 0.9 - 1.8 * (k as f32 / 2000.0)))
+            .map(|(x, z)| Some((Vec3::new(if z > 0.0 { x } else { -x }, 0.0, z), Vec3::Y)))
+            .collect();
+        let asked = AtomicUsize::new(0);
+        let weights = weights_at(&points, &places, &separated, |questions| {
+            asked.fetch_add(questions.len(), Ordering::Relaxed);
+            (questions.iter())
+                .map(|&((place, _), point)| {
+                    assert!(place.x.abs() < 3.0 * DISTANCE, "{place} is far from the wall");
+                    side(place) != side_of(point)
+                })
+                .collect()
+        });
+        for (k, place) in places.iter().enumerate() {
+            let place = place.unwrap().0;
+            assert!(
+                row(&weights, k).all(|(point, _)| side_of(point) == side(place)),
+                "{place}"
+            );
+            let sum: f32 = row(&weights, k).map(|entry| entry.1).sum();
+            assert!((sum - 1.0).abs() < 1e-5, "{place}: {sum}");
+        }
+        assert!(asked.into_inner() > 500);
     }
 }

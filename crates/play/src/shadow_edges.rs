@@ -53,9 +53,9 @@ const NEARER: [f32; 3] = [1.0, 0.5, 0.25];
 pub struct ShadowEdges {
     neighbours: OnceLock<SparseMatrix>,
     /// Spots of each place on its own surface, that nothing separates from it.
-    spots: Vec<OnceLock<Spots>>,
+    spots: Vec<OnceLock<Box<Spots>>>,
     /// The same, [`MANY`].
-    many: Vec<OnceLock<Spots>>,
+    many: Vec<OnceLock<Box<Spots>>>,
 }
 
 /// Spots around a place.
@@ -190,7 +190,7 @@ impl ShadowEdges {
         };
         let reach = REACH * places.disk_radius;
         let hit = places.hits[place].as_ref()?;
-        let spots = known.get_or_init(|| spots_around(places.scene, hit, place, count, reach));
+        let spots = known.get_or_init(|| Box::new(spots_around(places.scene, hit, place, count, reach)));
         let rim = usize::from(spots.rim);
         let wanted = match which {
             Which::Rim => 0..rim,

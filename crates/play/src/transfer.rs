@@ -194,7 +194,7 @@ impl Transfer {
 
     /// Which finest points walls separate from which others.
     pub(crate) fn separated(&self, surfaces: &dyn Surfaces) -> &Separated {
-        self.separated.get_or_init(|| Separated::find(surfaces, self))
+        (self.separated).get_or_init(|| Separated::find(surfaces, &self.finest, &self.near_separated))
     }
 
     fn pair(&self, place: (Vec3, Vec3), point: u32) -> Pair {

@@ -63,7 +63,7 @@ impl Receiving<'_> {
     }
 
     /// Of a light that does not shine.
-    pub fn dark(&self, starts: Starts) -> Received {
+    fn dark(&self, starts: Starts) -> Received {
         Received {
             over_lobes: None,
             points: starts.points.map(|places| vec![Vec3::ZERO; places.points()]),
