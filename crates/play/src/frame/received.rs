@@ -109,7 +109,12 @@ impl Receiving<'_> {
     /// Irradiance of all lights at the finest points by lightcuts.
     pub fn by_lightcuts(&self, many: &ManyLights, places: &PointPlaces) -> (Vec<Vec3>, LightcutStats) {
         let footprint = self.prepared.footprint();
-        let (irradiance, stats) = many.irradiance_at(&self.prepared.scene, &places.hits, footprint);
+        let irradiance_at =
+            |hits: &[Option<SurfaceHit>]| many.irradiance_at(&self.prepared.scene, hits, footprint);
+        if self.settings.coarse {
+            return irradiance_at(&self.prepared.points);
+        }
+        let (irradiance, stats) = irradiance_at(&places.hits);
         (places.means(irradiance), stats)
     }
 

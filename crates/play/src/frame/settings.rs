@@ -24,7 +24,7 @@ pub struct FrameSettings {
     /// Shadow rays per finest point for each light with extent. Fewer than per pixel: a sender averages some
     /// hundreds of points.
     pub point_samples: u32,
-    /// Whether a finer frame follows at once. Points are lit at their middles even where shadows' edges pass, so that indirect light
+    /// Whether a finer frame follows at once. Points are lit at their middles alone, also wide ones and where shadows' edges pass, so that indirect light
     /// flickers as lamps move, and bounces go from cluster to cluster ([`Transfer::coarsely_from_direct`]).
     ///
     /// [`Transfer::coarsely_from_direct`]: crate::transfer::Transfer::coarsely_from_direct
