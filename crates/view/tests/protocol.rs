@@ -400,7 +400,8 @@ fn path_tracing_refines_beside_and_says_how_far_it_is() {
             break head;
         }
     };
-    assert_eq!(head["apart"]["samples"], 1);
+    // It begins anew; a picture that is not fetched in time gives way to the next.
+    assert!(head["apart"]["samples"].as_u64().unwrap() < 16, "{head}");
     wish["moving"] = json!(true);
     wish["id"] = json!(4);
     tab.send(&json!({ "show": wish }));
