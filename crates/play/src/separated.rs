@@ -3,6 +3,7 @@
 //! A wall between a place and a point that covers it has other points that cover the place on its own side of it, and separates the point
 //! from those as well. So only where points that cover a place are separated from one another rays ask about the place itself.
 
+use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::separation::{Pair, each_separated};
 use relight_scene::surface::Surfaces;
@@ -16,6 +17,16 @@ pub(crate) struct Separated {
     others: Vec<u32>,
 }
 
+/// A place, by position and normal, and a point that something may separate it from.
+pub(crate) fn pair_of(points: &Level, from: (Vec3, Vec3), point: u32) -> Pair {
+    let point = point as usize;
+    Pair {
+        from,
+        to: (points.positions[point], points.normals[point]),
+        scale: points.disk_radius_of(point),
+    }
+}
+
 /// Points that are asked about together: their rays stay in fast memory.
 const TOGETHER: usize = 256;
 
@@ -26,20 +37,15 @@ impl Separated {
             return Separated::default();
         }
         let around = points.across_walls();
-        let place_of = |point: u32| (points.positions[point as usize], points.normals[point as usize]);
         let numbers: Vec<u32> = (0..points.len() as u32).collect();
         let found: Vec<Vec<[u32; 2]>> = (numbers.par_chunks(TOGETHER))
             .map(|numbers| {
                 let (mut asked, mut pairs) = (Vec::new(), Vec::new());
                 for &i in numbers.iter().filter(|&&i| near[i as usize]) {
-                    let from = place_of(i);
+                    let from = (points.positions[i as usize], points.normals[i as usize]);
                     around.weights_at(from.0, from.1, |j, _| {
                         if j != i && near[j as usize] {
-                            asked.push(Pair {
-                                from,
-                                to: place_of(j),
-                                scale: points.disk_radius_of(j as usize),
-                            });
+                            asked.push(pair_of(points, from, j));
                             pairs.push([i, j]);
                         }
                     });
@@ -78,7 +84,7 @@ impl Separated {
 mod tests {
     use super::*;
     use crate::reconstruct::weights_at;
-    use glam::{DVec3, Vec3};
+    use glam::DVec3;
     use relight_scene::implicit::{ImplicitSurface, Sdf};
     use relight_transport::sparse::row;
     use std::sync::atomic::{AtomicUsize, Ordering};

@@ -59,7 +59,7 @@ pub struct ShadowEdges {
 }
 
 /// Spots around a place.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Spots {
     /// Those of [`RIM`] before all others.
     at: Box<[Place]>,

@@ -4,7 +4,7 @@
 //! clusters (`relight_transport::senders`); further bounces are solved on one level of them before the one
 //! product with T.
 
-use crate::separated::Separated;
+use crate::separated::{Separated, pair_of};
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 use relight_render::irradiance::FOOTPRINT;
@@ -180,30 +180,19 @@ impl Transfer {
 
     /// Whether a surface separates a place (position and smooth normal) from a finest point.
     pub fn is_separated(&self, surfaces: &dyn Surfaces, place: (Vec3, Vec3), point: u32) -> bool {
-        separation::are_separated(surfaces, &self.pair(place, point))
+        separation::are_separated(surfaces, &pair_of(&self.finest, place, point))
     }
 
     /// [`Transfer::is_separated`] of many places and points.
     pub fn each_separated(&self, surfaces: &dyn Surfaces, asked: &[((Vec3, Vec3), u32)]) -> Vec<bool> {
-        let pairs: Vec<Pair> = asked
-            .iter()
-            .map(|&(place, point)| self.pair(place, point))
-            .collect();
+        let pair = |&(place, point): &((Vec3, Vec3), u32)| pair_of(&self.finest, place, point);
+        let pairs: Vec<Pair> = asked.iter().map(pair).collect();
         separation::each_separated(surfaces, &pairs)
     }
 
     /// Which finest points walls separate from which others.
     pub(crate) fn separated(&self, surfaces: &dyn Surfaces) -> &Separated {
         (self.separated).get_or_init(|| Separated::find(surfaces, &self.finest, &self.near_separated))
-    }
-
-    fn pair(&self, place: (Vec3, Vec3), point: u32) -> Pair {
-        let (finest, j) = (&self.finest, point as usize);
-        Pair {
-            from: place,
-            to: (finest.positions[j], finest.normals[j]),
-            scale: finest.disk_radius_of(j),
-        }
     }
 
     /// Other reflectances at the finest points, one each. A baked solution keeps those that it was solved with.

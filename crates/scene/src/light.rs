@@ -188,10 +188,10 @@ pub enum LightKind {
     },
 }
 
-impl LightKind {
-    /// What all of its light is in proportion to, RGB: its intensity, irradiance or radiance, or what multiplies a map or materials.
-    pub fn color(&self) -> &Animated<Vec3> {
-        match self {
+/// Where a kind of light, borrowed in either way, has its colour.
+macro_rules! color_of {
+    ($kind:expr) => {
+        match $kind {
             LightKind::Point { intensity, .. } | LightKind::Spot { intensity, .. } => intensity,
             LightKind::Directional { irradiance, .. } => irradiance,
             LightKind::Rect { radiance, .. } | LightKind::Sphere { radiance, .. } => radiance,
@@ -201,20 +201,18 @@ impl LightKind {
             | LightKind::Weather { scale, .. }
             | LightKind::Emissive { scale, .. } => scale,
         }
+    };
+}
+
+impl LightKind {
+    /// What all of its light is in proportion to, RGB: its intensity, irradiance or radiance, or what multiplies a map or materials.
+    pub fn color(&self) -> &Animated<Vec3> {
+        color_of!(self)
     }
 
     /// The same, to be changed.
     pub fn color_mut(&mut self) -> &mut Animated<Vec3> {
-        match self {
-            LightKind::Point { intensity, .. } | LightKind::Spot { intensity, .. } => intensity,
-            LightKind::Directional { irradiance, .. } => irradiance,
-            LightKind::Rect { radiance, .. } | LightKind::Sphere { radiance, .. } => radiance,
-            LightKind::Ies { scale, .. }
-            | LightKind::Environment { scale, .. }
-            | LightKind::SunSky { scale, .. }
-            | LightKind::Weather { scale, .. }
-            | LightKind::Emissive { scale, .. } => scale,
-        }
+        color_of!(self)
     }
 }
 

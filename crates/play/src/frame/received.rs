@@ -34,7 +34,11 @@ impl Receiving<'_> {
     /// Irradiance of one light where indirect light starts.
     pub fn of(&self, starts: Starts, lights: &LightSet, light: usize) -> Received {
         if lights.is_dark(light) {
-            return self.dark(starts);
+            return Received {
+                over_lobes: None,
+                points: starts.points.map(|places| vec![Vec3::ZERO; places.points()]),
+                samples: starts.samples.map(|hits| vec![Vec3::ZERO; hits.len()]),
+            };
         }
         let irradiance = |hits: &[Option<SurfaceHit>], footprint: f32| {
             irradiance_at(
@@ -59,15 +63,6 @@ impl Receiving<'_> {
                 places.means(lit)
             }),
             samples: starts.samples.map(|hits| irradiance(hits, 0.0).0),
-        }
-    }
-
-    /// Of a light that does not shine.
-    fn dark(&self, starts: Starts) -> Received {
-        Received {
-            over_lobes: None,
-            points: starts.points.map(|places| vec![Vec3::ZERO; places.points()]),
-            samples: starts.samples.map(|hits| vec![Vec3::ZERO; hits.len()]),
         }
     }
 

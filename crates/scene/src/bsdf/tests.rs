@@ -189,7 +189,6 @@ fn energy_is_conserved() {
     }
 }
 
-/// The tables behind everything above: E of a white and of a black-based specular part against quadrature.
 /// Truth: the product of both factors, as far as there is a diffuse part.
 #[test]
 fn what_directions_leave_of_the_diffuse_part_is_told_at_once_where_it_is_all() {
@@ -213,6 +212,7 @@ fn what_directions_leave_of_the_diffuse_part_is_told_at_once_where_it_is_all() {
     }
 }
 
+/// The tables behind everything above: E of a white and of a black-based specular part against quadrature.
 #[test]
 fn the_specular_albedo_is_right_to_its_stated_error() {
     let mut worst = 0.0f64;

@@ -198,26 +198,34 @@ impl<'a> LightRig<'a> {
     /// The lights at `frame`. Values that interpolation carries out of their range (a negative intensity
     /// after a cubic overshoot) are clamped to it.
     pub fn at(&self, frame: f64) -> LightSet<'a> {
-        self.colored_at(frame).0
+        self.set_of(&self.shapes(frame), &self.colors(frame))
     }
 
     /// The same; and again each at a colour of 1 ([`LightKind::color`]), with the colours that it is to be multiplied by.
     pub fn colored_at(&self, frame: f64) -> (LightSet<'a>, LightSet<'a>, Vec<Vec3>) {
-        let colors: Vec<Vec3> = (self.tracks.iter())
+        let (shapes, colors) = (self.shapes(frame), self.colors(frame));
+        let white = self.set_of(&shapes, &vec![Vec3::ONE; colors.len()]);
+        (self.set_of(&shapes, &colors), white, colors)
+    }
+
+    fn colors(&self, frame: f64) -> Vec<Vec3> {
+        (self.tracks.iter())
             .map(|track| positive(track.kind.color().at(frame)))
-            .collect();
-        let shapes: Vec<Option<Colored>> = (self.tracks.iter().enumerate())
+            .collect()
+    }
+
+    fn shapes(&self, frame: f64) -> Vec<Option<Colored>> {
+        (self.tracks.iter().enumerate())
             .map(|(i, track)| self.shape(i, &track.kind, frame))
-            .collect();
-        let of_colors = |colors: &[Vec3]| {
-            let lights = (self.tracks.iter().zip(&shapes).zip(colors)).map(|((track, shape), color)| {
-                let shape = shape.as_ref().map(|shape| shape(*color));
-                (track.name.clone(), shape.unwrap_or_else(|| Box::new(Dark)))
-            });
-            LightSet::of_shapes(lights, self.emitters)
-        };
-        let white = of_colors(&vec![Vec3::ONE; colors.len()]);
-        (of_colors(&colors), white, colors)
+            .collect()
+    }
+
+    fn set_of(&self, shapes: &[Option<Colored>], colors: &[Vec3]) -> LightSet<'a> {
+        let lights = (self.tracks.iter().zip(shapes).zip(colors)).map(|((track, shape), color)| {
+            let shape = shape.as_ref().map(|shape| shape(*color));
+            (track.name.clone(), shape.unwrap_or_else(|| Box::new(Dark)))
+        });
+        LightSet::of_shapes(lights, self.emitters)
     }
 
     /// A light at `frame`, of any colour; `None` where nothing shines.
