@@ -7,12 +7,12 @@
 //! the cluster. Lobes are as much wider as the piece of surface is that a point stands for, and as the lamp. All of it is linear in the
 //! lamps' light. Light of further reflections comes from all around, and is taken as ever.
 
+use crate::lit::{Lit, share};
 use crate::reflections;
 use crate::transfer::Transfer;
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
-use relight_render::irradiance::{Arrivals, Incident};
-use relight_scene::bsdf;
+use relight_render::irradiance::Arrivals;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
@@ -52,10 +52,6 @@ struct Family {
     senders: Vec<u32>,
     parent: Option<u32>,
 }
-
-/// Length of the mean of unit directions from which on lobes tell them hardly from one: they are spread by 0.1 then (√(1 − CLOSE), along either axis),
-/// and by half of that the half vectors, which widens the narrowest lobe, of [`SLOPE`], by less than a thirtieth.
-const CLOSE: f64 = 0.99;
 
 /// Length of links from which on the coefficients of siblings leave their mean to their parent exactly: what a hemisphere full of radiosity 1
 /// sends. Where a row keeps all of a family but one small child, links are as much longer than that as the child is smaller than its family, and
@@ -143,16 +139,8 @@ impl GlossySenders {
         direct: &[Vec3],
         arrivals: &Arrivals,
     ) -> Option<Vec<VectorIrradiance>> {
-        let lit: Vec<Vec<Incident>> = (arrivals.directions.chunks(arrivals.each))
-            .map(|of| {
-                let lit = || of.iter().copied().filter(|lit| lit.irradiance != Vec3::ZERO);
-                match arrivals.is_unoccluded {
-                    true => together(lit()).map_or_else(|| lit().collect(), |all| vec![all]),
-                    false => lit().collect(),
-                }
-            })
-            .collect();
-        if lit.iter().all(Vec::is_empty) {
+        let lit = Lit::of(arrivals);
+        if lit.iter().all(Lit::is_dark) {
             return None;
         }
         let light = LampLight {
@@ -161,7 +149,6 @@ impl GlossySenders {
             direct,
             irradiances: transfer.senders.pulled(direct).concat(),
             radiosities: transfer.senders.pulled(&transfer.radiosity(direct)).concat(),
-            is_unoccluded: arrivals.is_unoccluded,
             lit,
         };
         let families = light.families();
@@ -181,31 +168,6 @@ impl GlossySenders {
     }
 }
 
-/// Light from several directions as one from their middle, where they are [`CLOSE`]; `None` otherwise. In f64: however faint a light is, it goes
-/// the same way.
-fn together(lit: impl Iterator<Item = Incident>) -> Option<Incident> {
-    let (mut irradiance, mut weight, mut direction, mut distance) = (Vec3::ZERO, 0.0, DVec3::ZERO, 0.0);
-    for lit in lit {
-        let own = lit.irradiance.as_dvec3().element_sum();
-        irradiance += lit.irradiance;
-        weight += own;
-        direction += own * lit.direction.as_dvec3();
-        distance += own * f64::from(lit.distance);
-    }
-    (direction.length() > CLOSE * weight).then(|| Incident {
-        irradiance,
-        direction: direction.normalize().as_vec3(),
-        distance: (distance / weight) as f32,
-    })
-}
-
-/// What part `expected` is of the larger of itself and what there is: at most 1, and 1 of nothing. What has less than expected stands for what is
-/// dark: it sends what it would if it were lit, and the first ray that reaches it does not turn all of a cluster's light.
-fn share(expected: Vec3, had: Vec3) -> Vec3 {
-    let least = Vec3::splat(f32::MIN_POSITIVE);
-    expected.max(least) / had.max(expected).max(least)
-}
-
 /// A lamp's light at what is glossy.
 struct LampLight<'a> {
     of: &'a GlossySenders,
@@ -217,9 +179,7 @@ struct LampLight<'a> {
     /// Of what they reflect of it, too.
     radiosities: Vec<Vec3>,
     /// Whence it comes at each of the glossy points.
-    lit: Vec<Vec<Incident>>,
-    /// Whether that is as if nothing were in the way.
-    is_unoccluded: bool,
+    lit: Vec<Lit>,
 }
 
 impl LampLight<'_> {
@@ -227,7 +187,7 @@ impl LampLight<'_> {
     fn families(&self) -> Vec<&Family> {
         let is_lit = |sample: &Sample| {
             let glossy = self.of.glossy(sample.point);
-            glossy.is_some_and(|glossy| !self.lit[glossy].is_empty()) && self.around(sample) != Vec3::ZERO
+            glossy.is_some_and(|glossy| !self.lit[glossy].is_dark()) && self.around(sample) != Vec3::ZERO
         };
         let is_lit: Vec<bool> = (0..self.of.clusters.len() as u32)
             .map(|sender| self.of.samples_of(sender).iter().any(is_lit))
@@ -284,13 +244,16 @@ impl LampLight<'_> {
             seen += 1.0;
             if let Some(glossy) = self.of.glossy(sample.point) {
                 let lit = &self.lit[glossy];
-                let part = match self.is_unoccluded {
+                let GlossyPoint { shading, albedo, .. } = &self.of.points[glossy];
+                let irradiance = lit.irradiance();
+                let part = match lit.is_unoccluded() {
                     // The light around says how much of it there is.
-                    true => share(around, lit.iter().map(|lit| lit.irradiance).sum()),
+                    true => share(around, irradiance),
                     // Rays have its visibility: on average they are right.
                     false => Vec3::ONE,
                 };
-                more += part * self.of.points[glossy].more_than_matt(lit, to, radius);
+                let reflected = lit.reflected(shading, (to, Vec3::ZERO), radius, SLOPE);
+                more += part * (reflected - *albedo * irradiance);
             }
         }
         match seen > 0.0 {
@@ -369,55 +332,7 @@ fn clusters(transfer: &Transfer) -> (Vec<Cluster>, Vec<Sample>) {
     (clusters, samples)
 }
 
-impl GlossyPoint {
-    /// Radiosity towards a place, less what it would be if the point were matt, W/m².
-    fn more_than_matt(&self, lit: &[Incident], to: Vec3, radius: f32) -> Vec3 {
-        let way = to - self.shading.position;
-        let distance = way.length();
-        let view = way / distance.max(f32::MIN_POSITIVE);
-        if self.shading.geometric_normal.dot(view) <= 0.0 {
-            return Vec3::ZERO;
-        }
-        // Half vectors turn by half of what either direction does over the surface that the point stands for, whose places lie half its
-        // radius from the middle along each axis.
-        let turn = |distance: f32| 0.25 * radius / distance.max(radius);
-        let of = |lit: &Incident| {
-            let turn = turn(distance) + turn(lit.distance);
-            let slope = (self.shading.alpha * self.shading.alpha + 2.0 * turn * turn).sqrt();
-            let wide = bsdf::at_least_as_wide(&self.shading, slope.clamp(SLOPE, 1.0));
-            lit.irradiance * (bsdf::eval(&wide, view, lit.direction) * PI - self.albedo)
-        };
-        lit.iter().map(of).sum()
-    }
-}
-
 /// Whether a lobe matters, as for what the eye sees.
 fn is_glossy(point: &ShadingPoint) -> bool {
     reflections::rays(point, point.shading_normal, 1) > 0
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn from(x: f32, light: f32) -> Incident {
-        Incident {
-            irradiance: Vec3::splat(light),
-            direction: Vec3::new(x, 1.0, 0.0).normalize(),
-            distance: 2.0,
-        }
-    }
-
-    /// Truth: light adds up, its middle is weighed by it, and neither depends on how faint it is.
-    #[test]
-    fn close_directions_are_one_and_others_stay_apart() {
-        for scale in [1e-30, 1.0, 1e30] {
-            let one = together([from(-0.1, scale), from(0.1, 3.0 * scale)].into_iter()).unwrap();
-            assert!((one.irradiance.x / scale - 4.0).abs() < 1e-5);
-            assert!((one.direction.x - 0.05).abs() < 1e-3, "{}", one.direction);
-            assert_eq!(one.distance, 2.0);
-            assert!(together([from(-0.5, scale), from(0.5, scale)].into_iter()).is_none());
-        }
-        assert!(together(std::iter::empty()).is_none());
-    }
 }

@@ -461,6 +461,7 @@ impl Player {
             self.prepared.received.forget();
             self.prepared.transferred.forget();
             shot.reflected.forget();
+            shot.at_ends.forget();
             shot.even.forget();
         }
     }

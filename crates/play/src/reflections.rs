@@ -5,11 +5,11 @@
 //! The vector irradiance of Lehtinen et al. 2008 says how much light arrives, not whence, so that by itself it shades
 //! every surface like a matt one. The points also say what the scene's surfaces send (direct and indirect irradiance,
 //! times reflectance), and a lobe looks at those: final gathering (Reichert 1992; Christensen 2000) restricted to
-//! lobes. Ends that are glossy themselves are followed on; the light that lamps send over them is taken as if they
-//! were matt, as everywhere in transfer.
+//! lobes. Ends that are glossy themselves are followed on, and what lamps send over them goes over their lobes ([`crate::glossy_ends`]).
 //!
 //! All of it is linear in what the points receive, so that a frame costs one sparse product.
 
+use crate::glossy_ends::{self, GlossyEnd, GlossyEnds};
 use crate::reconstruct::functions_at;
 use crate::transfer::Transfer;
 use glam::Vec3;
@@ -54,6 +54,8 @@ pub struct Reflections {
     lobes: Vec<Lobes>,
     /// Whether each fragment's lobe is followed and narrow, so that its rays show the sky; empty if none is followed.
     pub narrow: Vec<bool>,
+    /// Glossy surfaces that they end on.
+    pub(crate) ends: GlossyEnds,
 }
 
 /// Lobes of some fragments.
@@ -68,6 +70,8 @@ struct Lobes {
     /// Of narrow lobes the rays that end nowhere: fragment, unit direction, and the share of the radiance from there that the
     /// fragment reflects.
     sky: Vec<(u32, Vec3, Vec3)>,
+    /// Glossy surfaces that rays end on.
+    ends: GlossyEnds,
 }
 
 /// Fragments whose lobes are followed one after the other.
@@ -105,25 +109,31 @@ fn sent(senders: &SenderTree, direct: Option<&[Vec3]>, indirect: impl Iterator<I
 }
 
 impl Lobes {
-    /// Appends a fragment's lobe, which takes `rays`, or more if they see the sky.
+    /// Appends a fragment's lobe, which takes `rays`, or more if the fragment before saw the sky or other lobes: its own rays must not decide, or
+    /// what few of them see would be counted where they see it and left out where they don't.
     fn push(&mut self, follower: &mut Follower, (fragment, rays): (u32, u32), starts: &[Sighted], most: u32) {
         let narrow_below = NARROW * most as f32 / FIXED_RAYS as f32;
         let narrow = (starts.iter()).all(|start| bsdf::width_facing(&start.point) <= narrow_below);
-        let first = self.sky.len();
-        let mut cast = 0;
-        for start in starts.iter().cycle() {
-            let sees_sky = self.sky.len() > first;
-            if cast >= rays && !(sees_sky && cast < most / SKY_OF_MOST) {
-                break;
-            }
-            let missed = follower.follow(*start, Sampler::new(0, fragment.into(), cast), rays);
+        let (first, first_end) = (self.sky.len(), self.ends.ends.len());
+        let cast = match follower.saw {
+            Saw { lobes: true, .. } => most,
+            Saw { sky: true, .. } if narrow => rays.max(most / SKY_OF_MOST),
+            _ => rays,
+        };
+        for (ray, start) in (0..cast).zip(starts.iter().cycle()) {
+            let sampler = Sampler::new(0, fragment.into(), ray);
+            let missed = follower.follow(*start, sampler, (fragment, cast), &mut self.ends);
             if let (Some((direction, share)), true) = (missed, narrow) {
                 self.sky.push((fragment, direction, share));
             }
-            cast += 1;
         }
+        follower.saw = Saw {
+            sky: self.sky.len() > first,
+            lobes: self.ends.ends.len() > first_end,
+        };
         let share = (cast as f32).recip();
         self.sky[first..].iter_mut().for_each(|ray| ray.2 *= share);
+        (self.ends.ends[first_end..].iter_mut()).for_each(|end| end.throughput *= share);
         follower.take(share, &mut self.entries);
         self.fragments.push((fragment, self.entries.len() as u32));
         if narrow {
@@ -151,12 +161,16 @@ impl Reflections {
             return Ok(Reflections::default());
         }
         let nearest = NearestPoint::new(&transfer.finest);
+        let all_rays = rays.iter().map(|&rays| u64::from(rays)).sum();
         let follower = || Follower {
             scene,
+            rays: all_rays,
+            saw: Saw::default(),
             transfer,
             functions: FunctionsInOrder::new(&transfer.finest),
             nearest: &nearest,
             end: Vec::new(),
+            point: None,
             found: Vec::new(),
         };
         let lobes = fragments
@@ -164,6 +178,7 @@ impl Reflections {
             .map_init(follower, |follower, fragments| {
                 go_on(watch)?;
                 let mut lobes = Lobes::default();
+                follower.saw = Saw::default();
                 for &f in fragments {
                     let starts = starts_of(f as usize);
                     lobes.push(follower, (f, rays[f as usize]), &starts, most);
@@ -172,12 +187,14 @@ impl Reflections {
                 lobes.sky.shrink_to_fit();
                 Ok(lobes)
             });
-        let lobes: Vec<Lobes> = lobes.collect::<Result<_, Cancelled>>()?;
+        let mut lobes: Vec<Lobes> = lobes.collect::<Result<_, Cancelled>>()?;
         let mut narrow = vec![false; rays.len()];
         for &fragment in lobes.iter().flat_map(|lobes| &lobes.narrow) {
             narrow[fragment as usize] = true;
         }
-        Ok(Reflections { lobes, narrow })
+        let ends = lobes.iter_mut().map(|lobes| std::mem::take(&mut lobes.ends));
+        let ends = GlossyEnds::joined(ends.collect(), transfer.finest.len() as u32);
+        Ok(Reflections { lobes, narrow, ends })
     }
 
     /// Adds what narrow lobes show of the sky, whose `radiance(direction)` is asked for, to the radiance of the fragments.
@@ -230,27 +247,50 @@ impl Reflections {
     }
 }
 
+/// What rays of a fragment's lobe met that wants more of them.
+#[derive(Clone, Copy, Default)]
+struct Saw {
+    /// The sky, in a narrow lobe.
+    sky: bool,
+    /// Glossy surfaces.
+    lobes: bool,
+}
+
 /// Follows the lobes of one fragment after the other.
 struct Follower<'a> {
     scene: &'a TracedScene,
     transfer: &'a Transfer,
     functions: FunctionsInOrder<'a>,
     nearest: &'a NearestPoint<'a>,
+    /// Of all fragments.
+    rays: u64,
+    /// What the fragment before saw.
+    saw: Saw,
     /// Functions at one end.
     end: Vec<(u32, f32)>,
+    /// The point that counts most there.
+    point: Option<u32>,
     /// What the fragment's rays found so far: places in [`sent`] and what each adds to its radiance.
     found: Vec<(u32, Vec3)>,
 }
 
 impl Follower<'_> {
-    /// Follows a lobe's ray, one of `rays`, over glossy surfaces until it ends on one that is not. Returns the direction of one that meets no
+    /// Follows a lobe's ray, one of `rays` of a fragment, over glossy surfaces until it ends on one that is not. Returns the direction of one that meets no
     /// surface, and how much of the light from there it takes to the eye.
-    fn follow(&mut self, start: Sighted, mut sampler: Sampler, rays: u32) -> Option<(Vec3, Vec3)> {
+    fn follow(
+        &mut self,
+        start: Sighted,
+        mut sampler: Sampler,
+        (fragment, rays): (u32, u32),
+        ends: &mut GlossyEnds,
+    ) -> Option<(Vec3, Vec3)> {
         let Sighted {
             mut hit,
             mut point,
             view: mut wo,
         } = start;
+        let matt = bsdf::diffuse_reflectance(&point, point.shading_normal.dot(wo));
+        let reflected = (bsdf::lobe_albedo(&point, wo) + matt).max_element();
         let mut throughput = Vec3::ONE;
         let mut blur = 0.0;
         for surface in 1..=MOST_SURFACES {
@@ -270,14 +310,47 @@ impl Follower<'_> {
             blur += look.length() * bsdf::width_facing(&point);
             (hit, wo) = (next, -look.ray.direction);
             point = self.scene.shading_point(&hit).facing(wo);
-            let last = surface == MOST_SURFACES || self::rays(&point, wo, 1) == 0;
+            let is_glossy = self::rays(&point, wo, 1) > 0;
+            let last = surface == MOST_SURFACES || !is_glossy;
             self.functions_at(&hit, blur, blur * (rays as f32).sqrt().recip());
             self.add(&point, wo, throughput, last);
+            if is_glossy {
+                let part = (throughput * bsdf::lobe_albedo(&point, wo)).max_element() / reflected;
+                let seen_from = look.ray.origin;
+                let chance = glossy_ends::chance(part, self.rays);
+                if sampler.next_1d() < chance {
+                    let kept = (rays as f32 * chance).max(1.0);
+                    self.keep_end(fragment, &point, seen_from, blur / kept.sqrt(), throughput / chance, ends);
+                }
+            }
             if last {
                 break;
             }
         }
         None
+    }
+
+    /// Keeps the end whose functions were found last.
+    fn keep_end(
+        &self,
+        fragment: u32,
+        point: &ShadingPoint,
+        seen_from: Vec3,
+        reach: f32,
+        throughput: Vec3,
+        ends: &mut GlossyEnds,
+    ) {
+        let Some(finest) = self.point else { return };
+        ends.lit_by.extend_from_slice(&self.end);
+        ends.ends.push(GlossyEnd {
+            fragment,
+            point: finest,
+            lit_end: ends.lit_by.len() as u32,
+            shading: *point,
+            seen_from,
+            reach,
+            throughput,
+        });
     }
 
     /// Finds the functions at an end. Where the lobe blurs what is there over more than a point's distance (`blur`, metres),
@@ -293,6 +366,7 @@ impl Follower<'_> {
         let place = (hit.position, hit.normal);
         let separated = |place, j| self.transfer.is_separated(self.scene, place, j);
         self.end.clear();
+        self.point = None;
         if blur < finest.disk_radius {
             functions_at(
                 &mut self.functions,
@@ -301,6 +375,8 @@ impl Follower<'_> {
                 separated,
                 &mut self.end,
             );
+            let most = self.end.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+            self.point = most.map(|entry| entry.0);
         } else if let Some(j) = self.nearest.at(place.0, place.1) {
             let j = (self.nearest).on_same_side(place, j, near_separated, |j| separated(place, j));
             let Transfer {
@@ -312,6 +388,7 @@ impl Follower<'_> {
             let sender = around(senders, *linked_levels, sender_areas, j, PI * reach * reach);
             let at = sender.map_or(j, |sender| (finest.len() + sender) as u32);
             self.end.push((at, 1.0));
+            self.point = Some(j);
         }
     }
 

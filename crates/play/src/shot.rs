@@ -106,6 +106,8 @@ pub struct RelitShot {
     pub(crate) edition: Edition,
     /// What fragments reflect of lamps that stand still, by shadow rays.
     pub(crate) reflected: Still<Vec<Vec3>>,
+    /// What of it they see over two lobes ([`crate::glossy_ends`]).
+    pub(crate) at_ends: Still<Option<Vec<Vec3>>>,
     /// The same of even directions, by visibility cuts.
     pub(crate) even: Still<Option<EvenLight>>,
 }
@@ -178,6 +180,7 @@ impl RelitShot {
             times: ShotTimes::default(),
             edition: Edition::default(),
             reflected: Still::default(),
+            at_ends: Still::default(),
             even: Still::default(),
         })
     }

@@ -27,6 +27,8 @@ pub(super) struct Sums {
     pub samples: Option<Sum>,
     /// At receivers; of few lights, so that f32 will do.
     pub over_lobes: Option<Vec<VectorIrradiance>>,
+    /// Radiance of fragments over two lobes.
+    pub at_ends: Option<Sum>,
 }
 
 impl Sums {
@@ -37,6 +39,7 @@ impl Sums {
             points: starts.points.map(|places| Sum::Nothing(places.points())),
             samples: starts.samples.map(|hits| Sum::Nothing(hits.len())),
             over_lobes: None,
+            at_ends: None,
         }
     }
 
@@ -70,6 +73,7 @@ impl Sums {
             points: self.points.map(Sum::rounded),
             samples: self.samples.map(Sum::rounded),
             over_lobes: self.over_lobes,
+            at_ends: self.at_ends.map(Sum::rounded),
         };
         (self.direct.rounded(), received)
     }

@@ -29,7 +29,7 @@ impl Task<'_> {
         let operators = (self.prepared.transfer.as_ref())
             .zip(self.shot.functions.as_ref())
             .zip(received.points.as_ref());
-        let over_lobes = received.over_lobes.as_deref();
+        let (over_lobes, at_ends) = (received.over_lobes.as_deref(), received.at_ends.as_deref());
         let Some(((transfer, functions), received)) = operators else {
             let radiance = shaded.unwrap_or_else(|| vec![Vec3::ZERO; self.shot.seen.len()]);
             return Indirect {
@@ -43,7 +43,12 @@ impl Task<'_> {
             cuts.is_some_and(|cuts| cuts.shading.fragments > 0) && self.settings.levels.is_none()
         });
         let (radiance, stats) = match glossy {
-            None => self.by_transfer(transfer, functions, (received, over_lobes), times),
+            None => {
+                let (mut radiance, stats) =
+                    self.by_transfer(transfer, functions, (received, over_lobes), times);
+                at_ends.iter().for_each(|at_ends| add(&mut radiance, at_ends));
+                (radiance, stats)
+            }
             Some(glossy) => self.by_transfer_beside(transfer, functions, received, glossy, times),
         };
         times.bounces += stats.bounce_ms;

@@ -139,6 +139,15 @@ impl Shining<'_> {
         let cause = self.causes[light].at_points();
         let (received, _) = task.prepared.received.light_of(light, &cause, make);
         sums.add_received(&received, self.of.colors[light]);
+        let make = || {
+            let direct = received.points.as_deref()?;
+            task.receiving().at_ends(task.shot, &self.of.white, light, direct)
+        };
+        let (at_ends, _) = task.shot.at_ends.light_of(light, &cause, make);
+        if let Some(at_ends) = &*at_ends {
+            let nothing = || Sum::Nothing(at_ends.len());
+            (sums.at_ends.get_or_insert_with(nothing)).add(at_ends, self.of.colors[light]);
+        }
         times.direct_points += milliseconds(start);
     }
 

@@ -12,6 +12,8 @@ pub(crate) struct Received {
     pub points: Option<Vec<Vec3>>,
     /// At all receivers, what lobes add to the first bounce of it ([`crate::gloss`]); `None` where they add nothing.
     pub over_lobes: Option<Vec<VectorIrradiance>>,
+    /// What fragments see of it over two lobes: radiance, less what the points say of it ([`crate::glossy_ends`]); `None` where that is nothing.
+    pub at_ends: Option<Vec<Vec3>>,
     /// At surface samples, for visibility cuts; `None` where these make no first bounce.
     pub samples: Option<Vec<Vec3>>,
 }

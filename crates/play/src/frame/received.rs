@@ -5,14 +5,18 @@ use super::settings::FrameSettings;
 use crate::gloss::GlossySenders;
 use crate::prepared::PreparedScene;
 use crate::shadow_edges::Places;
+use crate::shot::RelitShot;
 use crate::spread::PointPlaces;
 use glam::Vec3;
-use relight_render::irradiance::{Place, incident_at, irradiance_around, irradiance_at};
+use relight_render::irradiance::{Arrivals, Place, incident_at, irradiance_around, irradiance_at};
 use relight_render::lightcuts::{LightcutStats, ManyLights};
 use relight_render::lighting::Met;
 use relight_scene::light_set::LightSet;
 use relight_scene::surface::SurfaceHit;
 use relight_transport::pyramid::VectorIrradiance;
+
+/// Directions that points know of light at what lobes end on, for each that they know of their own light: the eye sees them one by one.
+const AT_ENDS: u32 = 4;
 
 /// Where light arrives from which indirect light starts.
 #[derive(Clone, Copy)]
@@ -36,6 +40,7 @@ impl Receiving<'_> {
         if lights.is_dark(light) {
             return Received {
                 over_lobes: None,
+                at_ends: None,
                 points: starts.points.map(|places| vec![Vec3::ZERO; places.points()]),
                 samples: starts.samples.map(|hits| vec![Vec3::ZERO; hits.len()]),
             };
@@ -53,6 +58,7 @@ impl Receiving<'_> {
         };
         Received {
             over_lobes: None,
+            at_ends: None,
             points: starts.points.map(|places| {
                 if self.settings.coarse {
                     // A wide point's own place stands for all of its surface.
@@ -85,20 +91,37 @@ impl Receiving<'_> {
             .get_or_init(|| GlossySenders::new(scene, points, transfer))
             .as_ref()?;
         let wanted: Vec<u32> = glossy.numbers().collect();
-        let FrameSettings {
-            point_samples, seed, ..
-        } = *self.settings;
-        let arrivals = incident_at(
-            scene,
+        glossy.over_lobes(transfer, direct, &self.arrivals(lights, light, &wanted, self.settings.point_samples))
+    }
+
+    /// What a shot's fragments see over two lobes of a light that gives the points this irradiance.
+    pub fn at_ends(
+        &self,
+        shot: &RelitShot,
+        lights: &LightSet,
+        light: usize,
+        direct: &[Vec3],
+    ) -> Option<Vec<Vec3>> {
+        let (transfer, ends) = (self.prepared.transfer.as_ref()?, &shot.reflections.ends);
+        if ends.points().is_empty() {
+            return None;
+        }
+        let arrivals = self.arrivals(lights, light, ends.points(), AT_ENDS * self.settings.point_samples);
+        ends.over_lobes(transfer, shot.seen.len(), direct, &arrivals)
+    }
+
+    /// Whence a light comes at some of the finest points, by so many samples of what has extent.
+    fn arrivals(&self, lights: &LightSet, light: usize, wanted: &[u32], samples: u32) -> Arrivals {
+        incident_at(
+            &self.prepared.scene,
             lights,
             light,
-            points,
-            &wanted,
+            &self.prepared.points,
+            wanted,
             self.prepared.footprint(),
-            point_samples,
-            seed,
-        );
-        glossy.over_lobes(transfer, direct, &arrivals)
+            samples,
+            self.settings.seed,
+        )
     }
 
     /// Irradiance of all lights at the finest points by lightcuts.
