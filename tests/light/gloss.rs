@@ -80,7 +80,7 @@ fn baked(court: &Glb) -> Player {
     baked_with(court, &params)
 }
 
-fn baked_with(glb: &Glb, params: &BakeParams) -> Player {
+pub fn baked_with(glb: &Glb, params: &BakeParams) -> Player {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scene.glb");
     std::fs::write(&file, glb.to_bytes()).unwrap();

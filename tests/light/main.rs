@@ -7,3 +7,4 @@ mod golden;
 mod product;
 mod stage;
 mod sums;
+mod two_lobes;

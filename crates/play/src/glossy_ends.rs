@@ -9,21 +9,20 @@ use crate::transfer::Transfer;
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_render::irradiance::Arrivals;
-use relight_scene::bsdf;
 use relight_scene::shading::ShadingPoint;
 use std::f32::consts::FRAC_1_PI;
 
-/// About as many ends as a shot keeps, each for as many as were left out: a frame takes some 50 ns of a core for each and each lamp that moves, and each
-/// takes 250 bytes.
-const MOST: f32 = 1e6;
+/// About as many ends as a shot keeps, each for as many as were left out: a frame takes some 0.2 µs of a core for each and each lamp that moves, 0.7 µs
+/// for one with extent, and each takes 240 bytes.
+const MOST: f32 = 250e3;
 
-/// Part of what a fragment reflects that comes over an end's lobe, of even light, from which on ends are kept like those that carry all of it: light of small lamps
-/// is that much brighter in lobes that they shine into, which have α = 0.1.
-const PART: f32 = 1.0 / 16.0;
+/// Part of what a fragment reflects of even light that comes over an end's lobe, from which on that lobe matters. Light of a small lamp is up to
+/// 1 / (4 α²) times as bright in a lobe that it shines into as what is matt sends of it: 16 for α = 0.12.
+pub(crate) const PART: f32 = 1.0 / 16.0;
 
-/// Chance with which the glossy end of one of a shot's rays is kept. `part`: how much of what its fragment reflects of even light comes over its lobe.
-pub(crate) fn chance(part: f32, rays: u64) -> f32 {
-    (part / PART).min(1.0) * (MOST / rays as f32).min(1.0)
+/// Chance with which an end is kept whose lobe matters, where a shot's fragments cast so many rays.
+pub(crate) fn chance(rays: u64) -> f32 {
+    (MOST / rays as f32).min(1.0)
 }
 
 /// A glossy surface that a fragment's ray ends on, or is mirrored by.
@@ -36,6 +35,8 @@ pub(crate) struct GlossyEnd {
     /// Where its part of [`GlossyEnds::lit_by`] ends.
     pub lit_end: u32,
     pub shading: ShadingPoint,
+    /// What it reflects of even light, as the points take it.
+    pub albedo: Vec3,
     /// Where it is seen from.
     pub seen_from: Vec3,
     /// Radius of the surface that it stands for, m.
@@ -127,12 +128,16 @@ struct LampLight<'a> {
 impl LampLight<'_> {
     /// What an end adds to its fragment's radiance, less what it would if it were matt; `lit_by`: its part of that list.
     fn over_lobe(&self, end: &GlossyEnd, lit_by: &[(u32, f32)]) -> Vec3 {
-        let around: Vec3 = lit_by.iter().map(|&(at, weight)| self.irradiance(at) * weight).sum();
+        let around: Vec3 = lit_by
+            .iter()
+            .map(|&(at, weight)| self.irradiance(at) * weight)
+            .sum();
         if around == Vec3::ZERO {
             return Vec3::ZERO;
         }
         let GlossyEnd {
             shading,
+            albedo,
             seen_from,
             reach,
             ..
@@ -156,12 +161,16 @@ impl LampLight<'_> {
         }
         // The light around says how much of it there is.
         let least = Vec3::splat(f32::MIN_POSITIVE);
-        let matt = bsdf::hemispherical_albedo(shading);
-        let lobe = Vec3::select(irradiance.cmpgt(least), reflected / irradiance.max(least), matt);
-        end.throughput * (lobe - matt) * around.min(match is_unoccluded {
-            true => irradiance,
-            false => Vec3::splat(f32::MAX),
-        }) * FRAC_1_PI
+        let lobe = Vec3::select(
+            irradiance.cmpgt(least),
+            reflected / irradiance.max(least),
+            *albedo,
+        );
+        let light = match is_unoccluded {
+            true => around.min(irradiance),
+            false => around,
+        };
+        end.throughput * (lobe - *albedo) * light * FRAC_1_PI
     }
 
     fn irradiance(&self, at: u32) -> Vec3 {

@@ -115,7 +115,7 @@ impl Lobes {
         let narrow_below = NARROW * most as f32 / FIXED_RAYS as f32;
         let narrow = (starts.iter()).all(|start| bsdf::width_facing(&start.point) <= narrow_below);
         let (first, first_end) = (self.sky.len(), self.ends.ends.len());
-        let cast = match follower.saw {
+        let cast = match std::mem::take(&mut follower.saw) {
             Saw { lobes: true, .. } => most,
             Saw { sky: true, .. } if narrow => rays.max(most / SKY_OF_MOST),
             _ => rays,
@@ -127,10 +127,7 @@ impl Lobes {
                 self.sky.push((fragment, direction, share));
             }
         }
-        follower.saw = Saw {
-            sky: self.sky.len() > first,
-            lobes: self.ends.ends.len() > first_end,
-        };
+        follower.saw.sky = self.sky.len() > first;
         let share = (cast as f32).recip();
         self.sky[first..].iter_mut().for_each(|ray| ray.2 *= share);
         (self.ends.ends[first_end..].iter_mut()).for_each(|end| end.throughput *= share);
@@ -252,7 +249,7 @@ impl Reflections {
 struct Saw {
     /// The sky, in a narrow lobe.
     sky: bool,
-    /// Glossy surfaces.
+    /// Glossy surfaces that matter.
     lobes: bool,
 }
 
@@ -264,7 +261,7 @@ struct Follower<'a> {
     nearest: &'a NearestPoint<'a>,
     /// Of all fragments.
     rays: u64,
-    /// What the fragment before saw.
+    /// What rays saw since this was taken last: those of the fragment before.
     saw: Saw,
     /// Functions at one end.
     end: Vec<(u32, f32)>,
@@ -316,11 +313,14 @@ impl Follower<'_> {
             self.add(&point, wo, throughput, last);
             if is_glossy {
                 let part = (throughput * bsdf::lobe_albedo(&point, wo)).max_element() / reflected;
-                let seen_from = look.ray.origin;
-                let chance = glossy_ends::chance(part, self.rays);
-                if sampler.next_1d() < chance {
-                    let kept = (rays as f32 * chance).max(1.0);
-                    self.keep_end(fragment, &point, seen_from, blur / kept.sqrt(), throughput / chance, ends);
+                if part >= glossy_ends::PART {
+                    self.saw.lobes = true;
+                    let chance = glossy_ends::chance(self.rays);
+                    if sampler.next_1d() < chance {
+                        let kept = (rays as f32 * chance).max(1.0);
+                        let (reach, throughput) = (blur / kept.sqrt(), throughput / chance);
+                        self.keep_end(fragment, &point, look.ray.origin, reach, throughput, ends);
+                    }
                 }
             }
             if last {
@@ -347,6 +347,7 @@ impl Follower<'_> {
             point: finest,
             lit_end: ends.lit_by.len() as u32,
             shading: *point,
+            albedo: bsdf::hemispherical_albedo(point),
             seen_from,
             reach,
             throughput,

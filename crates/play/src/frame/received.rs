@@ -91,7 +91,11 @@ impl Receiving<'_> {
             .get_or_init(|| GlossySenders::new(scene, points, transfer))
             .as_ref()?;
         let wanted: Vec<u32> = glossy.numbers().collect();
-        glossy.over_lobes(transfer, direct, &self.arrivals(lights, light, &wanted, self.settings.point_samples))
+        glossy.over_lobes(
+            transfer,
+            direct,
+            &self.arrivals(lights, light, &wanted, self.settings.point_samples),
+        )
     }
 
     /// What a shot's fragments see over two lobes of a light that gives the points this irradiance.
@@ -106,7 +110,12 @@ impl Receiving<'_> {
         if ends.points().is_empty() {
             return None;
         }
-        let arrivals = self.arrivals(lights, light, ends.points(), AT_ENDS * self.settings.point_samples);
+        let arrivals = self.arrivals(
+            lights,
+            light,
+            ends.points(),
+            AT_ENDS * self.settings.point_samples,
+        );
         ends.over_lobes(transfer, shot.seen.len(), direct, &arrivals)
     }
 
