@@ -12,8 +12,8 @@ use relight_render::irradiance::Arrivals;
 use relight_scene::shading::ShadingPoint;
 use std::f32::consts::FRAC_1_PI;
 
-/// About as many ends as a shot keeps, each for as many as were left out: a frame takes some 0.2 µs of a core for each and each lamp that moves, 0.7 µs
-/// for one with extent, and each takes 240 bytes.
+/// About as many ends as a shot keeps if all of its rays end on glossy surfaces, each for as many as were left out: a frame takes some 0.2 µs of a core for
+/// each and each lamp that moves, 0.7 µs if the lamp has extent, and each takes 240 bytes.
 const MOST: f32 = 250e3;
 
 /// Part of what a fragment reflects of even light that comes over an end's lobe, from which on that lobe matters. Light of a small lamp is up to
