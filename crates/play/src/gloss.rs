@@ -139,10 +139,7 @@ impl GlossySenders {
         direct: &[Vec3],
         arrivals: &Arrivals,
     ) -> Option<Vec<VectorIrradiance>> {
-        let lit = Lit::of(arrivals);
-        if lit.iter().all(Lit::is_dark) {
-            return None;
-        }
+        let lit = Lit::of(arrivals)?;
         let light = LampLight {
             of: self,
             transfer,

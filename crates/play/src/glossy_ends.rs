@@ -89,10 +89,7 @@ impl GlossyEnds {
         direct: &[Vec3],
         arrivals: &Arrivals,
     ) -> Option<Vec<Vec3>> {
-        let lit = Lit::of(arrivals);
-        if lit.iter().all(Lit::is_dark) {
-            return None;
-        }
+        let lit = Lit::of(arrivals)?;
         let lamp = LampLight {
             of: self,
             transfer,

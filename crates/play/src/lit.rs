@@ -22,8 +22,8 @@ pub(crate) struct Lit {
 }
 
 impl Lit {
-    /// Place by place.
-    pub fn of(arrivals: &Arrivals) -> Vec<Lit> {
+    /// Place by place; `None` where none arrives anywhere.
+    pub fn of(arrivals: &Arrivals) -> Option<Vec<Lit>> {
         let is_unoccluded = arrivals.is_unoccluded;
         let of = |directions: &[Incident]| {
             let lit = || {
@@ -47,7 +47,8 @@ impl Lit {
                 spread,
             }
         };
-        arrivals.directions.chunks(arrivals.each).map(of).collect()
+        let lit: Vec<Lit> = arrivals.directions.chunks(arrivals.each).map(of).collect();
+        (!lit.iter().all(Lit::is_dark)).then_some(lit)
     }
 
     /// Whether none arrives.
@@ -137,28 +138,29 @@ mod tests {
         }
     }
 
-    fn lit(directions: Vec<Incident>) -> Lit {
+    fn lit(directions: Vec<Incident>) -> Option<Lit> {
         let arrivals = Arrivals {
             each: directions.len(),
             directions,
             is_unoccluded: true,
         };
-        Lit::of(&arrivals).remove(0)
+        Some(Lit::of(&arrivals)?.remove(0))
     }
 
     /// Truth: light adds up, its middle is weighed by it, and neither depends on how faint it is.
     #[test]
     fn close_directions_are_one_and_others_stay_apart() {
         for scale in [1e-30, 1.0, 1e30] {
-            let close = lit(vec![from(-0.1, scale), from(0.1, 3.0 * scale)]);
+            let close = lit(vec![from(-0.1, scale), from(0.1, 3.0 * scale)]).unwrap();
             let [one] = close.from[..] else {
                 panic!("{close:?}");
             };
             assert!((one.irradiance.x / scale - 4.0).abs() < 1e-5);
             assert!((one.direction.x - 0.05).abs() < 1e-3, "{}", one.direction);
             assert_eq!(one.distance, 2.0);
-            assert_eq!(lit(vec![from(-0.5, scale), from(0.5, scale)]).from.len(), 2);
+            let apart = lit(vec![from(-0.5, scale), from(0.5, scale)]).unwrap();
+            assert_eq!(apart.from.len(), 2);
         }
-        assert!(lit(vec![from(0.0, 0.0)]).is_dark());
+        assert!(lit(vec![from(0.0, 0.0)]).is_none());
     }
 }

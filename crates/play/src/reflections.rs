@@ -84,7 +84,7 @@ pub fn rays(point: &ShadingPoint, wo: Vec3, most: u32) -> u32 {
     if lobe == Vec3::ZERO {
         return 0;
     }
-    let matt = bsdf::diffuse_reflectance(point, point.shading_normal.dot(wo));
+    let matt = matt_albedo(point, wo);
     let share = (lobe / (lobe + matt).max(Vec3::splat(f32::MIN_POSITIVE))).max_element();
     let width = bsdf::width_facing(point) / FRAC_PI_2;
     if share * (1.0 - 0.5 * width) < LEAST {
@@ -93,6 +93,11 @@ pub fn rays(point: &ShadingPoint, wo: Vec3, most: u32) -> u32 {
     ((most as f32 * share * width).ceil() as u32)
         .max(most / LEAST_OF_MOST)
         .max(1)
+}
+
+/// Share of even light that the matt part reflects towards `wo`.
+pub(crate) fn matt_albedo(point: &ShadingPoint, wo: Vec3) -> Vec3 {
+    bsdf::diffuse_reflectance(point, point.shading_normal.dot(wo))
 }
 
 /// What the finest points and all senders get: direct and indirect irradiance together, then indirect alone.
@@ -286,8 +291,6 @@ impl Follower<'_> {
             mut point,
             view: mut wo,
         } = start;
-        let matt = bsdf::diffuse_reflectance(&point, point.shading_normal.dot(wo));
-        let reflected = (bsdf::lobe_albedo(&point, wo) + matt).max_element();
         let mut throughput = Vec3::ONE;
         let mut blur = 0.0;
         for surface in 1..=MOST_SURFACES {
@@ -312,7 +315,12 @@ impl Follower<'_> {
             self.functions_at(&hit, blur, blur * (rays as f32).sqrt().recip());
             self.add(&point, wo, throughput, last);
             if is_glossy {
-                let part = (throughput * bsdf::lobe_albedo(&point, wo)).max_element() / reflected;
+                let Sighted {
+                    point: seen, view, ..
+                } = &start;
+                let reflected = bsdf::lobe_albedo(seen, *view) + matt_albedo(seen, *view);
+                let over_lobe = throughput * bsdf::lobe_albedo(&point, wo);
+                let part = over_lobe.max_element() / reflected.max_element();
                 if part >= glossy_ends::PART {
                     self.saw.lobes = true;
                     let chance = glossy_ends::chance(self.rays);
@@ -402,7 +410,7 @@ impl Follower<'_> {
             let scale = throughput * (w * FRAC_1_PI);
             self.found.push((j, scale * total));
             if !last {
-                let matt = bsdf::diffuse_reflectance(point, point.shading_normal.dot(wo));
+                let matt = matt_albedo(point, wo);
                 self.found.push((all + j, scale * (matt - total)));
             }
         }

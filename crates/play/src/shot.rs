@@ -238,10 +238,7 @@ fn lobes(
             };
             match reflections::rays(point, wo, rays) {
                 0 => (bsdf::hemispherical_albedo(point), 0),
-                rays => (
-                    bsdf::diffuse_reflectance(point, point.shading_normal.dot(wo)),
-                    rays,
-                ),
+                rays => (reflections::matt_albedo(point, wo), rays),
             }
         })
         .unzip();
