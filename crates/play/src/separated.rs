@@ -17,13 +17,14 @@ pub(crate) struct Separated {
     others: Vec<u32>,
 }
 
-/// A place, by position and normal, and a point that something may separate it from.
-pub(crate) fn pair_of(points: &Level, from: (Vec3, Vec3), point: u32) -> Pair {
+/// A place, by position and normal, of points that are `own` apart, m, and a point that something may separate it from.
+pub(crate) fn pair_of(points: &Level, from: (Vec3, Vec3), own: f32, point: u32) -> Pair {
     let point = point as usize;
     Pair {
         from,
         to: (points.positions[point], points.normals[point]),
         scale: points.disk_radius_of(point),
+        own,
     }
 }
 
@@ -43,9 +44,10 @@ impl Separated {
                 let (mut asked, mut pairs) = (Vec::new(), Vec::new());
                 for &i in numbers.iter().filter(|&&i| near[i as usize]) {
                     let from = (points.positions[i as usize], points.normals[i as usize]);
+                    let own = points.disk_radius_of(i as usize);
                     around.weights_at(from.0, from.1, |j, _| {
                         if j != i && near[j as usize] {
-                            asked.push(pair_of(points, from, j));
+                            asked.push(pair_of(points, from, own, j));
                             pairs.push([i, j]);
                         }
                     });

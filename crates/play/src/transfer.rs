@@ -180,14 +180,20 @@ impl Transfer {
 
     /// Whether a surface separates a place (position and smooth normal) from a finest point.
     pub fn is_separated(&self, surfaces: &dyn Surfaces, place: (Vec3, Vec3), point: u32) -> bool {
-        separation::are_separated(surfaces, &pair_of(&self.finest, place, point))
+        separation::are_separated(surfaces, &self.pair_of(place, point))
     }
 
     /// [`Transfer::is_separated`] of many places and points.
     pub fn each_separated(&self, surfaces: &dyn Surfaces, asked: &[((Vec3, Vec3), u32)]) -> Vec<bool> {
-        let pair = |&(place, point): &((Vec3, Vec3), u32)| pair_of(&self.finest, place, point);
-        let pairs: Vec<Pair> = asked.iter().map(pair).collect();
+        let pairs: Vec<Pair> = (asked.iter())
+            .map(|&(place, point)| self.pair_of(place, point))
+            .collect();
         separation::each_separated(surfaces, &pairs)
+    }
+
+    /// A place of a surface that may be seen, and a finest point.
+    fn pair_of(&self, place: (Vec3, Vec3), point: u32) -> Pair {
+        pair_of(&self.finest, place, self.finest.disk_radius, point)
     }
 
     /// Which finest points walls separate from which others.

@@ -15,6 +15,9 @@ const LIFT: f32 = 0.05;
 /// places, steps and mouldings pass below it.
 const DETOUR: f32 = 0.5;
 
+/// Height at which the way up starts, in the distance of the points at its place: as the ways between places that are so far apart.
+const LOW: f32 = LIFT;
+
 /// Two places, each a position and unit normal, that a surface may separate.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
@@ -24,6 +27,8 @@ pub struct Pair {
     pub to: (Vec3, Vec3),
     /// Distance (metres) of the points that there are: places nearer to each other are lifted as if they were so far apart.
     pub scale: f32,
+    /// Distance (metres) of the points at `from`: what stands lower above it than that is not told from the place's own surface.
+    pub own: f32,
 }
 
 impl Pair {
@@ -46,6 +51,14 @@ impl Pair {
         [between(from, over), between(over, to)]
     }
 
+    /// Up to where the straight way starts, where that is high above the place: a place in a room is separated from a ground that is as far away as
+    /// the room's roof is low.
+    fn rise(&self) -> Option<Ray> {
+        let (position, normal) = self.from;
+        let (low, high) = (LOW * self.own, LIFT * self.distance());
+        (high > self.own).then(|| between(position + normal * low, position + normal * high))
+    }
+
     fn lifted(&self) -> [Vec3; 2] {
         let lift = LIFT * self.distance();
         [self.from, self.to].map(|(position, normal)| position + normal * lift)
@@ -61,9 +74,11 @@ fn between(origin: Vec3, end: Vec3) -> Ray {
     }
 }
 
-/// Whether a surface separates two places: it stands between them, and on the way around over what lies low between them as well.
+/// Whether a surface separates two places: it stands between them, and on the way around over what lies low between them as well; or right above
+/// the first, where the way to the other starts higher.
 pub fn are_separated(surfaces: &dyn Surfaces, pair: &Pair) -> bool {
-    surfaces.occluded(&pair.straight()) && pair.around().iter().any(|ray| surfaces.occluded(ray))
+    let blocked = |ray: &Ray| surfaces.occluded(ray);
+    pair.rise().as_ref().is_some_and(blocked) || blocked(&pair.straight()) && pair.around().iter().any(blocked)
 }
 
 /// [`are_separated`] of many pairs, whose rays are cast together.
@@ -79,6 +94,9 @@ pub fn each_separated(surfaces: &dyn Surfaces, pairs: &[Pair]) -> Vec<bool> {
     let around: Vec<Ray> = blocked.iter().flat_map(|&i| pairs[i].around()).collect();
     for (&i, halves) in blocked.iter().zip(occluded(&around).chunks_exact(2)) {
         separated[i] = halves[0] || halves[1];
+    }
+    for (pair, separated) in pairs.iter().zip(&mut separated) {
+        *separated |= pair.rise().is_some_and(|rise| surfaces.occluded(&rise));
     }
     separated
 }
@@ -101,7 +119,8 @@ mod tests {
     }
 
     fn are_separated(surfaces: &dyn Surfaces, from: (Vec3, Vec3), to: (Vec3, Vec3), scale: f32) -> bool {
-        let pair = Pair { from, to, scale };
+        let own = scale;
+        let pair = Pair { from, to, scale, own };
         let alone = super::are_separated(surfaces, &pair);
         assert_eq!(each_separated(surfaces, &[pair, pair]), [alone; 2]);
         alone
@@ -128,6 +147,29 @@ mod tests {
                 "{half}"
             );
         }
+    }
+
+    /// Truth: a roof of 2 mm, 10 cm above a floor with points 1 cm apart, beside which the ground's are 10 m apart.
+    #[test]
+    fn a_place_under_a_roof_is_separated_from_far_ground_however_high_the_way_between_them_starts() {
+        let roof = Sdf::Ellipsoid {
+            center: DVec3::new(0.0, 0.1, 0.0),
+            radii: DVec3::new(1.0, 0.001, 1.0),
+        };
+        let roof = ImplicitSurface::new(roof, (Vec3::splat(-2.0), Vec3::splat(2.0)), Vec3::ONE);
+        let is_separated = |x: f32| {
+            let pair = Pair {
+                from: on_floor(x),
+                to: on_floor(20.0),
+                scale: 10.0,
+                own: 0.01,
+            };
+            let alone = super::are_separated(&roof, &pair);
+            assert_eq!(each_separated(&roof, &[pair]), [alone]);
+            alone
+        };
+        assert!(is_separated(0.0) && is_separated(-0.8));
+        assert!(!is_separated(1.1));
     }
 
     #[test]

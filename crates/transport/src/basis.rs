@@ -21,6 +21,9 @@ const FAR: f32 = 8.0;
 /// one to the place, and, since disks know of no walls and may leave a strip along one to the next room's points, two from there.
 const ACROSS: f32 = 3.0;
 
+/// Points around a crevice that are asked whether surfaces separate them from it, nearest first: what none of so many sees is closed.
+const ASKED: usize = 16;
+
 /// Points of one level with the functions they carry.
 #[derive(Clone, Debug)]
 pub struct Level {
@@ -449,13 +452,34 @@ impl<'a> NearestPoint<'a> {
         if !near_separated.get(nearest as usize).copied().unwrap_or(false) || !is_separated(nearest) {
             return nearest;
         }
-        self.at_unseparated(x, normal, is_separated).unwrap_or(nearest)
+        self.at_unseparated(x, normal, &is_separated)
+            .or_else(|| self.around_separated(x, is_separated))
+            .unwrap_or(nearest)
+    }
+
+    /// Of the points around a place, whatever their normals, the nearest that `is_separated` does not reject, or the very nearest: of a crevice that
+    /// has no points all that says anything is close by, though a far wide point's disk may cover it.
+    #[cold]
+    fn around_separated(&self, x: Vec3, is_separated: impl Fn(u32) -> bool) -> Option<u32> {
+        let mut near = Vec::new();
+        for band in &self.level.bands {
+            let reach = FAR * self.level.support_radius * band.width;
+            band.grid.around(x, (FAR / 2.0) as i32, |entry| {
+                let squared = entry.position.distance_squared(x);
+                if squared < reach * reach {
+                    near.push((squared, entry.index));
+                }
+            });
+        }
+        near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let open = near.iter().take(ASKED).find(|(_, index)| !is_separated(*index));
+        open.or(near.first()).map(|(_, index)| *index)
     }
 
     /// The nearest point that faces the same way and that `is_separated` does not reject: of those whose disks cover a place, else within
     /// their supports. Disks know of no walls, and those of the next room may be all that covers the strip along one.
     #[cold]
-    fn at_unseparated(&self, x: Vec3, normal: Vec3, is_separated: impl Fn(u32) -> bool) -> Option<u32> {
+    fn at_unseparated(&self, x: Vec3, normal: Vec3, is_separated: &impl Fn(u32) -> bool) -> Option<u32> {
         let first = |near: Vec<Entry>| {
             let measured = |entry: Entry| {
                 let squared = kernel::distance_squared(x - entry.position, entry.normal);

@@ -45,6 +45,7 @@ impl SenderField<'_> {
                 from: (x, normal),
                 to: there,
                 scale: level.disk_radius_of(point),
+                own: level.disk_radius,
             };
             are_separated(surfaces, &pair)
         };

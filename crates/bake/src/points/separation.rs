@@ -32,6 +32,7 @@ pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Separations, SparseMa
             from: places[a],
             to: places[b],
             scale: finest * widths[b],
+            own: finest * widths[a],
         };
         are_separated(surfaces, &pair)
     };
