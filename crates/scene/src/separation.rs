@@ -78,7 +78,8 @@ fn between(origin: Vec3, end: Vec3) -> Ray {
 /// the first, where the way to the other starts higher.
 pub fn are_separated(surfaces: &dyn Surfaces, pair: &Pair) -> bool {
     let blocked = |ray: &Ray| surfaces.occluded(ray);
-    pair.rise().as_ref().is_some_and(blocked) || blocked(&pair.straight()) && pair.around().iter().any(blocked)
+    pair.rise().as_ref().is_some_and(blocked)
+        || blocked(&pair.straight()) && pair.around().iter().any(blocked)
 }
 
 /// [`are_separated`] of many pairs, whose rays are cast together.

@@ -547,6 +547,31 @@ mod tests {
         );
     }
 
+    /// Truth: a wall with points 10 cm apart beside a board that has none, and a far ground, 100 m wide, whose disk covers all of it.
+    #[test]
+    fn a_crevice_takes_what_is_close_and_not_the_far_ground_that_covers_it() {
+        let mut positions: Vec<Vec3> = (0..4).map(|i| Vec3::new(0.0, 0.1 * i as f32, 0.0)).collect();
+        let mut normals = vec![Vec3::X; 4];
+        positions.push(Vec3::new(50.0, 0.0, 0.0));
+        normals.push(Vec3::Y);
+        let level = Level::widened(positions, normals, vec![0, 0, 0, 0, 10], 0.1, 0.2);
+        let nearest = NearestPoint::new(&level);
+        let place = (Vec3::new(0.3, 0.21, 0.0), Vec3::Y);
+        let found = nearest.at(place.0, place.1).unwrap();
+        assert_eq!(found, 4);
+        let near_separated = [false, false, false, false, true];
+        let of =
+            |is_separated: fn(u32) -> bool| nearest.on_same_side(place, found, &near_separated, is_separated);
+        assert_eq!(of(|_| false), 4, "nothing is between them");
+        assert_eq!(of(|point| point == 4), 2, "the nearest on the wall");
+        assert_eq!(
+            of(|point| point == 4 || point == 2),
+            3,
+            "the next nearest, which it sees"
+        );
+        assert_eq!(of(|_| true), 2, "closed all around: the nearest");
+    }
+
     #[test]
     fn functions_sum_to_one_and_end_at_the_support_radius() {
         let level = sphere_level(0.2);

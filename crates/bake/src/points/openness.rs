@@ -83,6 +83,11 @@ impl Openness {
         self.radius.is_finite()
     }
 
+    /// Where lamps are.
+    pub fn lamps(&self) -> &[Vec3] {
+        &self.lamps
+    }
+
     /// What was asked since the last call.
     pub fn take_asked(&mut self) -> Vec<Asked> {
         std::mem::take(&mut self.asked)
@@ -132,12 +137,14 @@ impl Openness {
                 0
             });
         }
-        let found: Vec<u8> = new
+        let found: Vec<(u8, u64)> = new
             .par_iter()
             .with_min_len(64)
             .map(|&i| self.widening(surfaces, &hits[i], relevant[i]))
             .collect();
-        for (&i, widening) in new.iter().zip(found) {
+        let mut rays = 0;
+        for (&i, (widening, cast)) in new.iter().zip(found) {
+            rays += cast;
             let (side, cell) = keys[i];
             self.cells_of(side).insert(cell, widening);
             self.asked.push((side, cell, widening));
@@ -145,17 +152,19 @@ impl Openness {
         let widenings = keys
             .iter()
             .map(|(side, cell)| self.cells[usize::from(*side)][cell]);
-        (widenings.collect(), (RAYS * new.len()) as u64)
+        (widenings.collect(), rays)
     }
 
-    fn widening(&self, surfaces: &dyn Surfaces, hit: &SurfaceHit, relevant: u8) -> u8 {
+    /// By how much radii may be wider at a place, and the number of rays cast.
+    fn widening(&self, surfaces: &dyn Surfaces, hit: &SurfaceHit, relevant: u8) -> (u8, u64) {
         let radius = self.radius * width(relevant);
         let farthest = radius * f32::from(1u16 << (MOST + 1)) / self.step;
         let distances = distances(surfaces, hit, farthest, &self.directions);
         // The sky, which sends no indirect light, says nothing about how far away that is which does.
         let (sum, count) = (distances.flatten()).fold((0.0, 0), |(sum, count), t| (sum + 1.0 / t, count + 1));
         let distance = if count > 0 { count as f32 / sum } else { farthest };
-        relevant + self.under_lamps(surfaces, hit, radius, self.wider(radius, distance))
+        let (wider, cast) = self.under_lamps(surfaces, hit, radius, self.wider(radius, distance));
+        (relevant + wider, RAYS as u64 + cast)
     }
 
     /// By how much radii may be wider than `radius`, as a power of two, where light changes over `distance`.
@@ -164,19 +173,29 @@ impl Openness {
         power.clamp(0.0, f32::from(MOST)) as u8
     }
 
-    /// What is left of `wider` at a place on which lamps shine: their light changes over a part of their distances.
-    fn under_lamps(&self, surfaces: &dyn Surfaces, hit: &SurfaceHit, radius: f32, mut wider: u8) -> u8 {
+    /// What is left of `wider` at a place on which lamps shine, whose light changes over a part of their distances; and the number of rays cast.
+    fn under_lamps(
+        &self,
+        surfaces: &dyn Surfaces,
+        hit: &SurfaceHit,
+        radius: f32,
+        mut wider: u8,
+    ) -> (u8, u64) {
+        let mut cast = 0;
         for &lamp in &self.lamps {
             if wider == 0 {
                 break;
             }
             let way = lamp - hit.position;
             let own = self.wider(radius, way.length());
-            if own < wider && way.dot(hit.geometric_normal) > 0.0 && shines_on(surfaces, hit, way) {
-                wider = own;
+            if own < wider && way.dot(hit.geometric_normal) > 0.0 {
+                cast += 1;
+                if shines_on(surfaces, hit, way) {
+                    wider = own;
+                }
             }
         }
-        wider
+        (wider, cast)
     }
 }
 
@@ -327,6 +346,49 @@ mod tests {
             levels[LEVELS - 1].functions_at(place.position, place.normal, &mut functions);
             assert!(!functions.is_empty(), "{:?}", place.position);
         }
+    }
+
+    /// Truth: a plane that sees nothing. Under a lamp 0.5 m above it a fifth of that is the finest radius.
+    #[test]
+    fn an_open_ground_has_close_points_under_a_lamp_and_none_where_nothing_shines_on_it() {
+        let quad = |edge: f32, height: f32| Mesh {
+            positions: [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]]
+                .map(|[x, z]| Vec3::new(x * edge, height, z * edge))
+                .to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..Mesh::default()
+        };
+        let material = Material {
+            double_sided: true,
+            ..Material::default()
+        };
+        let scene = Scene {
+            meshes: vec![quad(4.0, 0.0)],
+            instances: vec![Instance {
+                mesh: 0,
+                world_from_mesh: Affine3A::IDENTITY,
+            }],
+            materials: vec![material],
+            ..Scene::default()
+        };
+        let ground = TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap();
+        let own_around = |lamps: Vec<Vec3>| {
+            let openness = Openness::new(LEVELS, COARSE, lamps, 0);
+            let finest = points(&ground, openness).levels.remove(LEVELS - 1).points;
+            let own = |within: f32| {
+                let is_own = |p: &&crate::points::candidates::Candidate| {
+                    !p.inherited && p.position.length() < within && p.normal.y > 0.0
+                };
+                finest.iter().filter(is_own).count()
+            };
+            [own(0.3), own(f32::INFINITY)]
+        };
+        assert_eq!(own_around(Vec::new()), [0, 0]);
+        assert_eq!(own_around(vec![Vec3::new(0.0, 30.0, 0.0)]), [0, 0], "a high lamp");
+        let [near, all] = own_around(vec![Vec3::new(0.0, 0.5, 0.0)]);
+        // 0.70 points for each squared radius of 0.1, up to where twice that is a fifth of the way to the lamp.
+        assert!((12..=28).contains(&near), "{near}");
+        assert!(all < 400, "{all}");
     }
 
     #[test]
