@@ -440,7 +440,7 @@ impl<'a> NearestPoint<'a> {
 
     /// `nearest`, the point nearest to a place, or the next one on the place's side of all walls, if there is one.
     /// `near_separated`: points that a surface separates from a neighbour, empty where none are; `is_separated` is asked about no others
-    /// at first.
+    /// at first. In place of a far one that is separated, as all are that face the same way, what is close by takes the place.
     #[inline]
     pub fn on_same_side(
         &self,
@@ -452,8 +452,10 @@ impl<'a> NearestPoint<'a> {
         if !near_separated.get(nearest as usize).copied().unwrap_or(false) || !is_separated(nearest) {
             return nearest;
         }
+        let is_far = self.level.positions[nearest as usize].distance(x) > FAR * self.level.support_radius;
+        let around = || is_far.then(|| self.around_separated(x, &is_separated))?;
         self.at_unseparated(x, normal, &is_separated)
-            .or_else(|| self.around_separated(x, is_separated))
+            .or_else(around)
             .unwrap_or(nearest)
     }
 
