@@ -2,7 +2,6 @@
 
 pub mod candidates;
 pub mod coverage;
-pub mod lamps;
 pub mod openness;
 pub mod particles;
 pub mod placing;

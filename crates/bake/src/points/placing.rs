@@ -5,7 +5,6 @@ use crate::memory;
 use crate::params::Omittable;
 use crate::points::candidates::Candidate;
 use crate::points::coverage::everywhere;
-use crate::points::lamps;
 use crate::points::openness::Openness;
 use crate::points::poisson::{self, PointLevels};
 use crate::points::relevance::Relevance;
@@ -240,10 +239,7 @@ fn spread(
     // Visibility cuts have a site at each finest point, and edges of shadows lie anywhere.
     let openness = match request.uses_cuts() {
         true => Openness::none(),
-        false => {
-            let lamps = lamps::places(&request.scene, request.lights);
-            Openness::new(params.levels, radius, lamps, params.seed)
-        }
+        false => Openness::new(params.levels, radius, params.seed),
     };
     let points = poisson::distribute(
         surfaces,
