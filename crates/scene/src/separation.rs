@@ -15,9 +15,6 @@ const LIFT: f32 = 0.05;
 /// places, steps and mouldings pass below it.
 const DETOUR: f32 = 0.5;
 
-/// Height at which the way up starts, in the distance of the points at its place: as the ways between places that are so far apart.
-const LOW: f32 = LIFT;
-
 /// Two places, each a position and unit normal, that a surface may separate.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
@@ -55,12 +52,18 @@ impl Pair {
     /// the room's roof is low.
     fn rise(&self) -> Option<Ray> {
         let (position, normal) = self.from;
-        let (low, high) = (LOW * self.own, LIFT * self.distance());
-        (high > self.own).then(|| between(position + normal * low, position + normal * high))
+        let high = self.lift();
+        // From as high as ways between places start that are as far apart as points are here.
+        (high > self.own).then(|| between(position + normal * (LIFT * self.own), position + normal * high))
+    }
+
+    /// Height above the places at which the straight way starts and ends, m.
+    fn lift(&self) -> f32 {
+        LIFT * self.distance()
     }
 
     fn lifted(&self) -> [Vec3; 2] {
-        let lift = LIFT * self.distance();
+        let lift = self.lift();
         [self.from, self.to].map(|(position, normal)| position + normal * lift)
     }
 }
@@ -97,7 +100,7 @@ pub fn each_separated(surfaces: &dyn Surfaces, pairs: &[Pair]) -> Vec<bool> {
         separated[i] = halves[0] || halves[1];
     }
     for (pair, separated) in pairs.iter().zip(&mut separated) {
-        *separated |= pair.rise().is_some_and(|rise| surfaces.occluded(&rise));
+        *separated = *separated || pair.rise().is_some_and(|rise| surfaces.occluded(&rise));
     }
     separated
 }

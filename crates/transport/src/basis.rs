@@ -227,16 +227,26 @@ impl Level {
     /// The nearest point within [`FAR`] supports that faces the same half space. Ties go to the lower index.
     #[cold]
     fn far_of_same_side(&self, x: Vec3, normal: Vec3) -> Option<u32> {
-        self.nearest_by_band(|band| {
-            let mut best = Nearest::within(FAR * self.support_radius * band.width);
+        let mut best = Nearest::NONE;
+        self.each_far(x, |squared, entry| {
+            if entry.normal.dot(normal) > 0.0 {
+                best.offer(squared, entry.index);
+            }
+        });
+        best.index()
+    }
+
+    /// Calls `visit` with the squared distance of every point within [`FAR`] of its supports.
+    fn each_far(&self, x: Vec3, mut visit: impl FnMut(f32, &Entry)) {
+        for band in &self.bands {
+            let reach = FAR * self.support_radius * band.width;
             band.grid.around(x, (FAR / 2.0) as i32, |entry| {
-                if entry.normal.dot(normal) > 0.0 {
-                    best.offer(entry.position.distance_squared(x), entry.index);
+                let squared = entry.position.distance_squared(x);
+                if squared <= reach * reach {
+                    visit(squared, entry);
                 }
             });
-            best
-        })
-        .index()
+        }
     }
 
     /// The nearest of what is nearest in each band.
@@ -297,6 +307,12 @@ impl Nearest {
     fn index(self) -> Option<u32> {
         (self.1 != u32::MAX).then_some(self.1)
     }
+}
+
+/// Points by their squared distances, the nearest first. Ties go to the lower index.
+fn nearest_first(mut points: Vec<(f32, u32)>) -> Vec<u32> {
+    points.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    points.into_iter().map(|(_, index)| index).collect()
 }
 
 /// Finds functions at one place after another; the faster, the closer together places that follow each other lie.
@@ -440,7 +456,7 @@ impl<'a> NearestPoint<'a> {
 
     /// `nearest`, the point nearest to a place, or the next one on the place's side of all walls, if there is one.
     /// `near_separated`: points that a surface separates from a neighbour, empty where none are; `is_separated` is asked about no others
-    /// at first. In place of a far one that is separated, as all are that face the same way, what is close by takes the place.
+    /// at first. Where all that face the same way are separated, a far one gives way to what is close by.
     #[inline]
     pub fn on_same_side(
         &self,
@@ -452,30 +468,24 @@ impl<'a> NearestPoint<'a> {
         if !near_separated.get(nearest as usize).copied().unwrap_or(false) || !is_separated(nearest) {
             return nearest;
         }
-        let is_far = self.level.positions[nearest as usize].distance(x) > FAR * self.level.support_radius;
-        let around = || is_far.then(|| self.around_separated(x, &is_separated))?;
-        self.at_unseparated(x, normal, &is_separated)
-            .or_else(around)
-            .unwrap_or(nearest)
+        let unseparated = self.at_unseparated(x, normal, &is_separated);
+        unseparated.unwrap_or_else(|| self.around_far(x, nearest, is_separated))
     }
 
-    /// Of the points around a place, whatever their normals, the nearest that `is_separated` does not reject, or the very nearest: of a crevice that
-    /// has no points all that says anything is close by, though a far wide point's disk may cover it.
+    /// What stands for a place in place of `far`, the point nearest to it, which is separated: of those around it, whatever their normals, the nearest
+    /// that `is_separated` does not reject, or the very nearest. Of a crevice that has no points all that says anything is close by, though a far wide
+    /// point's disk may cover it. A point that is close itself stays.
     #[cold]
-    fn around_separated(&self, x: Vec3, is_separated: impl Fn(u32) -> bool) -> Option<u32> {
-        let mut near = Vec::new();
-        for band in &self.level.bands {
-            let reach = FAR * self.level.support_radius * band.width;
-            band.grid.around(x, (FAR / 2.0) as i32, |entry| {
-                let squared = entry.position.distance_squared(x);
-                if squared < reach * reach {
-                    near.push((squared, entry.index));
-                }
-            });
+    fn around_far(&self, x: Vec3, far: u32, is_separated: impl Fn(u32) -> bool) -> u32 {
+        let level = self.level;
+        if level.positions[far as usize].distance(x) <= FAR * level.support_radius {
+            return far;
         }
-        near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let open = near.iter().take(ASKED).find(|(_, index)| !is_separated(*index));
-        open.or(near.first()).map(|(_, index)| *index)
+        let mut near = Vec::new();
+        level.each_far(x, |squared, entry| near.push((squared, entry.index)));
+        let near = nearest_first(near);
+        let open = near.iter().take(ASKED).find(|&&index| !is_separated(index));
+        *open.or(near.first()).unwrap_or(&far)
     }
 
     /// The nearest point that faces the same way and that `is_separated` does not reject: of those whose disks cover a place, else within
@@ -487,11 +497,8 @@ impl<'a> NearestPoint<'a> {
                 let squared = kernel::distance_squared(x - entry.position, entry.normal);
                 (entry.normal.dot(normal) > FACING).then_some((squared, entry.index))
             };
-            let mut near: Vec<(f32, u32)> = near.into_iter().filter_map(measured).collect();
-            near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            near.into_iter()
-                .map(|(_, index)| index)
-                .find(|&index| !is_separated(index))
+            let near = nearest_first(near.into_iter().filter_map(measured).collect());
+            near.into_iter().find(|&index| !is_separated(index))
         };
         let covering = (self.disks.iter()).flat_map(|disks| disks.grid.covering(x));
         first(covering.copied().collect()).or_else(|| {
