@@ -66,13 +66,32 @@ impl Lit {
         self.from.iter().map(|lit| lit.irradiance).sum()
     }
 
+    /// To where it comes from, m; infinite where that is all around.
+    pub fn distance(&self) -> f32 {
+        match self.from[..] {
+            [one] => one.distance,
+            _ => f32::INFINITY,
+        }
+    }
+
+    /// Of light from one place: how bright a surface there is that is `away` from where it arrives, relative to others.
+    pub fn brightness(&self, normal: Vec3, away: Vec3) -> f32 {
+        match self.from[..] {
+            [one] if one.distance.is_finite() => {
+                let way = one.direction * one.distance - away;
+                normal.dot(way).max(0.0) * one.distance.powi(2) / way.length().powi(3).max(f32::MIN_POSITIVE)
+            }
+            _ => 1.0,
+        }
+    }
+
     /// What a surface near the place sends of it towards `to`, times π: radiosity, W/m², as if it sent as much all around. The surface stands for
     /// places within `radius`, m, and is `away` from the place, m. Its lobe's α is at least `least`.
     pub fn reflected(
         &self,
         surface: &ShadingPoint,
         (to, away): (Vec3, Vec3),
-        radius: f32,
+        (radius, spread): (f32, f32),
         least: f32,
     ) -> Vec3 {
         let way = to - surface.position;
@@ -86,7 +105,7 @@ impl Lit {
         let turn = |distance: f32| 0.25 * radius / distance.max(radius).max(f32::MIN_POSITIVE);
         let of = |lit: &Incident| {
             let turn = turn(distance) + turn(lit.distance);
-            let slope = (surface.alpha * surface.alpha + 2.0 * turn * turn + self.spread).sqrt();
+            let slope = (surface.alpha * surface.alpha + 2.0 * turn * turn + self.spread + spread).sqrt();
             let wide = bsdf::at_least_as_wide(surface, slope.clamp(least, 1.0));
             let direction = match lit.distance.is_finite() {
                 true => (lit.direction * lit.distance - away).try_normalize(),

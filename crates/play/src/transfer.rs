@@ -13,7 +13,7 @@ use relight_scene::surface::Surfaces;
 use relight_transport::basis::Level;
 use relight_transport::bounce::{self, Solve};
 use relight_transport::factors::Factors;
-use relight_transport::links::{FamilyRow, Links, SenderLinks};
+use relight_transport::links::{Links, SenderLinks};
 use relight_transport::pyramid::{LevelRanges, VectorIrradiance, fine_from_coarse, push};
 use relight_transport::senders::SenderTree;
 use relight_transport::sparse::{SparseMatrix, apply};
@@ -54,6 +54,8 @@ pub struct Transfer {
     positions: Vec<Vec3>,
     /// Of all points.
     normals: Vec<Vec3>,
+    /// Radii of the disks of all points, m.
+    radii: Vec<f32>,
     fine_from_coarse: SparseMatrix,
     /// Clusters of the finest points.
     pub senders: SenderTree,
@@ -146,6 +148,9 @@ impl Transfer {
             .iter()
             .flat_map(|level| level.normals.iter().copied())
             .collect();
+        let radii = (levels.iter())
+            .flat_map(|level| (0..level.len()).map(|point| level.disk_radius_of(point)))
+            .collect();
         let fine_from_coarse = fine_from_coarse(&levels, |point, parent| {
             separated.binary_search(&[point, parent]).is_ok()
         });
@@ -164,6 +169,7 @@ impl Transfer {
             ranges,
             positions,
             normals,
+            radii,
             fine_from_coarse,
             senders,
             sender_areas,
@@ -322,13 +328,9 @@ impl Transfer {
         self.links.of_receiver(receiver)
     }
 
-    /// What senders give to receivers of all levels by coefficients of their own for each receiver, W/m²: [`SenderLinks::apply_families`].
-    pub fn over_links(
-        &self,
-        families: &[&[u32]],
-        coefficients: impl Fn(usize, usize, &FamilyRow, &mut [Vec3A]) + Sync,
-    ) -> Vec<VectorIrradiance> {
-        self.links.apply_families(families, coefficients)
+    /// T, receiver by receiver.
+    pub fn links(&self) -> Links {
+        self.links.by_receiver(self.senders.ranges.total() as u32)
     }
 
     /// Place of a receiver, numbered over all levels.
@@ -339,6 +341,11 @@ impl Transfer {
     /// Unit normal of a receiver, numbered over all levels.
     pub fn normal_of(&self, receiver: usize) -> Vec3 {
         self.normals[receiver]
+    }
+
+    /// Radius of a receiver's disk, m; receivers numbered over all levels.
+    pub fn radius_of(&self, receiver: usize) -> f32 {
+        self.radii[receiver]
     }
 
     /// The flat bounce operator, the sender level that it works on, and its clusters' reflectances.

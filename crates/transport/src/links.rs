@@ -77,15 +77,6 @@ struct Block {
     vectors: Vec<Vec3>,
 }
 
-/// What a receiver has of a family of senders.
-#[derive(Clone, Debug, Default)]
-pub struct FamilyRow {
-    /// Places in the family of those that it has links to.
-    pub members: Vec<usize>,
-    /// Length of the longest of those links.
-    pub longest: f32,
-}
-
 impl SenderLinks {
     /// Sorts links by sender.
     pub fn new(links: &Links) -> SenderLinks {
@@ -150,54 +141,40 @@ impl SenderLinks {
         rows
     }
 
-    /// The product with coefficients that differ from receiver to receiver. `families`: senders whose coefficients are found together,
-    /// each in one family at most; those in none send nothing. `coefficients(family, receiver, row, own)` puts those of a row's members of the
-    /// family into `own`, which has a place for each of its senders.
-    pub fn apply_families(
-        &self,
-        families: &[&[u32]],
-        coefficients: impl Fn(usize, usize, &FamilyRow, &mut [Vec3A]) + Sync,
-    ) -> Vec<VectorIrradiance> {
-        // Of each sender its family and which member of that it is.
-        let last = families.iter().copied().flatten().max();
-        let mut member_of: Vec<Option<(u32, u32)>> = vec![None; last.map_or(0, |&last| last as usize + 1)];
-        for (f, family) in (0..).zip(families) {
-            for (member, &sender) in (0..).zip(*family) {
-                member_of[sender as usize] = Some((f, member));
+    /// The links receiver by receiver, as they were sorted from; `senders`: how many there are.
+    pub fn by_receiver(&self, senders: u32) -> Links {
+        let blocks: Vec<Links> = self.blocks.par_iter().enumerate().map(|(b, block)| {
+            let rows = BLOCK.min(self.receivers - b * BLOCK);
+            let mut starts = vec![0u32; rows + 1];
+            for &row in &block.rows {
+                starts[usize::from(row) + 1] += 1;
             }
-        }
-        let mut out = vec![VectorIrradiance::default(); self.receivers];
-        (out.par_chunks_mut(BLOCK).zip(&self.blocks).enumerate()).for_each(|(b, (sums, block))| {
-            // Family, row, sender within its family, link.
-            let mut links: Vec<(u32, u16, u32, u32)> = Vec::new();
+            for row in 0..rows {
+                starts[row + 1] += starts[row];
+            }
+            let mut next = starts.clone();
+            let mut columns = vec![0; block.rows.len()];
+            let mut vectors = vec![Vec3::ZERO; block.rows.len()];
             let mut start = 0;
             for &(sender, end) in &block.senders {
-                if let Some(&Some((family, member))) = member_of.get(sender as usize) {
-                    links.extend((start..end).map(|link| (family, block.rows[link as usize], member, link)));
+                for link in start..end as usize {
+                    let at = &mut next[usize::from(block.rows[link])];
+                    columns[*at as usize] = sender;
+                    vectors[*at as usize] = block.vectors[link];
+                    *at += 1;
                 }
-                start = end;
+                start = end as usize;
             }
-            links.sort_unstable();
-            let mut own = Vec::new();
-            let mut row = FamilyRow::default();
-            for run in links.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-                let (family, receiver) = (run[0].0 as usize, usize::from(run[0].1));
-                let vector = |link: &(u32, u16, u32, u32)| block.vectors[link.3 as usize];
-                row.longest = run
-                    .iter()
-                    .map(|link| vector(link).length_squared())
-                    .fold(0.0, f32::max)
-                    .sqrt();
-                row.members.clear();
-                row.members.extend(run.iter().map(|link| link.2 as usize));
-                own.resize(families[family].len(), Vec3A::ZERO);
-                coefficients(family, b * BLOCK + receiver, &row, &mut own);
-                for link in run {
-                    sums[receiver].add(vector(link), own[link.2 as usize]);
-                }
-            }
-        });
-        out
+            Links { receivers: rows as u32, senders, row_offsets: starts, columns, vectors }
+        }).collect();
+        let mut all = Links { receivers: self.receivers as u32, senders, row_offsets: vec![0], ..Links::default() };
+        for block in blocks {
+            let before = all.columns.len() as u32;
+            all.row_offsets.extend(block.row_offsets[1..].iter().map(|end| before + end));
+            all.columns.extend(block.columns);
+            all.vectors.extend(block.vectors);
+        }
+        all
     }
 
     /// Coefficients of indirect vector irradiance, i = T e (receivers), from sender coefficients (radiosity).
@@ -303,19 +280,7 @@ mod tests {
             assert!((fast[i].irradiance(n).as_dvec3() - dense).abs().max_element() < 1e-5);
         }
         assert_eq!(fast, links.apply(&light), "the same sums in the same order");
-        let senders: Vec<u32> = (0..300).filter(|&j| light[j as usize] != Vec3::ZERO).collect();
-        let families: Vec<&[u32]> = senders.chunks(7).collect();
-        let by_family = SenderLinks::new(&links).apply_families(&families, |family, _, row, own| {
-            for &member in &row.members {
-                own[member] = light[families[family][member] as usize].into();
-            }
-        });
-        let n = Vec3::new(0.6, 0.0, 0.8);
-        for (fast, own) in fast.iter().zip(&by_family) {
-            // The same sums in another order.
-            let difference = fast.irradiance(n) - own.irradiance(n);
-            assert!(difference.abs().max_element() < 1e-5, "{difference}");
-        }
+        assert_eq!(SenderLinks::new(&links).by_receiver(300), links);
     }
 
     #[test]

@@ -1,0 +1,119 @@
+//! Points that stand for clusters of points.
+
+use crate::transfer::Transfer;
+use glam::DVec3;
+use std::f32::consts::PI;
+use std::ops::Range;
+
+/// Points that stand for a cluster.
+pub(super) const SAMPLES: usize = 4;
+
+/// Where within its share of a cluster's weight the point lies that stands for it. About its middle; at the very middle, of points that weigh
+/// the same, rounding would choose.
+const MIDDLE: f64 = 0.518_034;
+
+/// No number.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// One of the points that stand for a cluster.
+#[derive(Clone, Copy)]
+pub(super) struct Sample {
+    /// Finest point.
+    pub point: u32,
+    /// The cluster of the next finer level around it; [`NONE`] on the finest.
+    pub around: u32,
+}
+
+/// All senders, and the points that stand for them.
+pub(super) struct Clusters {
+    /// Of each sender, its part of `samples`; none where it has no points.
+    ranges: Vec<Range<u32>>,
+    /// Of each sender, the radius of the surface that each of those stands for, m.
+    radii: Vec<f32>,
+    /// Of each sender, what the normals of that surface add to α² of its lobe.
+    spreads: Vec<f32>,
+    /// Points that stand for clusters, cluster by cluster.
+    pub samples: Vec<Sample>,
+}
+
+impl Clusters {
+    /// How many senders there are.
+    pub fn len(&self) -> usize {
+        self.ranges.len()
+    }
+
+    /// The points that stand for a sender.
+    pub fn samples_of(&self, sender: u32) -> &[Sample] {
+        let range = &self.ranges[sender as usize];
+        &self.samples[range.start as usize..range.end as usize]
+    }
+
+    /// Where in [`Clusters::samples`] they are.
+    pub fn range_of(&self, sender: u32) -> Range<usize> {
+        let range = &self.ranges[sender as usize];
+        range.start as usize..range.end as usize
+    }
+
+    /// What the normals of the surface that each of those stands for add to α² of its lobe.
+    pub fn spread_of(&self, sender: u32) -> f32 {
+        self.spreads[sender as usize]
+    }
+
+    /// Radius of the surface that each of those stands for, m.
+    pub fn radius_of(&self, sender: u32) -> f32 {
+        self.radii[sender as usize]
+    }
+
+    /// Those of all sender levels.
+    pub fn new(transfer: &Transfer) -> Clusters {
+        let senders = &transfer.senders;
+        let (mut ranges, mut radii, mut spreads, mut samples) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for level in 0..senders.levels() {
+            let range = senders.ranges.range(level);
+            let is_finest = level + 1 == senders.levels();
+            let mut found = vec![[NONE; SAMPLES]; range.len()];
+            let mut weights = vec![0.0; range.len()];
+            let mut normals = vec![DVec3::ZERO; range.len()];
+            for (point, (cluster, weight)) in senders.point_weights(level).into_iter().enumerate() {
+                let cluster = cluster as usize;
+                // Whoever has the weight at the middle of a sample's share stands for it.
+                let before: f64 = weights[cluster];
+                weights[cluster] += weight;
+                normals[cluster] += weight * transfer.finest.normals[point].as_dvec3();
+                for (k, sample) in found[cluster].iter_mut().enumerate() {
+                    let middle = (k as f64 + MIDDLE) / SAMPLES as f64;
+                    if before <= middle && middle < weights[cluster] {
+                        *sample = point as u32;
+                    }
+                }
+            }
+            let finer = (!is_finest).then(|| {
+                let start = senders.ranges.range(level + 1).start as u32;
+                (start, senders.cluster_of_point(level + 1))
+            });
+            let around = |point: u32| match &finer {
+                Some((start, cluster_of_point)) => start + cluster_of_point[point as usize],
+                None => NONE,
+            };
+            let areas = &transfer.sender_areas[range.clone()];
+            for ((found, area), normal) in found.into_iter().zip(areas).zip(normals) {
+                let start = samples.len();
+                let points = found.into_iter().filter(|&point| point != NONE);
+                samples.extend(points.map(|point| Sample {
+                    point,
+                    around: around(point),
+                }));
+                ranges.push(start as u32..samples.len() as u32);
+                // The variance of normals is 1 − length², along both axes together.
+                spreads.push((1.0 - normal.length_squared()).max(0.0) as f32 / SAMPLES as f32);
+                radii.push((area / (PI * SAMPLES as f32)).sqrt());
+            }
+        }
+        Clusters {
+            ranges,
+            radii,
+            spreads,
+            samples,
+        }
+    }
+}
