@@ -62,6 +62,7 @@ impl LobeLinks {
         let families = Families::new(transfer);
         let links = transfer.links();
         let (parents, ranges) = transfer.parents();
+        let tree = Tree::new(transfer);
         let mut roots: Vec<u32> = (0..transfer.senders.ranges.total() as u32).collect();
         for level in 1..transfer.senders.levels() {
             let (above, own) = (transfer.senders.ranges.range(level - 1).start, transfer.senders.ranges.range(level).start);
@@ -82,7 +83,6 @@ impl LobeLinks {
                 .map(|receiver| {
                     let mut row: Vec<(u32, Vec3)> = Vec::new();
                     families.weights(&mut links.row(receiver).collect::<Vec<_>>(), &mut row);
-                    row.retain(|&(sender, _)| is_glossy(sender));
                     let normal = transfer.normal_of(receiver);
                     let mut partial: Vec<u32> = Vec::new();
                     for (parent, weight) in sparse::row(parents, receiver) {
@@ -91,15 +91,19 @@ impl LobeLinks {
                         partial.extend(&senders[shared..]);
                         row.extend((senders.iter().zip(raw).take(shared)).map(|(&sender, &weight)| (sender, carried * weight)));
                     }
+                    if var("LEAF", 1.0) > 0.0 { tree.open(&mut row); }
                     merge(&mut row);
                     partial.sort_unstable();
+                    let mut above: Vec<u32> = partial.iter().flat_map(|&s| tree.ancestors(s)).collect();
+                    above.sort_unstable();
+                    let is_partial = |s: u32| partial.binary_search(&s).is_ok() || above.binary_search(&s).is_ok() || tree.ancestors(s).any(|a| partial.binary_search(&a).is_ok());
                     let least = var("LEASTW", LEAST);
-                    row.retain(|(_, weight)| weight.length_squared() > least * least);
+                    row.retain(|&(sender, weight)| is_glossy(sender) && weight.length_squared() > least * least);
                     let is_shared = |&(sender, _): &(u32, Vec3)| !is_finest && is_close(transfer, clusters, sender, receiver);
                     row.sort_by_key(|entry| !is_shared(entry));
                     let shared = row.partition_point(is_shared);
                     let mut row: Vec<(u32, Vec3, Vec3)> = row.into_iter().map(|(sender, raw)| {
-                        let full = partial.binary_search(&sender).is_err();
+                        let full = !is_partial(sender);
                         let most = var("CLAMP", 1.25) * geometric(transfer, clusters, sender, receiver);
                         let seen = raw.dot(normal);
                         let used = match full {
@@ -111,7 +115,7 @@ impl LobeLinks {
                         (sender, raw, used)
                     }).collect();
                     if var("RENORM", 1.0) > 0.0 {
-                        let is_full = |e: &(u32, Vec3, Vec3)| partial.binary_search(&e.0).is_err();
+                        let is_full = |e: &(u32, Vec3, Vec3)| !is_partial(e.0);
                         let mut sums = std::collections::BTreeMap::<u32, (f32, f32)>::new();
                         let group = |s: u32| if var("RENORM", 1.0) > 1.5 { roots[s as usize] } else { 0 };
                         for e in row.iter().filter(|e| is_full(e)) {
@@ -168,6 +172,47 @@ fn is_close(transfer: &Transfer, clusters: &Clusters, sender: u32, receiver: usi
     let reach = transfer.radius_of(receiver) / var("KAPPA", CLOSE);
     (clusters.samples_of(sender).iter())
         .any(|sample| transfer.finest.positions[sample.point as usize].distance_squared(place) < reach * reach)
+}
+
+struct Tree {
+    parent: Vec<u32>,
+    share: Vec<f32>,
+    children: Vec<Vec<u32>>,
+}
+
+impl Tree {
+    fn new(transfer: &Transfer) -> Tree {
+        let senders = &transfer.senders;
+        let n = senders.ranges.total();
+        let (mut parent, mut children) = (vec![NONE; n], vec![Vec::new(); n]);
+        for level in 1..senders.levels() {
+            let (above, own) = (senders.ranges.range(level - 1).start, senders.ranges.range(level).start);
+            for (at, &p) in senders.parents[level - 1].iter().enumerate() {
+                parent[own + at] = (above + p as usize) as u32;
+                children[above + p as usize].push((own + at) as u32);
+            }
+        }
+        Tree { parent, share: senders.shares.clone(), children }
+    }
+
+    fn ancestors(&self, sender: u32) -> impl Iterator<Item = u32> + '_ {
+        let up = |&s: &u32| Some(self.parent[s as usize]).filter(|&p| p != NONE);
+        std::iter::successors(up(&sender), up)
+    }
+
+    /// Gives what ancestors of other senders have to their children.
+    fn open(&self, row: &mut Vec<(u32, Vec3)>) {
+        let mut map = std::collections::BTreeMap::<u32, Vec3>::new();
+        for &(s, w) in row.iter() { *map.entry(s).or_default() += w; }
+        let opened: std::collections::BTreeSet<u32> = map.keys().flat_map(|&s| self.ancestors(s)).collect();
+        for node in opened {
+            if let Some(w) = map.remove(&node) {
+                for &k in &self.children[node as usize] { *map.entry(k).or_default() += self.share[k as usize] * w; }
+            }
+        }
+        row.clear();
+        row.extend(map);
+    }
 }
 
 fn geometric(transfer: &Transfer, clusters: &Clusters, sender: u32, receiver: usize) -> f32 {
