@@ -83,15 +83,41 @@ impl LobeLinks {
                 .map(|receiver| {
                     let mut row: Vec<(u32, Vec3)> = Vec::new();
                     families.weights(&mut links.row(receiver).collect::<Vec<_>>(), &mut row);
+                    let mut lobe: Vec<(u32, Vec3)> = Vec::new();
+                    let mut parts = std::collections::BTreeMap::<u32, Vec<(u32, f32)>>::new();
+                    let part_of = |parent: u32, is_complete: bool| -> Vec<(u32, f32)> {
+                        let children = &tree.children[parent as usize];
+                        let shares = || children.iter().map(|&k| (k, tree.share[k as usize])).collect::<Vec<_>>();
+                        if is_complete { return shares(); }
+                        let all: Vec<f32> = children.iter().map(|&k| geometric(transfer, clusters, k, receiver)).collect();
+                        let sum: f32 = all.iter().sum();
+                        if sum <= 0.0 { return shares(); }
+                        children.iter().zip(all).map(|(&k, f)| (k, f / sum)).collect()
+                    };
+                    {
+                        let mut own: Vec<(u32, Vec3)> = links.row(receiver).filter(|l| families.of[l.0 as usize] != NONE).collect();
+                        own.sort_by_key(|link| families.of[link.0 as usize]);
+                        for run in own.chunk_by(|a, b| families.of[a.0 as usize] == families.of[b.0 as usize]) {
+                            let Family { parent, members } = &families.families[families.of[run[0].0 as usize] as usize];
+                            lobe.extend_from_slice(run);
+                            if *parent == NONE { continue; }
+                            let sum: Vec3 = run.iter().map(|link| link.1).sum();
+                            let part = part_of(*parent, run.len() + 1 >= members.len());
+                            lobe.extend(part.iter().map(|&(k, f)| (k, -f * sum)));
+                            parts.insert(*parent, part);
+                        }
+                    }
                     let normal = transfer.normal_of(receiver);
                     let mut partial: Vec<u32> = Vec::new();
                     for (parent, weight) in sparse::row(parents, receiver) {
                         let carried = carry(transfer.normal_of(parent as usize), normal) * weight;
-                        let LobeRow { senders, raw, shared, .. } = all.row(parent as usize);
+                        let LobeRow { senders, raw, shared, weights } = all.row(parent as usize);
+                        lobe.extend((senders.iter().zip(weights).take(shared)).map(|(&sender, &weight)| (sender, carried * weight)));
                         partial.extend(&senders[shared..]);
                         row.extend((senders.iter().zip(raw).take(shared)).map(|(&sender, &weight)| (sender, carried * weight)));
                     }
-                    if var("LEAF", 1.0) > 0.0 { tree.open(&mut row); }
+                    tree.open(&mut row, |node| part_of(node, true));
+                    tree.open(&mut lobe, |node| parts.get(&node).cloned().unwrap_or_else(|| part_of(node, false)));
                     merge(&mut row);
                     partial.sort_unstable();
                     let mut above: Vec<u32> = partial.iter().flat_map(|&s| tree.ancestors(s)).collect();
@@ -105,12 +131,14 @@ impl LobeLinks {
                     let mut row: Vec<(u32, Vec3, Vec3)> = row.into_iter().map(|(sender, raw)| {
                         let full = !is_partial(sender);
                         let most = var("CLAMP", 1.25) * geometric(transfer, clusters, sender, receiver);
-                        let seen = raw.dot(normal);
+                        let own = lobe.binary_search_by_key(&sender, |e| e.0).map_or(Vec3::ZERO, |at| lobe[at].1);
+                        let own = if var("PHI", 1.0) > 0.0 { own } else { raw };
+                        let seen = own.dot(normal);
                         let used = match full {
-                            _ if var("ZERO", 1.0) == 0.0 => raw,
+                            _ if var("ZERO", 1.0) == 0.0 => own,
                             true if seen <= 0.0 => Vec3::ZERO,
-                            _ if seen.abs() > most => raw * (most / seen.abs()),
-                            _ => raw,
+                            _ if seen.abs() > most => own * (most / seen.abs()),
+                            _ => own,
                         };
                         (sender, raw, used)
                     }).collect();
@@ -201,13 +229,13 @@ impl Tree {
     }
 
     /// Gives what ancestors of other senders have to their children.
-    fn open(&self, row: &mut Vec<(u32, Vec3)>) {
+    fn open(&self, row: &mut Vec<(u32, Vec3)>, part_of: impl Fn(u32) -> Vec<(u32, f32)>) {
         let mut map = std::collections::BTreeMap::<u32, Vec3>::new();
         for &(s, w) in row.iter() { *map.entry(s).or_default() += w; }
         let opened: std::collections::BTreeSet<u32> = map.keys().flat_map(|&s| self.ancestors(s)).collect();
         for node in opened {
             if let Some(w) = map.remove(&node) {
-                for &k in &self.children[node as usize] { *map.entry(k).or_default() += self.share[k as usize] * w; }
+                for (k, part) in part_of(node) { *map.entry(k).or_default() += part * w; }
             }
         }
         row.clear();
