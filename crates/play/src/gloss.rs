@@ -8,6 +8,7 @@
 //! lamps' light. Light of further reflections comes from all around, and is taken as ever.
 
 mod clusters;
+mod families;
 mod lamp;
 mod links;
 

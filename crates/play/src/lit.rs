@@ -66,7 +66,7 @@ impl Lit {
         self.from.iter().map(|lit| lit.irradiance).sum()
     }
 
-    /// To where it comes from, m; infinite where that is all around.
+    /// How far away it comes from, m; infinite if from several directions.
     pub fn distance(&self) -> f32 {
         match self.from[..] {
             [one] => one.distance,
@@ -74,7 +74,7 @@ impl Lit {
         }
     }
 
-    /// Of light from one place: how bright a surface there is that is `away` from where it arrives, relative to others.
+    /// How bright a surface is that is `away` from the place, m, for its brightness there; 1 of light from several directions. `normal`: of both, unit.
     pub fn brightness(&self, normal: Vec3, away: Vec3) -> f32 {
         match self.from[..] {
             [one] if one.distance.is_finite() => {
@@ -86,7 +86,7 @@ impl Lit {
     }
 
     /// What a surface near the place sends of it towards `to`, times π: radiosity, W/m², as if it sent as much all around. The surface stands for
-    /// places within `radius`, m, and is `away` from the place, m. Its lobe's α is at least `least`.
+    /// places within `radius`, m, whose normals add `spread` to α², and is `away` from the place, m. Its lobe's α is at least `least`.
     pub fn reflected(
         &self,
         surface: &ShadingPoint,

@@ -143,34 +143,51 @@ impl SenderLinks {
 
     /// The links receiver by receiver, as they were sorted from; `senders`: how many there are.
     pub fn by_receiver(&self, senders: u32) -> Links {
-        let blocks: Vec<Links> = self.blocks.par_iter().enumerate().map(|(b, block)| {
-            let rows = BLOCK.min(self.receivers - b * BLOCK);
-            let mut starts = vec![0u32; rows + 1];
-            for &row in &block.rows {
-                starts[usize::from(row) + 1] += 1;
-            }
-            for row in 0..rows {
-                starts[row + 1] += starts[row];
-            }
-            let mut next = starts.clone();
-            let mut columns = vec![0; block.rows.len()];
-            let mut vectors = vec![Vec3::ZERO; block.rows.len()];
-            let mut start = 0;
-            for &(sender, end) in &block.senders {
-                for link in start..end as usize {
-                    let at = &mut next[usize::from(block.rows[link])];
-                    columns[*at as usize] = sender;
-                    vectors[*at as usize] = block.vectors[link];
-                    *at += 1;
+        let blocks: Vec<Links> = self
+            .blocks
+            .par_iter()
+            .enumerate()
+            .map(|(b, block)| {
+                let rows = BLOCK.min(self.receivers - b * BLOCK);
+                let mut starts = vec![0u32; rows + 1];
+                for &row in &block.rows {
+                    starts[usize::from(row) + 1] += 1;
                 }
-                start = end as usize;
-            }
-            Links { receivers: rows as u32, senders, row_offsets: starts, columns, vectors }
-        }).collect();
-        let mut all = Links { receivers: self.receivers as u32, senders, row_offsets: vec![0], ..Links::default() };
+                for row in 0..rows {
+                    starts[row + 1] += starts[row];
+                }
+                let mut next = starts.clone();
+                let mut columns = vec![0; block.rows.len()];
+                let mut vectors = vec![Vec3::ZERO; block.rows.len()];
+                let mut start = 0;
+                for &(sender, end) in &block.senders {
+                    for link in start..end as usize {
+                        let at = &mut next[usize::from(block.rows[link])];
+                        columns[*at as usize] = sender;
+                        vectors[*at as usize] = block.vectors[link];
+                        *at += 1;
+                    }
+                    start = end as usize;
+                }
+                Links {
+                    receivers: rows as u32,
+                    senders,
+                    row_offsets: starts,
+                    columns,
+                    vectors,
+                }
+            })
+            .collect();
+        let mut all = Links {
+            receivers: self.receivers as u32,
+            senders,
+            row_offsets: vec![0],
+            ..Links::default()
+        };
         for block in blocks {
             let before = all.columns.len() as u32;
-            all.row_offsets.extend(block.row_offsets[1..].iter().map(|end| before + end));
+            all.row_offsets
+                .extend(block.row_offsets[1..].iter().map(|end| before + end));
             all.columns.extend(block.columns);
             all.vectors.extend(block.vectors);
         }

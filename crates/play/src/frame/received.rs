@@ -91,12 +91,11 @@ impl Receiving<'_> {
             .get_or_init(|| GlossySenders::new(scene, points, transfer))
             .as_ref()?;
         let wanted: Vec<u32> = glossy.numbers().collect();
-        let t0 = std::time::Instant::now();
-        let a = self.arrivals(lights, light, &wanted, self.settings.point_samples);
-        let t1 = std::time::Instant::now();
-        let r = glossy.over_lobes(transfer, direct, &a);
-        if std::env::var("TIMES").is_ok() { eprintln!("arrivals {:?} of {} lobes {:?}", t1 - t0, wanted.len(), t1.elapsed()); }
-        r
+        glossy.over_lobes(
+            transfer,
+            direct,
+            &self.arrivals(lights, light, &wanted, self.settings.point_samples),
+        )
     }
 
     /// What a shot's fragments see over two lobes of a light that gives the points this irradiance.

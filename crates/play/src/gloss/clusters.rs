@@ -1,7 +1,7 @@
 //! Points that stand for clusters of points.
 
 use crate::transfer::Transfer;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::f32::consts::PI;
 use std::ops::Range;
 
@@ -11,6 +11,10 @@ pub(super) const SAMPLES: usize = 4;
 /// Where within its share of a cluster's weight the point lies that stands for it. About its middle; at the very middle, of points that weigh
 /// the same, rounding would choose.
 const MIDDLE: f64 = 0.518_034;
+
+/// Part of the variance of the cluster's normals that each of its points stands for: as a kernel estimate of that many in two dimensions has it, n^(−1/3)
+/// (Silverman 1986, equation 4.14).
+const SILVERMAN: f32 = 0.63;
 
 /// No number.
 pub(super) const NONE: u32 = u32::MAX;
@@ -64,10 +68,32 @@ impl Clusters {
         self.radii[sender as usize]
     }
 
+    /// Irradiance of a receiver by radiosity 1 of a sender with nothing in the way.
+    pub fn form_factor(&self, transfer: &Transfer, sender: u32, receiver: usize) -> f32 {
+        let to = Receiver {
+            place: transfer.position_of(receiver),
+            normal: transfer.normal_of(receiver),
+        };
+        let of = |sample: &Sample| {
+            let point = sample.point as usize;
+            let disk = Disk {
+                middle: transfer.finest.positions[point],
+                normal: transfer.finest.normals[point],
+                radius: self.radius_of(sender),
+            };
+            let parts = disk
+                .places(PLACES)
+                .map(|(place, radius)| to.form_factor(place, disk.normal, radius));
+            parts.sum::<f32>()
+        };
+        self.samples_of(sender).iter().map(of).sum()
+    }
+
     /// Those of all sender levels.
     pub fn new(transfer: &Transfer) -> Clusters {
         let senders = &transfer.senders;
-        let (mut ranges, mut radii, mut spreads, mut samples) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut ranges, mut radii, mut spreads, mut samples) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for level in 0..senders.levels() {
             let range = senders.ranges.range(level);
             let is_finest = level + 1 == senders.levels();
@@ -105,7 +131,7 @@ impl Clusters {
                 }));
                 ranges.push(start as u32..samples.len() as u32);
                 // The variance of normals is 1 − length², along both axes together.
-                spreads.push((1.0 - normal.length_squared()).max(0.0) as f32 / SAMPLES as f32);
+                spreads.push((1.0 - normal.length_squared()).max(0.0) as f32 * SILVERMAN);
                 radii.push((area / (PI * SAMPLES as f32)).sqrt());
             }
         }
@@ -115,5 +141,58 @@ impl Clusters {
             spreads,
             samples,
         }
+    }
+}
+
+/// Places of a disk by which its form factor is taken.
+const PLACES: usize = 4;
+
+/// Surface that one of the points stands for.
+pub(super) struct Disk {
+    pub middle: Vec3,
+    pub normal: Vec3,
+    /// m.
+    pub radius: f32,
+}
+
+impl Disk {
+    /// So many places of it, the middle if it is one, and the radius of the surface that each stands for.
+    pub fn places(&self, count: usize) -> impl Iterator<Item = (Vec3, f32)> + use<> {
+        let radius = self.radius / (count as f32).sqrt();
+        let (middle, (a, b)) = (self.middle, self.normal.any_orthonormal_pair());
+        // A spiral by the golden angle: as even as a disk can be filled by any number.
+        (0..count).map(move |k| {
+            let (out, angle) = (radius * (k as f32 + 0.5).sqrt(), k as f32 * GOLDEN);
+            let away = if count == 1 {
+                Vec3::ZERO
+            } else {
+                out * (a * angle.cos() + b * angle.sin())
+            };
+            (middle + away, radius)
+        })
+    }
+}
+
+/// Golden angle, rad.
+const GOLDEN: f32 = 2.399_963;
+
+/// Where light is received.
+pub(super) struct Receiver {
+    pub place: Vec3,
+    /// Unit.
+    pub normal: Vec3,
+}
+
+impl Receiver {
+    /// Irradiance by radiosity 1 of a small disk; zero where either faces away.
+    pub fn form_factor(&self, place: Vec3, normal: Vec3, radius: f32) -> f32 {
+        let way = place - self.place;
+        let (here, there) = (self.normal.dot(way), -normal.dot(way));
+        if here <= 0.0 || there <= 0.0 {
+            return 0.0;
+        }
+        let (square, area) = (way.length_squared(), radius * radius);
+        // Of scenes of any size; and no more than of a disk that fills the view.
+        (here * there / square) * (area / square.max(area))
     }
 }

@@ -1,7 +1,6 @@
 //! What a lamp's light sends over lobes.
 
-use super::clusters::{NONE, SAMPLES, Sample};
-use super::links::var;
+use super::clusters::{Disk, NONE, Receiver, SAMPLES, Sample};
 use super::{GlossyPoint, GlossySenders};
 use crate::lit::{Lit, share};
 use crate::transfer::Transfer;
@@ -9,10 +8,17 @@ use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::shading::ShadingPoint;
 use relight_transport::pyramid::VectorIrradiance;
-use relight_transport::sparse;
 
-/// Least α of a lobe.
+/// Least α of a lobe, which sends some 25 times as much one way as a matt surface does: what links are right to within a part in a hundred for
+/// is then within a quarter.
 const SLOPE: f32 = 0.1;
+
+/// Most places of a point's surface by which its lobe is taken.
+const PLACES: f32 = 16.0;
+
+/// Part of the mean of what all points reflect of a lamp that a sender must be able to add to a receiver's light. What it sends to one place is mostly far
+/// less than it could.
+const DIM: f32 = 1.0 / 64.0;
 
 /// A lamp's light at what is glossy.
 pub(super) struct LampLight<'a> {
@@ -24,9 +30,10 @@ pub(super) struct LampLight<'a> {
     lit: Vec<Lit>,
     /// What each of the points that stand for clusters reflects of it.
     sent: Vec<Sent>,
-    /// Of each sender, about the most that it sends anywhere over its lobes.
+    /// Of each sender, about the most that it sends anywhere over its lobes: radiosity, W/m².
     most: Vec<f32>,
-    mean: f32,
+    /// What senders must be able to add to a receiver's light, W/m².
+    least: f32,
 }
 
 /// What a point that stands for a cluster reflects of a lamp's light.
@@ -41,10 +48,15 @@ struct Sent {
 
 impl LampLight<'_> {
     /// `direct`: a lamp's irradiance at the finest points; `lit`: whence it comes at the glossy ones.
-    pub fn new<'a>(of: &'a GlossySenders, transfer: &'a Transfer, direct: &[Vec3], lit: Vec<Lit>) -> LampLight<'a> {
+    pub fn new<'a>(
+        of: &'a GlossySenders,
+        transfer: &'a Transfer,
+        direct: &[Vec3],
+        lit: Vec<Lit>,
+    ) -> LampLight<'a> {
         let irradiances = transfer.senders.pulled(direct).concat();
         let radiosity = transfer.radiosity(direct);
-        let mean = radiosity.iter().map(|r| f64::from(r.max_element())).sum::<f64>() as f32 / radiosity.len() as f32;
+        let sum: f64 = radiosity.iter().map(|own| f64::from(own.max_element())).sum();
         let radiosities = transfer.senders.pulled(&radiosity).concat();
         let sent: Vec<Sent> = (of.clusters.samples.par_iter().with_min_len(256))
             .map(|&Sample { point, around }| {
@@ -52,7 +64,9 @@ impl LampLight<'_> {
                     NONE => direct[point as usize],
                     around => irradiances[around as usize],
                 };
-                let lobe = of.glossy(point).filter(|&glossy| !lit[glossy].is_dark() && around != Vec3::ZERO);
+                let lobe = of
+                    .glossy(point)
+                    .filter(|&glossy| !lit[glossy].is_dark() && around != Vec3::ZERO);
                 let part = |glossy: usize| match lit[glossy].is_unoccluded() {
                     // The light around says how much of it there is.
                     true => share(around, lit[glossy].irradiance()),
@@ -68,14 +82,20 @@ impl LampLight<'_> {
                 }
             })
             .collect();
-        let most = (0..of.clusters.len() as u32).map(|sender| {
-            let samples = &sent[of.clusters.range_of(sender)];
-            samples.iter().filter_map(|sample| {
-                let (glossy, part) = sample.lobe?;
+        let most = |sent: &Sent| {
+            sent.lobe.map_or(0.0, |(glossy, part)| {
                 let alpha = of.points[glossy].shading.alpha.max(SLOPE);
-                Some((part * lit[glossy].irradiance()).max_element() / (4.0 * alpha * alpha))
-            }).fold(0.0, f32::max)
-        }).collect();
+                (part * lit[glossy].irradiance()).max_element() / (4.0 * alpha * alpha)
+            })
+        };
+        let most = (0..of.clusters.len() as u32)
+            .map(|sender| {
+                sent[of.clusters.range_of(sender)]
+                    .iter()
+                    .map(most)
+                    .fold(0.0, f32::max)
+            })
+            .collect();
         LampLight {
             of,
             transfer,
@@ -83,103 +103,115 @@ impl LampLight<'_> {
             lit,
             sent,
             most,
-            mean,
+            least: DIM * (sum / radiosity.len() as f64) as f32,
         }
     }
 
     /// What receivers of all levels get of it over lobes, less what they would if those were matt.
     pub fn received(&self) -> Vec<VectorIrradiance> {
-        let links = &self.of.links;
-        let mean = self.mean;
-        let least = mean * var("LEASTL", 0.03);
-        let skipped = std::sync::atomic::AtomicUsize::new(0);
-        let received: Vec<(VectorIrradiance, VectorIrradiance)> = (0..links.receivers())
-            .into_par_iter()
-            .with_min_len(64)
-            .map(|receiver| {
-                links.row(receiver).apply(|sender, weight| match self.most[sender as usize] * weight.length() > least {
-                    true => { skipped.fetch_add(1, std::sync::atomic::Ordering::Relaxed); self.difference(sender, receiver) },
-                    false => (Vec3::ZERO, Vec3::ZERO),
-                })
-            })
-            .collect();
-        if std::env::var("TIMES").is_ok() { eprintln!("used lobe links {:?}", skipped); }
-        let (parents, _) = self.transfer.parents();
-        (received.par_iter().with_min_len(1024).enumerate())
-            .map(|(receiver, &(mut own, _))| {
-                let normal = self.transfer.normal_of(receiver);
-                for (parent, weight) in sparse::row(parents, receiver) {
-                    let parent = parent as usize;
-                    own.add_carried(&received[parent].1, self.transfer.normal_of(parent), normal, -weight);
-                }
-                own
-            })
-            .collect()
+        self.of.links.received(self.transfer, |sender, receiver, weight| {
+            match self.most[sender as usize] * weight.length() > self.least {
+                true => self.difference(sender, receiver),
+                false => Vec3::ZERO,
+            }
+        })
     }
 
     /// What a sender has to send to a receiver over lobes, less what it would have if it were matt: radiosity, W/m².
-    fn difference(&self, sender: u32, receiver: usize) -> (Vec3, Vec3) {
-        let transfer = self.transfer;
-        let radius = self.of.clusters.radius_of(sender);
-        let spread = var("CURV", 2.52) * self.of.clusters.spread_of(sender);
-        let (to, normal) = (transfer.position_of(receiver), transfer.normal_of(receiver));
-        let (mut more, mut less, mut matt, mut seen) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, 0.0);
-        let (slope, subc, most) = (var("SLOPE", SLOPE), var("SUBC", 2.0), var("SUB", 16.0));
-        for sample in &self.sent[self.of.clusters.range_of(sender)] {
-            let lobe = sample.lobe.map(|(glossy, part)| (&self.lit[glossy], &self.of.points[glossy], part));
-            let count = match lobe {
-                Some((lit, GlossyPoint { shading, .. }, _)) => {
-                    let alpha = (shading.alpha.powi(2) + spread).sqrt().max(slope);
-                    let wide = subc * alpha * sample.place.distance(to).min(lit.distance() / var("NEARL", 1.0));
-                    ((radius / wide).powi(2).ceil()).clamp(1.0, most) as usize
-                }
-                None => 1,
-            };
-            let radius = radius / (count as f32).sqrt();
-            let at = |k: usize| match count {
-                1 => sample.place,
-                _ => {
-                    let (a, b) = sample.normal.any_orthonormal_pair();
-                    let (u, v) = (k as f32 + 0.5, k as f32 * 2.399_963);
-                    sample.place + radius * u.sqrt() * (a * v.cos() + b * v.sin())
-                }
-            };
-            let bright = |place: Vec3| lobe.map_or(1.0, |(lit, ..)| if var("EW", 1.0) > 0.0 { lit.brightness(sample.normal, place - sample.place) } else { 1.0 });
-            let mean = (0..count).map(|k| bright(at(k))).sum::<f32>() / count as f32;
-            let (mut sum, mut seen_all) = (0.0, 0.0);
-            for k in 0..count {
-                let place = at(k);
-                let way = place - to;
-                // What lies behind a receiver, it does not see: a cluster goes on beyond the wall.
-                let (here, there) = (normal.dot(way), -sample.normal.dot(way));
-                if here <= 0.0 || there <= 0.0 {
-                    continue;
-                }
-                let square = way.length_squared();
-                let weight = bright(place) / mean.max(f32::MIN_POSITIVE) * here * there * radius * radius / (square * square.max(radius * radius));
-                sum += weight;
-                seen_all += weight / (bright(place) / mean.max(f32::MIN_POSITIVE)).max(1e-20);
-                if let Some((lit, GlossyPoint { shading, albedo, .. }, part)) = lobe {
-                    let moved = ShadingPoint {
-                        position: shading.position + (place - sample.place),
-                        ..*shading
-                    };
-                    let reflected = lit.reflected(&moved, (to, place - sample.place), (radius, spread), slope);
-                    more += weight * part * reflected;
-                    less += weight * part * *albedo * lit.irradiance();
+    fn difference(&self, sender: u32, receiver: usize) -> Vec3 {
+        let clusters = &self.of.clusters;
+        let to = Receiver {
+            place: self.transfer.position_of(receiver),
+            normal: self.transfer.normal_of(receiver),
+        };
+        let (radius, spread) = (clusters.radius_of(sender), clusters.spread_of(sender));
+        let mut seen = Seen::default();
+        for sent in &self.sent[clusters.range_of(sender)] {
+            match sent.lobe {
+                Some((glossy, part)) => seen.add(&self.over_lobe(sent, (radius, spread), glossy, part, &to)),
+                None => {
+                    let part = to.form_factor(sent.place, sent.normal, radius);
+                    seen.add(&Seen {
+                        more: Vec3::ZERO,
+                        matt: part * sent.matt,
+                        part,
+                    });
                 }
             }
-            matt += sum * sample.matt;
-            seen += seen_all;
         }
-        match seen > 0.0 {
-            true => {
-                let least = Vec3::splat(f32::MIN_POSITIVE);
-                let n = var("NORM", SAMPLES as f32);
-                let f = (self.radiosities[sender as usize].max(least) / (matt / seen).max(least)).min(Vec3::splat(n));
-                (more / seen * f, less / seen * f)
+        if seen.part <= 0.0 {
+            return Vec3::ZERO;
+        }
+        // The light of all of the cluster says how much of it there is; one of its points may have all of it.
+        let least = Vec3::splat(f32::MIN_POSITIVE);
+        let had = (seen.matt / seen.part).max(least);
+        let expected = self.radiosities[sender as usize].max(least);
+        seen.more / seen.part * (expected / had).min(Vec3::splat(SAMPLES as f32))
+    }
+
+    /// What a receiver sees of one of a sender's points, which stands for a disk and normals that add `spread` to α²; `part` of the lamp's light is there.
+    fn over_lobe(
+        &self,
+        sent: &Sent,
+        (radius, spread): (f32, f32),
+        glossy: usize,
+        part: Vec3,
+        to: &Receiver,
+    ) -> Seen {
+        let (lit, GlossyPoint { shading, albedo, .. }) = (&self.lit[glossy], &self.of.points[glossy]);
+        let disk = Disk {
+            middle: sent.place,
+            normal: sent.normal,
+            radius,
+        };
+        let alpha = (shading.alpha * shading.alpha + spread).sqrt().max(SLOPE);
+        // Half vectors turn by half of what the way to the receiver or to the lamp does over a place of the disk: by less than a lobe is wide.
+        let near = sent.place.distance(to.place).min(lit.distance());
+        let wide = radius / (2.0 * alpha * near).max(f32::MIN_POSITIVE);
+        let count = (wide * wide).ceil().clamp(1.0, PLACES) as usize;
+        let bright = |place: Vec3| lit.brightness(sent.normal, place - sent.place);
+        let mean = disk.places(count).map(|(place, _)| bright(place)).sum::<f32>() / count as f32;
+        let mut seen = Seen::default();
+        if mean <= 0.0 {
+            return seen;
+        }
+        for (place, radius) in disk.places(count) {
+            let own = to.form_factor(place, sent.normal, radius);
+            if own <= 0.0 {
+                continue;
             }
-            false => (Vec3::ZERO, Vec3::ZERO),
+            let away = place - sent.place;
+            let there = ShadingPoint {
+                position: shading.position + away,
+                ..*shading
+            };
+            let light = own * bright(place) / mean;
+            let reflected = lit.reflected(&there, (to.place, away), (radius, spread), SLOPE);
+            seen.add(&Seen {
+                more: light * part * (reflected - *albedo * lit.irradiance()),
+                matt: light * sent.matt,
+                part: own,
+            });
         }
+        seen
+    }
+}
+
+/// What a receiver sees of a sender, times form factors, W/m².
+#[derive(Default)]
+struct Seen {
+    /// Over lobes, less what it would if they were matt.
+    more: Vec3,
+    /// If all is matt.
+    matt: Vec3,
+    /// The sum of the form factors.
+    part: f32,
+}
+
+impl Seen {
+    fn add(&mut self, other: &Seen) {
+        self.more += other.more;
+        self.matt += other.matt;
+        self.part += other.part;
     }
 }
