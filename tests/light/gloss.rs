@@ -283,6 +283,102 @@ fn a_beam_that_passes_a_metal_floor_does_not_switch_the_wall_beyond() {
     assert!(found.p99 < 1.0 / 16.0 && found.p999 < 2.0 / 16.0, "{found:?}");
 }
 
+/// How high the wall over the walk is and how far the sun goes down it for each metre that it goes towards it, m.
+const WALL: f64 = 2.0;
+const STEEP: f64 = 4.0;
+
+/// A matt walk along a wall of smooth metal.
+fn walk() -> Glb {
+    let mut glb = Glb::new();
+    let metal = glb.add_material(&Material {
+        name: "Metal",
+        base_color: [0.9, 0.9, 0.9, 1.0],
+        metallic: 1.0,
+        roughness: 0.25,
+        ..Material::default()
+    });
+    let ground = glb.add_material(&matt("Ground", [0.5; 3]));
+    let wall = quad(
+        dvec3(0.0, 0.0, HALF),
+        dvec3(0.0, 0.0, -HALF),
+        dvec3(0.0, WALL, -HALF),
+        dvec3(0.0, WALL, HALF),
+    );
+    let floor = quad(
+        dvec3(0.0, 0.0, HALF),
+        dvec3(2.0 * HALF, 0.0, HALF),
+        dvec3(2.0 * HALF, 0.0, -HALF),
+        dvec3(0.0, 0.0, -HALF),
+    );
+    for (name, mesh, material) in [("wall", wall, metal), ("walk", floor, ground)] {
+        let mesh = glb.add_mesh(name, &[(&mesh, material)]);
+        glb.add_node(name, mesh, Placement::HERE);
+    }
+    glb.add_camera("front", dvec3(3.0, 2.0, 1.0), dvec3(0.0, 0.5, 0.0), 70.0, 1.0);
+    glb
+}
+
+/// Truth: the sum over the wall of what its BRDF sends to places of the walk. The wall mirrors the steep sun to the half metre at its foot, where a
+/// matt one of as much albedo would send a third of it. Points of the coarsest level are 1.6 m wide: they would spread the band over as much. Tolerance: finest
+/// points, 0.1 m, blur the band's edge, and weights that links leave out.
+#[test]
+fn a_wall_mirrors_a_steep_sun_to_its_foot_and_no_further() {
+    let player = baked(&walk());
+    let sun = LightTrack {
+        name: "sun".into(),
+        kind: LightKind::Directional {
+            direction: Animated::Constant(Vec3::new(-1.0, -STEEP as f32, 0.0)),
+            irradiance: Animated::Constant(Vec3::ONE),
+        },
+    };
+    let lights = player.lights(&[sun]).unwrap();
+    let lit = lit_points(&player.prepared, &lights, 0.0, &FrameSettings::default(), &()).unwrap();
+    let finest = &player.prepared.transfer.as_ref().unwrap().finest;
+    let found = |near: f64, far: f64| {
+        let (mut sum, mut all) = (0.0, 0.0);
+        for (i, (x, n)) in finest.positions.iter().zip(&finest.normals).enumerate() {
+            if n.y > 0.9 && (near..far).contains(&f64::from(x.x)) && x.z.abs() < 1.0 {
+                let area = 4f64.powi(finest.widenings.get(i).map_or(0, |&k| k.into()));
+                sum += f64::from(lit[0].indirect[i].x) * area;
+                all += area;
+            }
+        }
+        assert!(all > 20.0, "{all}");
+        sum / all
+    };
+    let scene = &player.prepared.scene;
+    let to_sun = Vec3::new(1.0, STEEP as f32, 0.0).normalize();
+    let n = 64u32;
+    let middle = |k: u32, low: f64, high: f64| low + (high - low) * (f64::from(k) + 0.5) / f64::from(n);
+    let truth = |near: f64, far: f64| {
+        let mut sum = 0.0;
+        for k in 0..n {
+            let place = dvec3(middle(k, near, far), 0.0, 0.0);
+            for l in 0..n * n {
+                let from = dvec3(0.0, middle(l % n, 0.0, WALL), middle(l / n, -HALF, HALF));
+                let ray = Ray::endless((from + DVec3::X).as_vec3(), Vec3::NEG_X);
+                let point = scene.shading_point(&scene.closest_hit(&ray).unwrap());
+                let way = place - from;
+                let squared = way.length_squared();
+                let view = way / squared.sqrt();
+                let form = view.x * -view.y / squared * WALL * 2.0 * HALF / f64::from(n * n);
+                let lobe = f64::from(bsdf::eval(&point, view.as_vec3(), to_sun).x);
+                sum += f64::from(to_sun.x) * lobe * form / f64::from(n);
+            }
+        }
+        sum
+    };
+    for (near, far, tolerance) in [(0.05, 0.4, 0.15), (0.9, 2.0, 0.02)] {
+        let (found, truth) = (found(near, far), truth(near, far));
+        println!("{near} to {far} m: {found:.4} of {truth:.4}");
+        let band = 0.2f64;
+        assert!(
+            (found - truth).abs() < tolerance * band.max(truth),
+            "{found} {truth}"
+        );
+    }
+}
+
 /// Shining ground far around a shining house, under the sun and a clear sky.
 fn yard() -> Player {
     let mut glb = Glb::new();

@@ -1,7 +1,8 @@
 //! Points that stand for clusters of points.
 
+use super::disk::{Disk, Receiver};
 use crate::transfer::Transfer;
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use std::f32::consts::PI;
 use std::ops::Range;
 
@@ -15,6 +16,9 @@ const MIDDLE: f64 = 0.518_034;
 /// Part of the variance of the cluster's normals that each of its points stands for: as a kernel estimate of that many in two dimensions has it, n^(−1/3)
 /// (Silverman 1986, equation 4.14).
 const SILVERMAN: f32 = 0.63;
+
+/// Places of a disk by which its form factor is taken.
+const PLACES: usize = 4;
 
 /// No number.
 pub(super) const NONE: u32 = u32::MAX;
@@ -41,54 +45,6 @@ pub(super) struct Clusters {
 }
 
 impl Clusters {
-    /// How many senders there are.
-    pub fn len(&self) -> usize {
-        self.ranges.len()
-    }
-
-    /// The points that stand for a sender.
-    pub fn samples_of(&self, sender: u32) -> &[Sample] {
-        let range = &self.ranges[sender as usize];
-        &self.samples[range.start as usize..range.end as usize]
-    }
-
-    /// Where in [`Clusters::samples`] they are.
-    pub fn range_of(&self, sender: u32) -> Range<usize> {
-        let range = &self.ranges[sender as usize];
-        range.start as usize..range.end as usize
-    }
-
-    /// What the normals of the surface that each of those stands for add to α² of its lobe.
-    pub fn spread_of(&self, sender: u32) -> f32 {
-        self.spreads[sender as usize]
-    }
-
-    /// Radius of the surface that each of those stands for, m.
-    pub fn radius_of(&self, sender: u32) -> f32 {
-        self.radii[sender as usize]
-    }
-
-    /// Irradiance of a receiver by radiosity 1 of a sender with nothing in the way.
-    pub fn form_factor(&self, transfer: &Transfer, sender: u32, receiver: usize) -> f32 {
-        let to = Receiver {
-            place: transfer.position_of(receiver),
-            normal: transfer.normal_of(receiver),
-        };
-        let of = |sample: &Sample| {
-            let point = sample.point as usize;
-            let disk = Disk {
-                middle: transfer.finest.positions[point],
-                normal: transfer.finest.normals[point],
-                radius: self.radius_of(sender),
-            };
-            let parts = disk
-                .places(PLACES)
-                .map(|(place, radius)| to.form_factor(place, disk.normal, radius));
-            parts.sum::<f32>()
-        };
-        self.samples_of(sender).iter().map(of).sum()
-    }
-
     /// Those of all sender levels.
     pub fn new(transfer: &Transfer) -> Clusters {
         let senders = &transfer.senders;
@@ -142,57 +98,52 @@ impl Clusters {
             samples,
         }
     }
-}
 
-/// Places of a disk by which its form factor is taken.
-const PLACES: usize = 4;
-
-/// Surface that one of the points stands for.
-pub(super) struct Disk {
-    pub middle: Vec3,
-    pub normal: Vec3,
-    /// m.
-    pub radius: f32,
-}
-
-impl Disk {
-    /// So many places of it, the middle if it is one, and the radius of the surface that each stands for.
-    pub fn places(&self, count: usize) -> impl Iterator<Item = (Vec3, f32)> + use<> {
-        let radius = self.radius / (count as f32).sqrt();
-        let (middle, (a, b)) = (self.middle, self.normal.any_orthonormal_pair());
-        // A spiral by the golden angle: as even as a disk can be filled by any number.
-        (0..count).map(move |k| {
-            let (out, angle) = (radius * (k as f32 + 0.5).sqrt(), k as f32 * GOLDEN);
-            let away = if count == 1 {
-                Vec3::ZERO
-            } else {
-                out * (a * angle.cos() + b * angle.sin())
-            };
-            (middle + away, radius)
-        })
+    /// How many senders there are.
+    pub fn len(&self) -> usize {
+        self.ranges.len()
     }
-}
 
-/// Golden angle, rad.
-const GOLDEN: f32 = 2.399_963;
+    /// The points that stand for a sender.
+    pub fn samples_of(&self, sender: u32) -> &[Sample] {
+        let range = &self.ranges[sender as usize];
+        &self.samples[range.start as usize..range.end as usize]
+    }
 
-/// Where light is received.
-pub(super) struct Receiver {
-    pub place: Vec3,
-    /// Unit.
-    pub normal: Vec3,
-}
+    /// Where in [`Clusters::samples`] they are.
+    pub fn range_of(&self, sender: u32) -> Range<usize> {
+        let range = &self.ranges[sender as usize];
+        range.start as usize..range.end as usize
+    }
 
-impl Receiver {
-    /// Irradiance by radiosity 1 of a small disk; zero where either faces away.
-    pub fn form_factor(&self, place: Vec3, normal: Vec3, radius: f32) -> f32 {
-        let way = place - self.place;
-        let (here, there) = (self.normal.dot(way), -normal.dot(way));
-        if here <= 0.0 || there <= 0.0 {
-            return 0.0;
-        }
-        let (square, area) = (way.length_squared(), radius * radius);
-        // Of scenes of any size; and no more than of a disk that fills the view.
-        (here * there / square) * (area / square.max(area))
+    /// What the normals of the surface that each of those stands for add to α² of its lobe.
+    pub fn spread_of(&self, sender: u32) -> f32 {
+        self.spreads[sender as usize]
+    }
+
+    /// Radius of the surface that each of those stands for, m.
+    pub fn radius_of(&self, sender: u32) -> f32 {
+        self.radii[sender as usize]
+    }
+
+    /// Irradiance of a receiver by radiosity 1 of a sender with nothing in the way.
+    pub fn form_factor(&self, transfer: &Transfer, sender: u32, receiver: usize) -> f32 {
+        let to = Receiver {
+            place: transfer.position_of(receiver),
+            normal: transfer.normal_of(receiver),
+        };
+        let of = |sample: &Sample| {
+            let point = sample.point as usize;
+            let disk = Disk {
+                middle: transfer.finest.positions[point],
+                normal: transfer.finest.normals[point],
+                radius: self.radius_of(sender),
+            };
+            let parts = disk
+                .places(PLACES)
+                .map(|(place, radius)| to.form_factor(place, disk.normal, radius));
+            parts.sum::<f32>()
+        };
+        self.samples_of(sender).iter().map(of).sum()
     }
 }

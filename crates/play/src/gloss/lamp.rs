@@ -1,6 +1,7 @@
 //! What a lamp's light sends over lobes.
 
-use super::clusters::{Disk, NONE, Receiver, SAMPLES, Sample};
+use super::clusters::{NONE, SAMPLES, Sample};
+use super::disk::{Disk, Receiver};
 use super::{GlossyPoint, GlossySenders};
 use crate::lit::{Lit, share};
 use crate::transfer::Transfer;

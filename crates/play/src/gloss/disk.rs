@@ -1,0 +1,53 @@
+//! Disks of surface, and how much of their light arrives at a place.
+
+use glam::Vec3;
+
+/// A piece of surface.
+pub(super) struct Disk {
+    pub middle: Vec3,
+    pub normal: Vec3,
+    /// m.
+    pub radius: f32,
+}
+
+impl Disk {
+    /// So many places of it, the middle if it is one, and the radius of the surface that each stands for.
+    pub fn places(&self, count: usize) -> impl Iterator<Item = (Vec3, f32)> + use<> {
+        let radius = self.radius / (count as f32).sqrt();
+        let (middle, (a, b)) = (self.middle, self.normal.any_orthonormal_pair());
+        // A spiral by the golden angle: as even as a disk can be filled by any number.
+        (0..count).map(move |k| {
+            let (out, angle) = (radius * (k as f32 + 0.5).sqrt(), k as f32 * GOLDEN);
+            let away = if count == 1 {
+                Vec3::ZERO
+            } else {
+                out * (a * angle.cos() + b * angle.sin())
+            };
+            (middle + away, radius)
+        })
+    }
+}
+
+/// Golden angle, rad.
+const GOLDEN: f32 = 2.399_963;
+
+/// Where light is received.
+pub(super) struct Receiver {
+    pub place: Vec3,
+    /// Unit.
+    pub normal: Vec3,
+}
+
+impl Receiver {
+    /// Irradiance by radiosity 1 of a small disk; zero where either faces away.
+    pub fn form_factor(&self, place: Vec3, normal: Vec3, radius: f32) -> f32 {
+        let way = place - self.place;
+        let (here, there) = (self.normal.dot(way), -normal.dot(way));
+        if here <= 0.0 || there <= 0.0 {
+            return 0.0;
+        }
+        let (square, area) = (way.length_squared(), radius * radius);
+        // Of scenes of any size; and no more than of a disk that fills the view.
+        (here * there / square) * (area / square.max(area))
+    }
+}
