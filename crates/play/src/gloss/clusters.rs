@@ -28,7 +28,7 @@ pub(super) const NONE: u32 = u32::MAX;
 pub(super) struct Sample {
     /// Finest point.
     pub point: u32,
-    /// The cluster of the next finer level around it; [`NONE`] on the finest.
+    /// The cluster of the next finer level around it, of the finest clusters they themselves.
     pub around: u32,
 }
 
@@ -52,7 +52,6 @@ impl Clusters {
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for level in 0..senders.levels() {
             let range = senders.ranges.range(level);
-            let is_finest = level + 1 == senders.levels();
             let mut found = vec![[NONE; SAMPLES]; range.len()];
             let mut weights = vec![0.0; range.len()];
             let mut normals = vec![DVec3::ZERO; range.len()];
@@ -69,14 +68,11 @@ impl Clusters {
                     }
                 }
             }
-            let finer = (!is_finest).then(|| {
-                let start = senders.ranges.range(level + 1).start as u32;
-                (start, senders.cluster_of_point(level + 1))
-            });
-            let around = |point: u32| match &finer {
-                Some((start, cluster_of_point)) => start + cluster_of_point[point as usize],
-                None => NONE,
-            };
+            // The finest clusters have none within: their own mean is that around all of their points.
+            let around = (level + 1).min(senders.levels() - 1);
+            let start = senders.ranges.range(around).start as u32;
+            let cluster_of_point = senders.cluster_of_point(around);
+            let around = |point: u32| start + cluster_of_point[point as usize];
             let areas = &transfer.sender_areas[range.clone()];
             for ((found, area), normal) in found.into_iter().zip(areas).zip(normals) {
                 let start = samples.len();

@@ -1,6 +1,6 @@
 //! What a lamp's light sends over lobes.
 
-use super::clusters::{NONE, SAMPLES, Sample};
+use super::clusters::{SAMPLES, Sample};
 use super::disk::{Disk, Receiver};
 use super::{GlossyPoint, GlossySenders};
 use crate::lit::{Lit, share};
@@ -61,10 +61,7 @@ impl LampLight<'_> {
         let radiosities = transfer.senders.pulled(&radiosity).concat();
         let sent: Vec<Sent> = (of.clusters.samples.par_iter().with_min_len(256))
             .map(|&Sample { point, around }| {
-                let around = match around {
-                    NONE => direct[point as usize],
-                    around => irradiances[around as usize],
-                };
+                let around = irradiances[around as usize];
                 let lobe = of
                     .glossy(point)
                     .filter(|&glossy| !lit[glossy].is_dark() && around != Vec3::ZERO);
@@ -110,9 +107,13 @@ impl LampLight<'_> {
 
     /// What receivers of all levels get of it over lobes, less what they would if those were matt.
     pub fn received(&self) -> Vec<VectorIrradiance> {
-        self.of.links.received(self.transfer, |sender, receiver, weight| {
-            match self.most[sender as usize] * weight.length() > self.least {
-                true => self.difference(sender, receiver),
+        let links = &self.of.links;
+        links.received(self.transfer, |sender, receiver, weight| {
+            let most = self.most[sender as usize] * weight.length();
+            let least = self.least * super::links::var("LEASTL", 1.0);
+            // Fading in: a lamp that moves is not to switch what it adds.
+            match most > least {
+                true => self.difference(sender, receiver) * (most / least - 1.0).min(1.0),
                 false => Vec3::ZERO,
             }
         })
@@ -132,6 +133,7 @@ impl LampLight<'_> {
                 Some((glossy, part)) => seen.add(&self.over_lobe(sent, (radius, spread), glossy, part, &to)),
                 None => {
                     let part = to.form_factor(sent.place, sent.normal, radius);
+                    let part = if super::links::var("WGT", 1.0) > 0.0 { part } else { radius * radius };
                     seen.add(&Seen {
                         more: Vec3::ZERO,
                         matt: part * sent.matt,
@@ -147,7 +149,7 @@ impl LampLight<'_> {
         let least = Vec3::splat(f32::MIN_POSITIVE);
         let had = (seen.matt / seen.part).max(least);
         let expected = self.radiosities[sender as usize].max(least);
-        seen.more / seen.part * (expected / had).min(Vec3::splat(SAMPLES as f32))
+        seen.more / seen.part * (expected / had).min(Vec3::splat(super::links::var("NORM", SAMPLES as f32)))
     }
 
     /// What a receiver sees of one of a sender's points, which stands for a disk and normals that add `spread` to α²; `part` of the lamp's light is there.
@@ -169,7 +171,7 @@ impl LampLight<'_> {
         // Half vectors turn by half of what the way to the receiver or to the lamp does over a place of the disk: by less than a lobe is wide.
         let near = sent.place.distance(to.place).min(lit.distance());
         let wide = radius / (2.0 * alpha * near).max(f32::MIN_POSITIVE);
-        let count = (wide * wide).ceil().clamp(1.0, PLACES) as usize;
+        let count = (wide * wide).ceil().clamp(1.0, super::links::var("SUB", PLACES)) as usize;
         let bright = |place: Vec3| lit.brightness(sent.normal, place - sent.place);
         let mean = disk.places(count).map(|(place, _)| bright(place)).sum::<f32>() / count as f32;
         let mut seen = Seen::default();
@@ -186,6 +188,7 @@ impl LampLight<'_> {
                 position: shading.position + away,
                 ..*shading
             };
+            let own = if super::links::var("WGT", 1.0) > 0.0 { own } else { radius * radius };
             let light = own * bright(place) / mean;
             let reflected = lit.reflected(&there, (to.place, away), (radius, spread), SLOPE);
             seen.add(&Seen {

@@ -1,7 +1,7 @@
 //! What receivers get of what senders send over their lobes.
 
 use super::clusters::Clusters;
-use super::families::Families;
+use super::families::{Families, Family};
 use crate::transfer::Transfer;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -147,12 +147,7 @@ impl Making<'_> {
                 if let Some(parent) = family.parent {
                     // What the links give to the members they do not take from the parent.
                     let sum: Vec3 = run.iter().map(|link| link.1).sum();
-                    // All but one are all of them: a family's coefficients sum to nothing.
-                    let is_whole = run.len() + 1 >= family.members.len();
-                    let parts = match is_whole {
-                        true => family.members.iter().map(|member| member.1).collect(),
-                        false => self.parts(parent, receiver),
-                    };
+                    let parts = self.parts_beside(family, run, receiver);
                     row.extend(
                         (family.members.iter().zip(&parts)).map(|(member, part)| (member.0, -*part * sum)),
                     );
@@ -204,6 +199,22 @@ impl Making<'_> {
         }
     }
 
+    /// Which parts of what is left of a family's parent its members have: those with links of their own their shares of it, since links are for what
+    /// their members send beyond the others' mean; what is left of it is the others', by what a receiver sees of them.
+    fn parts_beside(&self, family: &Family, links: &[(u32, Vec3)], receiver: usize) -> Vec<f32> {
+        let has_link = |sender: u32| links.iter().any(|link| link.0 == sender);
+        let others = || family.members.iter().filter(|member| !has_link(member.0));
+        let share: f32 = others().map(|member| member.1).sum();
+        let seen = |sender: u32| self.clusters.form_factor(self.transfer, sender, receiver);
+        let all: f32 = others().map(|member| seen(member.0)).sum();
+        (family.members.iter())
+            .map(|&(sender, own)| match has_link(sender) || all <= 0.0 || var("SHARE", 0.0) > 0.0 {
+                true => own,
+                false => share * seen(sender) / all,
+            })
+            .collect()
+    }
+
     /// Which part of what a cluster sends to a receiver is each of its children's, if nothing is in the way and all send the same; by their
     /// shares of the cluster where it sees none.
     fn parts(&self, cluster: u32, receiver: usize) -> Vec<f32> {
@@ -213,7 +224,7 @@ impl Making<'_> {
             .map(|&child| self.clusters.form_factor(self.transfer, child, receiver))
             .collect();
         let sum: f32 = seen.iter().sum();
-        match sum > 0.0 {
+        match sum > 0.0 && var("SHARE", 0.0) == 0.0 {
             true => seen.iter().map(|seen| seen / sum).collect(),
             false => children
                 .iter()
@@ -225,7 +236,7 @@ impl Making<'_> {
     /// Whether lobes of a sender differ over the disk of a receiver.
     fn is_close(&self, sender: u32, receiver: usize) -> bool {
         let place = self.transfer.position_of(receiver);
-        let reach = self.transfer.radius_of(receiver) / CLOSE;
+        let reach = self.transfer.radius_of(receiver) / var("KAPPA", CLOSE);
         let positions = &self.transfer.finest.positions;
         (self.clusters.samples_of(sender).iter())
             .any(|sample| positions[sample.point as usize].distance_squared(place) < reach * reach)
@@ -238,7 +249,7 @@ fn shorten(row: &mut Row) {
     let mut lengths: Vec<f32> = row.iter().map(|entry| entry.1.length()).collect();
     lengths.sort_by(f32::total_cmp);
     let all: f32 = lengths.iter().sum();
-    let most = (all * LOST).max(LEAST);
+    let most = (all * var("LOST", LOST)).max(var("LEASTW", LEAST));
     let mut lost = 0.0;
     let least = lengths.iter().find(|&&length| {
         lost += length;
@@ -249,7 +260,7 @@ fn shorten(row: &mut Row) {
     };
     row.retain(|entry| entry.1.length() >= least);
     let kept: f32 = row.iter().map(|entry| entry.1.length()).sum();
-    row.iter_mut().for_each(|entry| entry.1 *= all / kept);
+    row.iter_mut().for_each(|entry| entry.1 *= if var("COMP", 1.0) > 0.0 { all / kept } else { 1.0 });
 }
 
 /// Sums entries of the same sender; senders ascend.
@@ -262,4 +273,9 @@ fn merge(row: &mut Row) {
         }
         same
     });
+}
+
+pub(super) fn var(name: &'static str, or: f32) -> f32 {
+    thread_local! { static C: std::cell::RefCell<std::collections::HashMap<&'static str, f32>> = Default::default(); }
+    C.with(|c| *c.borrow_mut().entry(name).or_insert_with(|| std::env::var(name).ok().and_then(|s| s.parse().ok()).unwrap_or(or)))
 }
