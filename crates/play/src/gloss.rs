@@ -33,6 +33,8 @@ pub(crate) struct GlossySenders {
     points: Vec<GlossyPoint>,
     /// Of each finest point, which of those it is; [`NONE`] for matt ones and those that stand for no cluster.
     glossy_of: Vec<u32>,
+    /// Of each finest point.
+    is_glossy: Vec<bool>,
     clusters: Clusters,
     links: LobeLinks,
 }
@@ -56,17 +58,23 @@ impl GlossySenders {
         let mut numbers: Vec<u32> = clusters.samples.iter().map(|sample| sample.point).collect();
         numbers.sort_unstable();
         numbers.dedup();
+        let shading_of = |number: usize| {
+            let hit = places[number].as_ref()?;
+            let on_triangle = (hit.primitive as usize) < scene.triangle_count();
+            on_triangle.then(|| scene.shading_point(hit)).filter(reflects_on)
+        };
+        let is_glossy: Vec<bool> = (0..transfer.finest.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|number| shading_of(number).is_some())
+            .collect();
         let points: Vec<GlossyPoint> = (numbers.into_par_iter())
             .with_min_len(256)
             .filter_map(|number| {
-                let hit = places[number as usize].as_ref()?;
-                let on_triangle = (hit.primitive as usize) < scene.triangle_count();
-                let shading = on_triangle.then(|| scene.shading_point(hit)).filter(is_glossy)?;
-                let albedo = transfer.albedo[number as usize];
                 Some(GlossyPoint {
                     number,
-                    shading,
-                    albedo,
+                    shading: shading_of(number as usize)?,
+                    albedo: transfer.albedo[number as usize],
                 })
             })
             .collect();
@@ -77,14 +85,18 @@ impl GlossySenders {
         if points.is_empty() {
             return None;
         }
-        let is_glossy = |sender: u32| {
-            let mut samples = clusters.samples_of(sender).iter();
-            samples.any(|sample| glossy_of[sample.point as usize] != NONE)
-        };
-        let links = LobeLinks::new(transfer, &clusters, is_glossy);
+        let marks: Vec<Vec3> = is_glossy
+            .iter()
+            .map(|&is_glossy| Vec3::splat(f32::from(is_glossy)))
+            .collect();
+        let has_glossy = transfer.senders.pulled(&marks).concat();
+        let links = LobeLinks::new(transfer, &clusters, |sender| {
+            has_glossy[sender as usize] != Vec3::ZERO
+        });
         Some(GlossySenders {
             points,
             glossy_of,
+            is_glossy,
             clusters,
             links,
         })
@@ -116,6 +128,6 @@ impl GlossySenders {
 }
 
 /// Whether a lobe matters, as for what the eye sees.
-fn is_glossy(point: &ShadingPoint) -> bool {
+fn reflects_on(point: &ShadingPoint) -> bool {
     reflections::rays(point, point.shading_normal, 1) > 0
 }

@@ -328,6 +328,11 @@ impl Transfer {
         self.links.of_receiver(receiver)
     }
 
+    /// What receivers of all levels get of radiosity of the finest points, W/m², beyond what the coarser ones around them pass on.
+    pub fn over_links(&self, radiosity: &[Vec3]) -> Vec<VectorIrradiance> {
+        self.at_receivers(radiosity, None, &mut TransferStats::default())
+    }
+
     /// T, receiver by receiver.
     pub fn links(&self) -> Links {
         self.links.by_receiver(self.senders.ranges.total() as u32)

@@ -19,7 +19,7 @@ const PLACES: f32 = 16.0;
 
 /// Part of the mean of what all points reflect of a lamp that a sender must be able to add to a receiver's light. What it sends to one place is mostly far
 /// less than it could.
-const DIM: f32 = 1.0 / 64.0;
+const DIM: f32 = 1.0 / 256.0;
 
 /// A lamp's light at what is glossy.
 pub(super) struct LampLight<'a> {
@@ -27,6 +27,10 @@ pub(super) struct LampLight<'a> {
     transfer: &'a Transfer,
     /// Of what senders reflect of it, means over their points, W/m².
     radiosities: Vec<Vec3>,
+    /// The same of what is glossy alone, if that were matt.
+    matt: Vec<Vec3>,
+    /// What receivers get of that over links.
+    over_links: Vec<VectorIrradiance>,
     /// Whence it comes at each of the glossy points.
     lit: Vec<Lit>,
     /// What each of the points that stand for clusters reflects of it.
@@ -59,6 +63,9 @@ impl LampLight<'_> {
         let radiosity = transfer.radiosity(direct);
         let sum: f64 = radiosity.iter().map(|own| f64::from(own.max_element())).sum();
         let radiosities = transfer.senders.pulled(&radiosity).concat();
+        let glossy: Vec<Vec3> = (radiosity.iter().zip(&of.is_glossy))
+            .map(|(&own, &is_glossy)| if is_glossy { own } else { Vec3::ZERO })
+            .collect();
         let sent: Vec<Sent> = (of.clusters.samples.par_iter().with_min_len(256))
             .map(|&Sample { point, around }| {
                 let around = irradiances[around as usize];
@@ -98,6 +105,8 @@ impl LampLight<'_> {
             of,
             transfer,
             radiosities,
+            matt: transfer.senders.pulled(&glossy).concat(),
+            over_links: transfer.over_links(&glossy),
             lit,
             sent,
             most,
@@ -108,15 +117,19 @@ impl LampLight<'_> {
     /// What receivers of all levels get of it over lobes, less what they would if those were matt.
     pub fn received(&self) -> Vec<VectorIrradiance> {
         let links = &self.of.links;
-        links.received(self.transfer, |sender, receiver, weight| {
+        let mut received = links.received(self.transfer, |sender, receiver, weight| {
             let most = self.most[sender as usize] * weight.length();
-            let least = self.least * super::links::var("LEASTL", 1.0);
+            let least = self.least;
             // Fading in: a lamp that moves is not to switch what it adds.
-            match most > least {
+            let over_lobes = match most > least {
                 true => self.difference(sender, receiver) * (most / least - 1.0).min(1.0),
                 false => Vec3::ZERO,
-            }
-        })
+            };
+            self.matt[sender as usize] + over_lobes
+        });
+        (received.par_iter_mut().zip(&self.over_links))
+            .for_each(|(received, matt)| received.add_scaled(matt, -1.0));
+        received
     }
 
     /// What a sender has to send to a receiver over lobes, less what it would have if it were matt: radiosity, W/m².
@@ -133,7 +146,6 @@ impl LampLight<'_> {
                 Some((glossy, part)) => seen.add(&self.over_lobe(sent, (radius, spread), glossy, part, &to)),
                 None => {
                     let part = to.form_factor(sent.place, sent.normal, radius);
-                    let part = if super::links::var("WGT", 1.0) > 0.0 { part } else { radius * radius };
                     seen.add(&Seen {
                         more: Vec3::ZERO,
                         matt: part * sent.matt,
@@ -149,7 +161,7 @@ impl LampLight<'_> {
         let least = Vec3::splat(f32::MIN_POSITIVE);
         let had = (seen.matt / seen.part).max(least);
         let expected = self.radiosities[sender as usize].max(least);
-        seen.more / seen.part * (expected / had).min(Vec3::splat(super::links::var("NORM", SAMPLES as f32)))
+        seen.more / seen.part * (expected / had).min(Vec3::splat(SAMPLES as f32))
     }
 
     /// What a receiver sees of one of a sender's points, which stands for a disk and normals that add `spread` to α²; `part` of the lamp's light is there.
@@ -171,7 +183,7 @@ impl LampLight<'_> {
         // Half vectors turn by half of what the way to the receiver or to the lamp does over a place of the disk: by less than a lobe is wide.
         let near = sent.place.distance(to.place).min(lit.distance());
         let wide = radius / (2.0 * alpha * near).max(f32::MIN_POSITIVE);
-        let count = (wide * wide).ceil().clamp(1.0, super::links::var("SUB", PLACES)) as usize;
+        let count = (wide * wide).ceil().clamp(1.0, PLACES) as usize;
         let bright = |place: Vec3| lit.brightness(sent.normal, place - sent.place);
         let mean = disk.places(count).map(|(place, _)| bright(place)).sum::<f32>() / count as f32;
         let mut seen = Seen::default();
@@ -188,7 +200,6 @@ impl LampLight<'_> {
                 position: shading.position + away,
                 ..*shading
             };
-            let own = if super::links::var("WGT", 1.0) > 0.0 { own } else { radius * radius };
             let light = own * bright(place) / mean;
             let reflected = lit.reflected(&there, (to.place, away), (radius, spread), SLOPE);
             seen.add(&Seen {

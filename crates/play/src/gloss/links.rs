@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use relight_transport::links::Links;
 use relight_transport::pyramid::{VectorIrradiance, carry};
 use relight_transport::sparse;
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Part of a row's weights that it may lose, the shortest first.
@@ -19,6 +20,9 @@ const LEAST: f32 = 1e-3;
 /// Radius of a receiver's disk over the distance of a sender from which on finer receivers have it, too: the sender's directions change by
 /// so many radians over the disk then, and half vectors by half of that.
 const CLOSE: f32 = 0.25;
+
+/// Most by which weights are lengthened so that their sum stays: a few that links stand for.
+const MOST: f32 = 2.0;
 
 /// Of receivers of all levels, weights of glossy senders: vector irradiance per radiosity that they send to that very receiver.
 ///
@@ -59,27 +63,43 @@ impl LobeLinks {
             senders: Vec::new(),
             weights: Vec::new(),
         };
+        // Of each receiver so far, weights of what it shares with finer ones.
+        let mut shared: Vec<Row> = Vec::new();
         for level in 0..ranges.levels() {
             let is_finest = level + 1 == ranges.levels();
-            let rows: Vec<(Row, usize)> = (ranges.range(level).into_par_iter())
+            let rows: Vec<(Row, Row)> = (ranges.range(level).into_par_iter())
                 .map(|receiver| {
-                    let mut row = making.row(receiver, &all);
-                    row.retain(|entry| is_glossy(entry.0));
+                    let mut own = making.row(receiver, &shared);
+                    own.retain(|entry| is_glossy(entry.0));
+                    let mut row = own.clone();
+                    making.bound(&mut row, receiver, &all.others(transfer, receiver));
                     shorten(&mut row);
                     let is_shared = |entry: &(u32, Vec3)| !is_finest && making.is_close(entry.0, receiver);
                     row.sort_by_cached_key(|entry| (!is_shared(entry), entry.0));
-                    let shared = row.partition_point(is_shared);
-                    (row, shared)
+                    own.retain(is_shared);
+                    (own, row)
                 })
                 .collect();
-            for (row, shared) in rows {
-                all.splits.push((all.senders.len() + shared) as u32);
+            for (own, row) in rows {
+                let count =
+                    row.partition_point(|entry| own.binary_search_by_key(&entry.0, |own| own.0).is_ok());
+                all.splits.push((all.senders.len() + count) as u32);
                 all.senders.extend(row.iter().map(|entry| entry.0));
                 all.weights.extend(row.iter().map(|entry| entry.1));
                 all.starts.push(all.senders.len() as u32);
+                shared.push(own);
             }
         }
         all
+    }
+
+    /// Senders that the coarser receivers around one have and do not share with it, ascending.
+    fn others(&self, transfer: &Transfer, receiver: usize) -> Vec<u32> {
+        let parents = sparse::row(transfer.parents().0, receiver);
+        let of = |(parent, _): (u32, f32)| self.senders[self.parts(parent as usize).1].iter().copied();
+        let mut others: Vec<u32> = parents.flat_map(of).collect();
+        others.sort_unstable();
+        others
     }
 
     /// Vector irradiance at all receivers, as T has it: beyond what the coarser ones around a receiver pass on to it.
@@ -111,8 +131,11 @@ impl LobeLinks {
                 let mut received = *own;
                 received.add_scaled(shared, 1.0);
                 for (parent, weight) in sparse::row(parents, receiver) {
-                    let parent = parent as usize;
-                    received.add_carried(&sums[parent][0], transfer.normal_of(parent), normal, -weight);
+                    let (shared, from) = (&sums[parent as usize][0], transfer.normal_of(parent as usize));
+                    // Mostly nothing: where nothing is glossy nearby.
+                    if *shared != VectorIrradiance::default() {
+                        received.add_carried(shared, from, normal, -weight);
+                    }
                 }
                 received
             })
@@ -139,7 +162,7 @@ struct Making<'a> {
 
 impl Making<'_> {
     /// Weights of a receiver by its links and those that the coarser ones around it share with it; senders ascend.
-    fn row(&self, receiver: usize, coarser: &LobeLinks) -> Row {
+    fn row(&self, receiver: usize, shared: &[Row]) -> Row {
         let (mut row, mut opened) = (Row::new(), Vec::new());
         self.families
             .each_family(self.links.row(receiver), |family, run| {
@@ -157,15 +180,50 @@ impl Making<'_> {
         let normal = self.transfer.normal_of(receiver);
         for (parent, weight) in sparse::row(self.transfer.parents().0, receiver) {
             let carried = carry(self.transfer.normal_of(parent as usize), normal) * weight;
-            let (shared, _) = coarser.parts(parent as usize);
-            let weights = coarser.weights[shared.clone()]
-                .iter()
-                .map(|&weight| carried * weight);
-            row.extend(coarser.senders[shared].iter().copied().zip(weights));
+            row.extend(
+                shared[parent as usize]
+                    .iter()
+                    .map(|&(sender, weight)| (sender, carried * weight)),
+            );
         }
         merge(&mut row);
         self.open(&mut row, opened, receiver);
         row
+    }
+
+    /// Bounds whole weights by what can be: nothing, and form factors. What a row has of each cluster of the coarsest level and those in it stays: links
+    /// are right to within some per cent for what is alike all around, but which of them has it, they know less.
+    /// `others`: senders that coarser receivers have by themselves, ascending; weights of these are differences.
+    fn bound(&self, row: &mut Row, receiver: usize, others: &[u32]) {
+        let is_other = |sender: u32| others.binary_search(&sender).is_ok();
+        let mut above: Vec<u32> = others
+            .iter()
+            .flat_map(|&other| self.families.ancestors(other))
+            .collect();
+        above.sort_unstable();
+        let is_whole = |sender: u32| {
+            !is_other(sender)
+                && above.binary_search(&sender).is_err()
+                && !self.families.ancestors(sender).any(is_other)
+        };
+        let normal = self.transfer.normal_of(receiver);
+        let root = |sender: u32| self.families.ancestors(sender).last().unwrap_or(sender);
+        let mut sums: BTreeMap<u32, [f32; 2]> = BTreeMap::new();
+        for (sender, weight) in row.iter_mut().filter(|entry| is_whole(entry.0)) {
+            let had = weight.dot(normal);
+            let has = had.clamp(0.0, self.clusters.form_factor(self.transfer, *sender, receiver));
+            *weight *= if had > 0.0 { has / had } else { 0.0 };
+            let sum = sums.entry(root(*sender)).or_default();
+            *sum = [sum[0] + had, sum[1] + has];
+        }
+        for (sender, weight) in row.iter_mut().filter(|entry| is_whole(entry.0)) {
+            let [had, has] = sums[&root(*sender)];
+            *weight *= if has > 0.0 {
+                (had / has).clamp(0.0, MOST)
+            } else {
+                1.0
+            };
+        }
     }
 
     /// Gives the weights of clusters of which a row has descendants to their children.
@@ -208,7 +266,7 @@ impl Making<'_> {
         let seen = |sender: u32| self.clusters.form_factor(self.transfer, sender, receiver);
         let all: f32 = others().map(|member| seen(member.0)).sum();
         (family.members.iter())
-            .map(|&(sender, own)| match has_link(sender) || all <= 0.0 || var("SHARE", 0.0) > 0.0 {
+            .map(|&(sender, own)| match has_link(sender) || all <= 0.0 {
                 true => own,
                 false => share * seen(sender) / all,
             })
@@ -224,7 +282,7 @@ impl Making<'_> {
             .map(|&child| self.clusters.form_factor(self.transfer, child, receiver))
             .collect();
         let sum: f32 = seen.iter().sum();
-        match sum > 0.0 && var("SHARE", 0.0) == 0.0 {
+        match sum > 0.0 {
             true => seen.iter().map(|seen| seen / sum).collect(),
             false => children
                 .iter()
@@ -236,7 +294,7 @@ impl Making<'_> {
     /// Whether lobes of a sender differ over the disk of a receiver.
     fn is_close(&self, sender: u32, receiver: usize) -> bool {
         let place = self.transfer.position_of(receiver);
-        let reach = self.transfer.radius_of(receiver) / var("KAPPA", CLOSE);
+        let reach = self.transfer.radius_of(receiver) / CLOSE;
         let positions = &self.transfer.finest.positions;
         (self.clusters.samples_of(sender).iter())
             .any(|sample| positions[sample.point as usize].distance_squared(place) < reach * reach)
@@ -249,7 +307,7 @@ fn shorten(row: &mut Row) {
     let mut lengths: Vec<f32> = row.iter().map(|entry| entry.1.length()).collect();
     lengths.sort_by(f32::total_cmp);
     let all: f32 = lengths.iter().sum();
-    let most = (all * var("LOST", LOST)).max(var("LEASTW", LEAST));
+    let most = (all * LOST).max(LEAST);
     let mut lost = 0.0;
     let least = lengths.iter().find(|&&length| {
         lost += length;
@@ -260,7 +318,7 @@ fn shorten(row: &mut Row) {
     };
     row.retain(|entry| entry.1.length() >= least);
     let kept: f32 = row.iter().map(|entry| entry.1.length()).sum();
-    row.iter_mut().for_each(|entry| entry.1 *= if var("COMP", 1.0) > 0.0 { all / kept } else { 1.0 });
+    row.iter_mut().for_each(|entry| entry.1 *= all / kept);
 }
 
 /// Sums entries of the same sender; senders ascend.
@@ -273,9 +331,4 @@ fn merge(row: &mut Row) {
         }
         same
     });
-}
-
-pub(super) fn var(name: &'static str, or: f32) -> f32 {
-    thread_local! { static C: std::cell::RefCell<std::collections::HashMap<&'static str, f32>> = Default::default(); }
-    C.with(|c| *c.borrow_mut().entry(name).or_insert_with(|| std::env::var(name).ok().and_then(|s| s.parse().ok()).unwrap_or(or)))
 }
