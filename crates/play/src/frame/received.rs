@@ -2,7 +2,7 @@
 
 use super::parts::Received;
 use super::settings::FrameSettings;
-use crate::gloss::GlossySenders;
+use crate::gloss::{self, GlossySenders};
 use crate::prepared::PreparedScene;
 use crate::shadow_edges::Places;
 use crate::shot::RelitShot;
@@ -91,7 +91,8 @@ impl Receiving<'_> {
             .get_or_init(|| GlossySenders::new(scene, points, transfer))
             .as_ref()?;
         let wanted: Vec<u32> = glossy.numbers().collect();
-        glossy.over_lobes(
+        gloss::over_lobes(
+            glossy,
             transfer,
             direct,
             &self.arrivals(lights, light, &wanted, self.settings.point_samples),

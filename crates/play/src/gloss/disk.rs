@@ -47,7 +47,7 @@ impl Receiver {
             return 0.0;
         }
         let (square, area) = (way.length_squared(), radius * radius);
-        // Of scenes of any size; and no more than of a disk that fills the view.
-        (here * there / square) * (area / square.max(area))
+        // No more than of a disk that fills the view; 0 where scenes are so small or large that squares are no numbers.
+        ((here * there / square) * (area / square.max(area))).max(0.0)
     }
 }

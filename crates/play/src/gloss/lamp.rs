@@ -2,7 +2,7 @@
 
 use super::clusters::{SAMPLES, Sample};
 use super::disk::{Disk, Receiver};
-use super::{GlossyPoint, GlossySenders};
+use super::senders::{GlossyPoint, GlossySenders};
 use crate::lit::{Lit, share};
 use crate::transfer::Transfer;
 use glam::Vec3;
@@ -118,8 +118,7 @@ impl LampLight<'_> {
     pub fn received(&self) -> Vec<VectorIrradiance> {
         let links = &self.of.links;
         let mut received = links.received(self.transfer, |sender, receiver, weight| {
-            let most = self.most[sender as usize] * weight.length();
-            let least = self.least;
+            let (most, least) = (self.most[sender as usize] * weight.length(), self.least);
             // Fading in: a lamp that moves is not to switch what it adds.
             let over_lobes = match most > least {
                 true => self.difference(sender, receiver) * (most / least - 1.0).min(1.0),

@@ -21,7 +21,7 @@ const LEAST: f32 = 1e-3;
 /// so many radians over the disk then, and half vectors by half of that.
 const CLOSE: f32 = 0.25;
 
-/// Most by which weights are lengthened so that their sum stays: a few that links stand for.
+/// Most by which weights are lengthened so that their sum stays.
 const MOST: f32 = 2.0;
 
 /// Of receivers of all levels, weights of glossy senders: vector irradiance per radiosity that they send to that very receiver.
@@ -67,7 +67,7 @@ impl LobeLinks {
         let mut shared: Vec<Row> = Vec::new();
         for level in 0..ranges.levels() {
             let is_finest = level + 1 == ranges.levels();
-            let rows: Vec<(Row, Row)> = (ranges.range(level).into_par_iter())
+            let rows: Vec<(Row, Row, usize)> = (ranges.range(level).into_par_iter())
                 .map(|receiver| {
                     let mut own = making.row(receiver, &shared);
                     own.retain(|entry| is_glossy(entry.0));
@@ -76,13 +76,12 @@ impl LobeLinks {
                     shorten(&mut row);
                     let is_shared = |entry: &(u32, Vec3)| !is_finest && making.is_close(entry.0, receiver);
                     row.sort_by_cached_key(|entry| (!is_shared(entry), entry.0));
+                    let count = row.partition_point(is_shared);
                     own.retain(is_shared);
-                    (own, row)
+                    (own, row, count)
                 })
                 .collect();
-            for (own, row) in rows {
-                let count =
-                    row.partition_point(|entry| own.binary_search_by_key(&entry.0, |own| own.0).is_ok());
+            for (own, row, count) in rows {
                 all.splits.push((all.senders.len() + count) as u32);
                 all.senders.extend(row.iter().map(|entry| entry.0));
                 all.weights.extend(row.iter().map(|entry| entry.1));
