@@ -51,6 +51,7 @@ impl LobeLinks {
         is_glossy: impl Fn(u32) -> bool + Sync,
     ) -> LobeLinks {
         let making = Making {
+            is_glossy: &is_glossy,
             transfer,
             clusters,
             families: Families::new(&transfer.senders),
@@ -153,6 +154,7 @@ impl LobeLinks {
 
 /// What weights are made of.
 struct Making<'a> {
+    is_glossy: &'a (dyn Fn(u32) -> bool + Sync),
     transfer: &'a Transfer,
     clusters: &'a Clusters,
     families: Families,
@@ -165,6 +167,9 @@ impl Making<'_> {
         let (mut row, mut opened) = (Row::new(), Vec::new());
         self.families
             .each_family(self.links.row(receiver), |family, run| {
+                if !family.members.iter().any(|member| (self.is_glossy)(member.0)) {
+                    return;
+                }
                 row.extend_from_slice(run);
                 if let Some(parent) = family.parent {
                     // What the links give to the members they do not take from the parent.
