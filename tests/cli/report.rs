@@ -26,7 +26,11 @@ fn command_of(asset: &Path, out: &Path, more: &[&str]) -> assert_cmd::Command {
 }
 
 fn report(out: &Path, more: &[&str]) -> Value {
-    json(&command(out, more).assert().success().get_output().stdout)
+    said(command(out, more))
+}
+
+fn said(mut command: assert_cmd::Command) -> Value {
+    json(&command.assert().success().get_output().stdout)
 }
 
 /// Two halves of a reference, so that no test waits for one to converge.
@@ -220,19 +224,18 @@ fn the_bake_counts_over_the_frames_that_are_planned() {
         &["--levels", "3", "--sender-levels", "2", "--coarse-radius", "0.1"],
     );
     for frames in ["1", "1000000"] {
-        let mut command = command_of(
+        let said = said(command_of(
             &asset,
             &folder.path().join("report"),
-            &["--budget", "1h", "--reference", halves()],
-        );
-        let said = json(
-            &command
-                .args(["--frames-planned", frames])
-                .assert()
-                .success()
-                .get_output()
-                .stdout,
-        );
+            &[
+                "--budget",
+                "1h",
+                "--reference",
+                halves(),
+                "--frames-planned",
+                frames,
+            ],
+        ));
         assert_eq!(said["frames_planned"].to_string(), frames);
         let takes = |s: &Value| {
             let traced = ["path", "brute", "lightcuts", "pixelcuts"]

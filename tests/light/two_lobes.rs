@@ -3,7 +3,7 @@
 use crate::gloss::baked_with;
 use glam::{Vec3, dvec3};
 use relight_bake::params::BakeParams;
-use relight_data_generate::glb::{Glb, Material, Placement, matt};
+use relight_data_generate::glb::{Glb, Placement, matt, metal};
 use relight_data_generate::mesh::quad;
 use relight_play::choice::Tracer;
 use relight_play::scene::animated::Animated;
@@ -14,13 +14,7 @@ use std::sync::OnceLock;
 /// A floor and a wall behind it, both of rough metal, and a matt wall before them.
 fn corner() -> Glb {
     let mut glb = Glb::new();
-    let metal = glb.add_material(&Material {
-        name: "Metal",
-        base_color: [0.8, 0.8, 0.8, 1.0],
-        metallic: 1.0,
-        roughness: 0.4,
-        ..Material::default()
-    });
+    let metal = glb.add_material(&metal("Metal", 0.8, 0.4));
     let paint = glb.add_material(&matt("Paint", [0.5; 3]));
     let floor = quad(
         dvec3(-2.0, 0.0, 2.0),

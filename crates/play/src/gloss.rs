@@ -3,13 +3,12 @@
 //! A link takes a cluster's radiosity to a receiver as if the cluster sent it evenly. Of light that comes from one side, a glossy surface sends
 //! most to the other, so that a receiver gets more or less. Of each cluster some points stand for all ([`clusters`]): they know their irradiance and
 //! whence the lamp shines, and their BRDF says what they send to this receiver ([`lamp`]); the difference to what is matt goes over weights that
-//! are made of the links ([`links`], [`families`]). Each point counts by the mean light around it, not by its own: a shadow's edge that passes one of four points would
-//! switch a quarter of the cluster. Lobes are as much wider as the piece of surface is that a place stands for, and as the lamp. All of it is linear in the
+//! are made of the links ([`links`]). Each point counts by the mean light around it, not by its own: a shadow's edge that passes one of four points
+//! would switch a quarter of the cluster. Lobes are as much wider as the piece of surface is that a place stands for, and as the lamp. All of it is linear in the
 //! lamps' light. Light of further reflections comes from all around, and is taken as ever.
 
 mod clusters;
 mod disk;
-mod families;
 mod lamp;
 mod links;
 mod senders;

@@ -328,14 +328,14 @@ impl Transfer {
         self.links.of_receiver(receiver)
     }
 
-    /// What receivers of all levels get of radiosity of the finest points, W/m², beyond what the coarser ones around them pass on.
-    pub fn over_links(&self, radiosity: &[Vec3]) -> Vec<VectorIrradiance> {
-        self.at_receivers(radiosity, None, &mut TransferStats::default())
+    /// What receivers of all levels get of senders' radiosity, W/m², beyond what the coarser ones around them pass on; `pulled`: level by level.
+    pub fn over_links(&self, pulled: &[Vec<Vec3>]) -> Vec<VectorIrradiance> {
+        self.links.apply(&self.senders.coefficients(pulled)).0
     }
 
-    /// T, receiver by receiver.
-    pub fn links(&self) -> Links {
-        self.links.by_receiver(self.senders.ranges.total() as u32)
+    /// Senders and vectors of the links of each receiver, numbered over all levels.
+    pub fn links(&self) -> Vec<Vec<(u32, Vec3)>> {
+        self.links.rows()
     }
 
     /// Place of a receiver, numbered over all levels.

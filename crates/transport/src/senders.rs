@@ -124,6 +124,28 @@ impl SenderTree {
         &items[starts[cluster] as usize..starts[cluster + 1] as usize]
     }
 
+    /// Children of a sender, ascending; senders numbered over all levels.
+    pub fn children_of(&self, sender: u32) -> impl ExactSizeIterator<Item = u32> + Clone + '_ {
+        let level = self.ranges.level_of(sender as usize);
+        let children = match level + 1 < self.levels() {
+            true => self.children(level, sender as usize - self.ranges.range(level).start),
+            false => &[],
+        };
+        let first = self.ranges.range(level).end as u32;
+        children.iter().map(move |child| first + child)
+    }
+
+    /// A sender's parent, its parent and so on; senders numbered over all levels.
+    pub fn ancestors(&self, sender: u32) -> impl Iterator<Item = u32> + '_ {
+        let parent = |&sender: &u32| {
+            let level = self.ranges.level_of(sender as usize);
+            let above = level.checked_sub(1)?;
+            let parent = self.parents[above][sender as usize - self.ranges.range(level).start];
+            Some(self.ranges.range(above).start as u32 + parent)
+        };
+        std::iter::successors(parent(&sender), parent)
+    }
+
     /// For each finest point its cluster on `level` (local index).
     pub fn cluster_of_point(&self, level: usize) -> Vec<u32> {
         let mut of = self.leaf_of_point.clone();
@@ -283,6 +305,28 @@ pub fn nearest_seeds(places: &[Signed], seeds: &[Signed], spacing: f32) -> Vec<u
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Truth: two clusters, of which the first has two and the second one.
+    #[test]
+    fn children_and_ancestors_are_numbered_over_all_levels() {
+        let tree = SenderTree::new(
+            &[1, 2, 3],
+            vec![0, 1, 2],
+            vec![vec![0, 0], vec![0, 1, 0]],
+            vec![0; 3],
+        );
+        let children = |sender| tree.children_of(sender).collect::<Vec<_>>();
+        assert_eq!(
+            [children(0), children(1), children(2)],
+            [vec![1, 2], vec![3, 5], vec![4]]
+        );
+        assert_eq!(children(5), []);
+        let ancestors = |sender| tree.ancestors(sender).collect::<Vec<_>>();
+        assert_eq!(
+            [ancestors(0), ancestors(2), ancestors(4)],
+            [vec![], vec![0], vec![2, 0]]
+        );
+    }
 
     /// A few important points before a million unimportant ones: what an f32 sum would drop one by one. Truth: a mean
     /// of ones is one; the small weights are 1/(w n + m) each. Tolerance: the rounding of the stored weights.

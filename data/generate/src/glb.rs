@@ -96,6 +96,15 @@ pub fn matt(name: &'static str, rgb: [f64; 3]) -> Material {
     }
 }
 
+/// Grey metal that reflects so much at normal incidence.
+pub fn metal(name: &'static str, reflectance: f64, roughness: f64) -> Material {
+    Material {
+        metallic: 1.0,
+        roughness,
+        ..matt(name, [reflectance; 3])
+    }
+}
+
 /// Where a node stands in its parent: parent_from_node = translation · rotation · scale.
 #[derive(Clone, Copy)]
 pub struct Placement {

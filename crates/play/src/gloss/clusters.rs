@@ -34,8 +34,8 @@ pub(super) struct Sample {
 
 /// All senders, and the points that stand for them.
 pub(super) struct Clusters {
-    /// Of each sender, its part of `samples`; none where it has no points.
-    ranges: Vec<Range<u32>>,
+    /// Where each sender's part of `samples` starts, and after the last its end; none where it has no points.
+    starts: Vec<u32>,
     /// Of each sender, the radius of the surface that each of those stands for, m.
     radii: Vec<f32>,
     /// Of each sender, what the normals of that surface add to α² of its lobe.
@@ -48,8 +48,8 @@ impl Clusters {
     /// Those of all sender levels.
     pub fn new(transfer: &Transfer) -> Clusters {
         let senders = &transfer.senders;
-        let (mut ranges, mut radii, mut spreads, mut samples) =
-            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut starts = vec![0];
+        let (mut radii, mut spreads, mut samples) = (Vec::new(), Vec::new(), Vec::new());
         for level in 0..senders.levels() {
             let range = senders.ranges.range(level);
             let mut found = vec![[NONE; SAMPLES]; range.len()];
@@ -75,20 +75,19 @@ impl Clusters {
             let around = |point: u32| start + cluster_of_point[point as usize];
             let areas = &transfer.sender_areas[range.clone()];
             for ((found, area), normal) in found.into_iter().zip(areas).zip(normals) {
-                let start = samples.len();
                 let points = found.into_iter().filter(|&point| point != NONE);
                 samples.extend(points.map(|point| Sample {
                     point,
                     around: around(point),
                 }));
-                ranges.push(start as u32..samples.len() as u32);
+                starts.push(samples.len() as u32);
                 // The variance of normals is 1 − length², along both axes together.
                 spreads.push((1.0 - normal.length_squared()).max(0.0) as f32 * SILVERMAN);
                 radii.push((area / (PI * SAMPLES as f32)).sqrt());
             }
         }
         Clusters {
-            ranges,
+            starts,
             radii,
             spreads,
             samples,
@@ -97,19 +96,17 @@ impl Clusters {
 
     /// How many senders there are.
     pub fn len(&self) -> usize {
-        self.ranges.len()
+        self.radii.len()
+    }
+
+    /// Where in [`Clusters::samples`] the points are that stand for a sender.
+    pub fn range_of(&self, sender: u32) -> Range<usize> {
+        self.starts[sender as usize] as usize..self.starts[sender as usize + 1] as usize
     }
 
     /// The points that stand for a sender.
     pub fn samples_of(&self, sender: u32) -> &[Sample] {
-        let range = &self.ranges[sender as usize];
-        &self.samples[range.start as usize..range.end as usize]
-    }
-
-    /// Where in [`Clusters::samples`] they are.
-    pub fn range_of(&self, sender: u32) -> Range<usize> {
-        let range = &self.ranges[sender as usize];
-        range.start as usize..range.end as usize
+        &self.samples[self.range_of(sender)]
     }
 
     /// What the normals of the surface that each of those stands for add to α² of its lobe.

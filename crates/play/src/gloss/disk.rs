@@ -1,5 +1,6 @@
 //! Disks of surface, and how much of their light arrives at a place.
 
+use crate::spread::sunflower;
 use glam::Vec3;
 
 /// A piece of surface.
@@ -13,23 +14,18 @@ pub(super) struct Disk {
 impl Disk {
     /// So many places of it, the middle if it is one, and the radius of the surface that each stands for.
     pub fn places(&self, count: usize) -> impl Iterator<Item = (Vec3, f32)> + use<> {
-        let radius = self.radius / (count as f32).sqrt();
-        let (middle, (a, b)) = (self.middle, self.normal.any_orthonormal_pair());
-        // A spiral by the golden angle: as even as a disk can be filled by any number.
-        (0..count).map(move |k| {
-            let (out, angle) = (radius * (k as f32 + 0.5).sqrt(), k as f32 * GOLDEN);
-            let away = if count == 1 {
-                Vec3::ZERO
-            } else {
-                out * (a * angle.cos() + b * angle.sin())
-            };
-            (middle + away, radius)
+        let Disk { middle, radius, .. } = *self;
+        let (a, b) = self.normal.any_orthonormal_pair();
+        let each = radius / (count as f32).sqrt();
+        (0..count).map(move |k| match count {
+            1 => (middle, each),
+            _ => {
+                let away = radius * sunflower(k, count, 0);
+                (middle + a * away.x + b * away.y, each)
+            }
         })
     }
 }
-
-/// Golden angle, rad.
-const GOLDEN: f32 = 2.399_963;
 
 /// Where light is received.
 pub(super) struct Receiver {

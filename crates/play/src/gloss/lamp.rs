@@ -66,6 +66,7 @@ impl LampLight<'_> {
         let glossy: Vec<Vec3> = (radiosity.iter().zip(&of.is_glossy))
             .map(|(&own, &is_glossy)| if is_glossy { own } else { Vec3::ZERO })
             .collect();
+        let glossy = transfer.senders.pulled(&glossy);
         let sent: Vec<Sent> = (of.clusters.samples.par_iter().with_min_len(256))
             .map(|&Sample { point, around }| {
                 let around = irradiances[around as usize];
@@ -105,8 +106,8 @@ impl LampLight<'_> {
             of,
             transfer,
             radiosities,
-            matt: transfer.senders.pulled(&glossy).concat(),
             over_links: transfer.over_links(&glossy),
+            matt: glossy.concat(),
             lit,
             sent,
             most,
@@ -183,23 +184,20 @@ impl LampLight<'_> {
         let near = sent.place.distance(to.place).min(lit.distance());
         let wide = radius / (2.0 * alpha * near).max(f32::MIN_POSITIVE);
         let count = (wide * wide).ceil().clamp(1.0, PLACES) as usize;
-        let bright = |place: Vec3| lit.brightness(sent.normal, place - sent.place);
-        let mean = disk.places(count).map(|(place, _)| bright(place)).sum::<f32>() / count as f32;
-        let mut seen = Seen::default();
-        if mean <= 0.0 {
-            return seen;
-        }
+        let (mut seen, mut bright) = (Seen::default(), 0.0);
         for (place, radius) in disk.places(count) {
+            let away = place - sent.place;
+            let own_bright = lit.brightness(sent.normal, away);
+            bright += own_bright;
             let own = to.form_factor(place, sent.normal, radius);
             if own <= 0.0 {
                 continue;
             }
-            let away = place - sent.place;
             let there = ShadingPoint {
                 position: shading.position + away,
                 ..*shading
             };
-            let light = own * bright(place) / mean;
+            let light = own * own_bright;
             let reflected = lit.reflected(&there, (to.place, away), (radius, spread), SLOPE);
             seen.add(&Seen {
                 more: light * part * (reflected - *albedo * lit.irradiance()),
@@ -207,7 +205,16 @@ impl LampLight<'_> {
                 part: own,
             });
         }
-        seen
+        if bright <= 0.0 {
+            return Seen::default();
+        }
+        // Places are as bright as all of the disk is, on average.
+        let per_bright = count as f32 / bright;
+        Seen {
+            more: seen.more * per_bright,
+            matt: seen.matt * per_bright,
+            part: seen.part,
+        }
     }
 }
 

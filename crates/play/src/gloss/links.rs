@@ -1,14 +1,13 @@
 //! What receivers get of what senders send over their lobes.
 
 use super::clusters::Clusters;
-use super::families::{Families, Family};
 use crate::transfer::Transfer;
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_transport::links::Links;
 use relight_transport::pyramid::{VectorIrradiance, carry};
+use relight_transport::senders::SenderTree;
 use relight_transport::sparse;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 /// Part of a row's weights that it may lose, the shortest first.
@@ -44,17 +43,13 @@ pub(super) struct LobeLinks {
 type Row = Vec<(u32, Vec3)>;
 
 impl LobeLinks {
-    /// Those of a transfer's links to senders that are glossy.
-    pub fn new(
-        transfer: &Transfer,
-        clusters: &Clusters,
-        is_glossy: impl Fn(u32) -> bool + Sync,
-    ) -> LobeLinks {
+    /// Those of a transfer's links to senders that are glossy. `is_glossy`: of all senders, whether something of them is.
+    pub fn new(transfer: &Transfer, clusters: &Clusters, is_glossy: &[bool]) -> LobeLinks {
         let making = Making {
-            is_glossy: &is_glossy,
             transfer,
             clusters,
-            families: Families::new(&transfer.senders),
+            is_glossy,
+            senders: &transfer.senders,
             links: transfer.links(),
         };
         let (_, ranges) = transfer.parents();
@@ -71,7 +66,6 @@ impl LobeLinks {
             let rows: Vec<(Row, Row, usize)> = (ranges.range(level).into_par_iter())
                 .map(|receiver| {
                     let mut own = making.row(receiver, &shared);
-                    own.retain(|entry| is_glossy(entry.0));
                     let mut row = own.clone();
                     making.bound(&mut row, receiver, &all.others(transfer, receiver));
                     shorten(&mut row);
@@ -154,45 +148,54 @@ impl LobeLinks {
 
 /// What weights are made of.
 struct Making<'a> {
-    is_glossy: &'a (dyn Fn(u32) -> bool + Sync),
     transfer: &'a Transfer,
     clusters: &'a Clusters,
-    families: Families,
-    links: Links,
+    is_glossy: &'a [bool],
+    senders: &'a SenderTree,
+    /// Of each receiver.
+    links: Vec<Row>,
 }
 
 impl Making<'_> {
     /// Weights of a receiver by its links and those that the coarser ones around it share with it; senders ascend.
     fn row(&self, receiver: usize, shared: &[Row]) -> Row {
-        let (mut row, mut opened) = (Row::new(), Vec::new());
-        self.families
-            .each_family(self.links.row(receiver), |family, run| {
-                if !family.members.iter().any(|member| (self.is_glossy)(member.0)) {
-                    return;
-                }
-                row.extend_from_slice(run);
-                if let Some(parent) = family.parent {
-                    // What the links give to the members they do not take from the parent.
-                    let sum: Vec3 = run.iter().map(|link| link.1).sum();
-                    let parts = self.parts_beside(family, run, receiver);
-                    row.extend(
-                        (family.members.iter().zip(&parts)).map(|(member, part)| (member.0, -*part * sum)),
-                    );
-                    opened.push((parent, parts));
-                }
-            });
+        let parent_of = |link: &(u32, Vec3)| self.senders.ancestors(link.0).next();
+        let (mut weights, mut opened) = (BTreeMap::new(), Vec::new());
+        let is_of_use = |link: &(u32, Vec3)| self.is_glossy[parent_of(link).unwrap_or(link.0) as usize];
+        let mut links: Row = self.links[receiver].iter().copied().filter(is_of_use).collect();
+        // Of a level, those of one parent are not next to each other.
+        links.sort_by_key(parent_of);
+        for siblings in links.chunk_by(|a, b| parent_of(a) == parent_of(b)) {
+            let Some(parent) = parent_of(&siblings[0]) else {
+                add(&mut weights, siblings.iter().copied());
+                continue;
+            };
+            // Children without siblings are their parents, and have no coefficient.
+            if self.senders.children_of(parent).len() < 2 {
+                continue;
+            }
+            add(&mut weights, siblings.iter().copied());
+            // What the links give to some they do not take from the parent.
+            let sum: Vec3 = siblings.iter().map(|link| link.1).sum();
+            let parts = self.parts(parent, siblings, receiver);
+            add(
+                &mut weights,
+                parts.iter().map(|&(child, part)| (child, -part * sum)),
+            );
+            opened.push((parent, parts));
+        }
         let normal = self.transfer.normal_of(receiver);
         for (parent, weight) in sparse::row(self.transfer.parents().0, receiver) {
             let carried = carry(self.transfer.normal_of(parent as usize), normal) * weight;
-            row.extend(
-                shared[parent as usize]
-                    .iter()
-                    .map(|&(sender, weight)| (sender, carried * weight)),
+            let shared = shared[parent as usize].iter();
+            add(
+                &mut weights,
+                shared.map(|&(sender, weight)| (sender, carried * weight)),
             );
         }
-        merge(&mut row);
-        self.open(&mut row, opened, receiver);
-        row
+        self.open(&mut weights, &opened, receiver);
+        weights.retain(|&sender, _| self.is_glossy[sender as usize]);
+        weights.into_iter().collect()
     }
 
     /// Bounds whole weights by what can be: nothing, and form factors. What a row has of each cluster of the coarsest level and those in it stays: links
@@ -202,25 +205,26 @@ impl Making<'_> {
         let is_other = |sender: u32| others.binary_search(&sender).is_ok();
         let mut above: Vec<u32> = others
             .iter()
-            .flat_map(|&other| self.families.ancestors(other))
+            .flat_map(|&other| self.senders.ancestors(other))
             .collect();
         above.sort_unstable();
         let is_whole = |sender: u32| {
             !is_other(sender)
                 && above.binary_search(&sender).is_err()
-                && !self.families.ancestors(sender).any(is_other)
+                && !self.senders.ancestors(sender).any(is_other)
         };
+        let mut whole: Vec<&mut (u32, Vec3)> = row.iter_mut().filter(|entry| is_whole(entry.0)).collect();
         let normal = self.transfer.normal_of(receiver);
-        let root = |sender: u32| self.families.ancestors(sender).last().unwrap_or(sender);
+        let root = |sender: u32| self.senders.ancestors(sender).last().unwrap_or(sender);
         let mut sums: BTreeMap<u32, [f32; 2]> = BTreeMap::new();
-        for (sender, weight) in row.iter_mut().filter(|entry| is_whole(entry.0)) {
+        for (sender, weight) in &mut whole {
             let had = weight.dot(normal);
             let has = had.clamp(0.0, self.clusters.form_factor(self.transfer, *sender, receiver));
             *weight *= if had > 0.0 { has / had } else { 0.0 };
             let sum = sums.entry(root(*sender)).or_default();
             *sum = [sum[0] + had, sum[1] + has];
         }
-        for (sender, weight) in row.iter_mut().filter(|entry| is_whole(entry.0)) {
+        for (sender, weight) in whole {
             let [had, has] = sums[&root(*sender)];
             *weight *= if has > 0.0 {
                 (had / has).clamp(0.0, MOST)
@@ -230,69 +234,48 @@ impl Making<'_> {
         }
     }
 
-    /// Gives the weights of clusters of which a row has descendants to their children.
-    fn open(&self, row: &mut Row, mut parts_of: Vec<(u32, Vec<f32>)>, receiver: usize) {
-        parts_of.sort_by_key(|entry| entry.0);
-        let mut above: Vec<u32> = row
-            .iter()
-            .flat_map(|entry| self.families.ancestors(entry.0))
+    /// Gives the weights of clusters of which a row has descendants to their children; of `opened` ones, ascending, by the parts that they have.
+    fn open(&self, weights: &mut BTreeMap<u32, Vec3>, opened: &[(u32, Vec<(u32, f32)>)], receiver: usize) {
+        let above: BTreeSet<u32> = weights
+            .keys()
+            .flat_map(|&sender| self.senders.ancestors(sender))
             .collect();
-        above.sort_unstable();
-        above.dedup();
         // Coarser ones have smaller numbers: what they give to their children goes on from there.
         for cluster in above {
-            let Ok(at) = row.binary_search_by_key(&cluster, |entry| entry.0) else {
+            let Some(weight) = weights.remove(&cluster) else {
                 continue;
             };
-            let weight = row.remove(at).1;
-            let children = self.families.children(cluster);
-            let known = parts_of.binary_search_by_key(&cluster, |entry| entry.0);
-            let parts = match known {
-                Ok(at) => std::mem::take(&mut parts_of[at].1),
-                Err(_) => self.parts(cluster, receiver),
-            };
-            row.extend(
-                children
-                    .iter()
-                    .zip(parts)
-                    .map(|(&child, part)| (child, part * weight)),
-            );
-            merge(row);
+            let give = |&(child, part): &(u32, f32)| (child, part * weight);
+            match opened.binary_search_by_key(&cluster, |entry| entry.0) {
+                Ok(at) => add(weights, opened[at].1.iter().map(give)),
+                Err(_) => add(weights, self.parts(cluster, &[], receiver).iter().map(give)),
+            }
         }
     }
 
-    /// Which parts of what is left of a family's parent its members have: those with links of their own their shares of it, since links are for what
-    /// their members send beyond the others' mean; what is left of it is the others', by what a receiver sees of them.
-    fn parts_beside(&self, family: &Family, links: &[(u32, Vec3)], receiver: usize) -> Vec<f32> {
-        let has_link = |sender: u32| links.iter().any(|link| link.0 == sender);
-        let others = || family.members.iter().filter(|member| !has_link(member.0));
-        let share: f32 = others().map(|member| member.1).sum();
-        let seen = |sender: u32| self.clusters.form_factor(self.transfer, sender, receiver);
-        let all: f32 = others().map(|member| seen(member.0)).sum();
-        (family.members.iter())
-            .map(|&(sender, own)| match has_link(sender) || all <= 0.0 {
-                true => own,
-                false => share * seen(sender) / all,
+    /// A cluster's children, and which parts of what links leave of it they have. Those with `links` of their own have their shares of it, since links are for what
+    /// they send beyond the others' mean; the rest is the others', by what the receiver sees of them, or by their shares if it sees none.
+    fn parts(&self, cluster: u32, links: &[(u32, Vec3)], receiver: usize) -> Vec<(u32, f32)> {
+        let has_link = |child: u32| links.iter().any(|link| link.0 == child);
+        let children = self.senders.children_of(cluster);
+        let share = |child: u32| self.senders.shares[child as usize];
+        let seen: Vec<f32> = (children.clone())
+            .map(|child| match has_link(child) {
+                true => 0.0,
+                false => self.clusters.form_factor(self.transfer, child, receiver),
             })
-            .collect()
-    }
-
-    /// Which part of what a cluster sends to a receiver is each of its children's, if nothing is in the way and all send the same; by their
-    /// shares of the cluster where it sees none.
-    fn parts(&self, cluster: u32, receiver: usize) -> Vec<f32> {
-        let children = self.families.children(cluster);
-        let seen: Vec<f32> = children
-            .iter()
-            .map(|&child| self.clusters.form_factor(self.transfer, child, receiver))
             .collect();
-        let sum: f32 = seen.iter().sum();
-        match sum > 0.0 {
-            true => seen.iter().map(|seen| seen / sum).collect(),
-            false => children
-                .iter()
-                .map(|&child| self.transfer.senders.shares[child as usize])
-                .collect(),
-        }
+        let all: f32 = seen.iter().sum();
+        let rest: f32 = children
+            .clone()
+            .filter(|&child| !has_link(child))
+            .map(share)
+            .sum();
+        let part = |(child, seen): (u32, f32)| match has_link(child) || all <= 0.0 {
+            true => (child, share(child)),
+            false => (child, rest * seen / all),
+        };
+        children.zip(seen).map(part).collect()
     }
 
     /// Whether lobes of a sender differ over the disk of a receiver.
@@ -325,14 +308,9 @@ fn shorten(row: &mut Row) {
     row.iter_mut().for_each(|entry| entry.1 *= all / kept);
 }
 
-/// Sums entries of the same sender; senders ascend.
-fn merge(row: &mut Row) {
-    row.sort_by_key(|entry| entry.0);
-    row.dedup_by(|next, first| {
-        let same = next.0 == first.0;
-        if same {
-            first.1 += next.1;
-        }
-        same
-    });
+/// Adds weights to those of the same senders.
+fn add(weights: &mut BTreeMap<u32, Vec3>, more: impl Iterator<Item = (u32, Vec3)>) {
+    for (sender, weight) in more {
+        *weights.entry(sender).or_default() += weight;
+    }
 }

@@ -73,10 +73,9 @@ impl GlossySenders {
             .iter()
             .map(|&is_glossy| Vec3::splat(f32::from(is_glossy)))
             .collect();
-        let has_glossy = transfer.senders.pulled(&marks).concat();
-        let links = LobeLinks::new(transfer, &clusters, |sender| {
-            has_glossy[sender as usize] != Vec3::ZERO
-        });
+        let marks = transfer.senders.pulled(&marks).concat();
+        let has_glossy: Vec<bool> = marks.iter().map(|&mark| mark != Vec3::ZERO).collect();
+        let links = LobeLinks::new(transfer, &clusters, &has_glossy);
         Some(GlossySenders {
             points,
             glossy_of,
