@@ -22,7 +22,6 @@ use relight_scene::material_edits::MaterialEdits;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::traced::{TracedScene, TracedSceneError};
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
 
 /// Why materials cannot be edited.
 #[derive(Debug, thiserror::Error)]
@@ -133,7 +132,7 @@ impl Edited {
         let wanted = |index: u32| {
             (self.edits.touches(index) && (all || is(&self.moves, index))) || (all && is(&self.stale, index))
         };
-        *gloss = OnceLock::new();
+        gloss.forget();
         if let Some(transfer) = transfer {
             let mut albedo = std::mem::take(&mut transfer.albedo);
             reflectances(scene, points, &mut albedo, wanted);

@@ -11,7 +11,9 @@ mod clusters;
 mod disk;
 mod lamp;
 mod links;
+mod marks;
 mod senders;
+mod weights;
 
 use crate::lit::Lit;
 use crate::transfer::Transfer;
@@ -20,7 +22,7 @@ use lamp::LampLight;
 use relight_render::irradiance::Arrivals;
 use relight_transport::pyramid::VectorIrradiance;
 
-pub(crate) use senders::GlossySenders;
+pub(crate) use senders::{Gloss, GlossySenders};
 
 /// Vector irradiance at all receivers, of all levels: what they get of a lamp's light over lobes, less what they would get if those were
 /// matt. `direct`: its irradiance at the finest points; `arrivals`: the same at [`GlossySenders::numbers`].

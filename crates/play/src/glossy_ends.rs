@@ -143,7 +143,7 @@ impl LampLight<'_> {
         let as_at = |point: u32| {
             let away = shading.position - self.transfer.finest.positions[point as usize];
             let lit = &self.lit[self.of.points.partition_point(|&other| other < point)];
-            let reflected = lit.reflected(shading, (*seen_from, away), (*reach, 0.0), 0.0);
+            let reflected = lit.reflected(shading, (shading.position, *seen_from, away), (*reach, 0.0), 0.0);
             (lit.is_unoccluded(), reflected, lit.irradiance())
         };
         let (is_unoccluded, mut reflected, mut irradiance) = as_at(end.point);

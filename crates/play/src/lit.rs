@@ -1,6 +1,7 @@
 //! Whence a lamp's light comes at one place, and what a glossy surface there sends of it.
 
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 use relight_render::irradiance::{Arrivals, Incident};
 use relight_scene::bsdf;
 use relight_scene::shading::ShadingPoint;
@@ -47,7 +48,10 @@ impl Lit {
                 spread,
             }
         };
-        let lit: Vec<Lit> = arrivals.directions.chunks(arrivals.each).map(of).collect();
+        let lit: Vec<Lit> = (arrivals.directions.par_chunks(arrivals.each))
+            .with_min_len(256)
+            .map(of)
+            .collect();
         (!lit.iter().all(Lit::is_dark)).then_some(lit)
     }
 
@@ -85,19 +89,29 @@ impl Lit {
         }
     }
 
-    /// What a surface near the place sends of it towards `to`, times π: radiosity, W/m², as if it sent as much all around. The surface stands for
-    /// places within `radius`, m, whose normals add `spread` to α², and is `away` from the place, m. Its lobe's α is at least `least`.
+    /// About the most that a surface at the place sends of it anywhere over its lobe, whose α is at least `least`: radiosity, W/m², as if it sent as much all around.
+    pub fn most(&self, surface: &ShadingPoint, least: f32) -> f32 {
+        let wide = bsdf::at_least_as_wide(surface, least);
+        let of = |lit: &Incident| {
+            lit.irradiance.max_element() * bsdf::strongest(&wide, surface.shading_normal.dot(lit.direction))
+        };
+        PI * self.from.iter().map(of).sum::<f32>()
+    }
+
+    /// What a surface near the place sends of it, `from` where it is `to` another one, times π: radiosity, W/m², as if it sent as much all around. The surface
+    /// reflects as `shading` does, stands for places within `radius`, m, whose normals add `spread` to α², and is `away` from the place, m. Its lobe's α is at
+    /// least `least`.
     pub fn reflected(
         &self,
-        surface: &ShadingPoint,
-        (to, away): (Vec3, Vec3),
+        shading: &ShadingPoint,
+        (from, to, away): (Vec3, Vec3, Vec3),
         (radius, spread): (f32, f32),
         least: f32,
     ) -> Vec3 {
-        let way = to - surface.position;
+        let way = to - from;
         let distance = way.length();
         let view = way / distance.max(f32::MIN_POSITIVE);
-        if surface.geometric_normal.dot(view) <= 0.0 {
+        if shading.geometric_normal.dot(view) <= 0.0 {
             return Vec3::ZERO;
         }
         // Half vectors turn by half of what either direction does over the surface that the point stands for, whose places lie half its
@@ -105,8 +119,8 @@ impl Lit {
         let turn = |distance: f32| 0.25 * radius / distance.max(radius).max(f32::MIN_POSITIVE);
         let of = |lit: &Incident| {
             let turn = turn(distance) + turn(lit.distance);
-            let slope = (surface.alpha * surface.alpha + 2.0 * turn * turn + self.spread + spread).sqrt();
-            let wide = bsdf::at_least_as_wide(surface, slope.clamp(least, 1.0));
+            let slope = (shading.alpha * shading.alpha + 2.0 * turn * turn + self.spread + spread).sqrt();
+            let wide = bsdf::at_least_as_wide(shading, slope.clamp(least, 1.0));
             let direction = match lit.distance.is_finite() {
                 true => (lit.direction * lit.distance - away).try_normalize(),
                 false => None,

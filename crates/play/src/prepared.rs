@@ -2,7 +2,7 @@
 
 use crate::cuts::VisibilityCuts;
 use crate::frame::parts::Received;
-use crate::gloss::GlossySenders;
+use crate::gloss::Gloss;
 use crate::shadow_edges::ShadowEdges;
 use crate::snap::snapped;
 use crate::spread::PointPlaces;
@@ -13,7 +13,6 @@ use crate::virtual_points::VirtualPoints;
 use relight_render::irradiance;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
-use std::sync::OnceLock;
 
 /// A scene with its transport, ready to be lit.
 pub struct PreparedScene {
@@ -33,8 +32,8 @@ pub struct PreparedScene {
     pub cuts: Option<VisibilityCuts>,
     /// What lamps that stand still let arrive at points and surface samples.
     pub(crate) received: Still<Received>,
-    /// Which points are glossy, of materials as they are; found when it is first asked for. `None`: none is glossy enough.
-    pub(crate) gloss: OnceLock<Option<GlossySenders>>,
+    /// Which points are glossy, of materials as they are.
+    pub(crate) gloss: Gloss,
     /// What all of it together became.
     pub(crate) transferred: Transferred,
 }
@@ -68,7 +67,7 @@ impl PreparedScene {
             virtual_points: VirtualPoints::default(),
             cuts,
             received: Still::default(),
-            gloss: OnceLock::new(),
+            gloss: Gloss::default(),
             transferred: Transferred::default(),
         }
     }

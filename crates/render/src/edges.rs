@@ -6,8 +6,8 @@
 //! that a frame costs hardly more. So are those around which light of a lamp without extent changes steeply: what is right at one place of a pixel
 //! under a lamp that all but touches the floor is wrong by a factor in the mean.
 
-use crate::expose::ENDS;
 use crate::exposure::Exposure;
+use crate::fragments::ENDS;
 use crate::lighting::{DARK, LIT, Met};
 use crate::refine::{SAME_FACING, lit_at_ends};
 use crate::samples::Samples;

@@ -3,63 +3,26 @@
 //! A pixel gets a few rays; where they, or those of a pixel beside it, meet several things, or a slender lamp passes, it gets more. What covers a sliver of a
 //! pixel can be most of its light: under lamps in a dark hall a fiftieth of a pixel was as bright as the whole image's mean.
 
-use crate::exposure::{Exposure, RayEnd};
+use crate::exposure::Exposure;
+use crate::fragments::{ENDS, FINER_ENDS, PixelRays, Sight};
 use crate::slender::passed_by_slender;
 use crate::watch::{Cancelled, Watch, go_on};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use relight_scene::bsdf;
 use relight_scene::camera::Camera;
 use relight_scene::rays::Ray;
-use relight_scene::shading::ShadingPoint;
-use relight_scene::surface::{SurfaceHit, Surfaces};
 use relight_scene::traced::{Look, TracedScene};
 use relight_transport::sampling::r2;
 use std::ops::Range;
-
-/// Ray ends that are kept of a pixel that sees one thing: the error of a straight edge of a shadow
-/// falls with the power 3/4 of their number, to a quarter.
-pub(crate) const ENDS: f32 = 6.0;
-
-/// Ray ends that are kept of a pixel that sees several things, shared among its fragments by coverage. With 6 the Sponza with
-/// leaves under lamps had a quarter more error (docs/notebook/cuts.md).
-const FINER_ENDS: f32 = 16.0;
 
 /// Rays of a pixel that sees several things, lies beside one that does, or is passed by a slender lamp, for each that others get. Twice as many lower the
 /// error by a tenth (docs/notebook/cuts.md).
 const FINER: u32 = 4;
 
-/// Cosine between the smooth normals of two rays above which they may share a fragment: 8°. A lamp that grazes a fold lights
-/// one side of it only: 18° left Sponza's mouldings 2.7 % too dark instead of 1.7 %, for a tenth fewer fragments (docs/notebook/cuts.md).
-const SAME_FACING: f32 = 0.99;
-
-/// How far, in pixel footprints, the second ray's surface may lie off the first one's tangent plane.
-const SAME_PLANE: f32 = 2.0;
-
 /// First ray of a pixel, in pixels. Of starts a twentieth of a pixel apart the one from which 4, 6 and 16 rays tell best how
 /// much of a pixel lies to one side of a straight line: by 0.11, 0.085 and 0.037 (root mean square; 0.14, 0.16 and 0.075 from
 /// a quarter).
 const PATTERN_START: Vec2 = Vec2::new(0.6, 0.1);
-
-struct Sample {
-    /// Unit direction from the camera.
-    through: Vec3,
-    sight: Sight,
-    group: usize,
-}
-
-/// What a ray shows.
-#[derive(Clone, Copy)]
-struct Sight {
-    /// Unit direction of the last part of its way: of the ray itself, where no solid glass bends it.
-    direction: Vec3,
-    bent: bool,
-    /// `t` is the length of the whole way.
-    seen: Seen,
-}
-
-/// What a ray meets and how that reflects; `None` for the background.
-type Seen = Option<(SurfaceHit, ShadingPoint)>;
 
 /// Casts `samples` primary rays per pixel and groups them; [`FINER`] times as many where a pixel, or one beside it, sees several
 /// things. Deterministic: the same sub-pixel pattern in every pixel.
@@ -120,11 +83,10 @@ const TOGETHER: usize = 128;
 /// Pixels along each side of a tile whose rays make a packet.
 const TILE: usize = 4;
 
-/// Rays of some pixels and what they see; to be used again.
-#[derive(Default)]
-struct Buffers {
+/// Rays of some pixels, and those of one; to be used again.
+struct Buffers<'a> {
     rays: Vec<Ray>,
-    samples: Vec<Sample>,
+    pixel: PixelRays<'a>,
 }
 
 /// What pixels are exposed with.
@@ -148,7 +110,7 @@ impl Exposing<'_> {
     fn first_row(&self, y: usize) -> Exposure {
         let mut row = self.empty(1);
         let first = &self.pattern[..self.samples];
-        let (mut buffers, at_once) = (Buffers::default(), TOGETHER.div_ceil(self.samples));
+        let (mut buffers, at_once) = (self.buffers(), TOGETHER.div_ceil(self.samples));
         for x in (0..self.width).step_by(at_once) {
             let pixels = x..(x + at_once).min(self.width);
             self.append_pixels((pixels, y), (first, ENDS), &mut buffers, &mut row);
@@ -159,7 +121,7 @@ impl Exposing<'_> {
 
     /// A row of pixels, of those that first rays saw.
     fn row(&self, first: &[Exposure], y: usize) -> Exposure {
-        let (mut row, mut buffers) = (self.empty(1), Buffers::default());
+        let (mut row, mut buffers) = (self.empty(1), self.buffers());
         for x in 0..self.width {
             let slender = self.slender.get(y * self.width + x) == Some(&true);
             if slender || self.sees_several(first, (x, y)) {
@@ -171,6 +133,13 @@ impl Exposing<'_> {
         }
         row.offsets.push(row.coverage.len() as u32);
         row
+    }
+
+    fn buffers(&self) -> Buffers<'_> {
+        Buffers {
+            rays: Vec::new(),
+            pixel: PixelRays::new(self.scene, self.footprint),
+        }
     }
 
     /// An exposure as wide, to which pixels are appended.
@@ -188,11 +157,11 @@ impl Exposing<'_> {
         &self,
         (pixels, y): (Range<usize>, usize),
         (places, ends): (&[Vec2], f32),
-        buffers: &mut Buffers,
+        buffers: &mut Buffers<'_>,
         to: &mut Exposure,
     ) {
         let size = Vec2::new(self.width as f32, self.height as f32);
-        let Buffers { rays, samples } = buffers;
+        let Buffers { rays, pixel } = buffers;
         rays.clear();
         for x in pixels {
             let corner = Vec2::new(x as f32, y as f32);
@@ -200,19 +169,12 @@ impl Exposing<'_> {
             let through = places.iter().map(toward);
             rays.extend(through.map(|direction| Ray::endless(self.camera.position, direction)));
         }
-        samples.clear();
-        sights(self.scene, rays, |i, sight| {
-            samples.push(Sample {
-                through: rays[i].direction,
-                sight,
-                group: 0,
-            });
+        looks(self.scene, rays, |i, look| {
+            pixel.push(rays[i].direction, look);
+            if pixel.len() == places.len() {
+                pixel.append_to(to, ends);
+            }
         });
-        for pixel in samples.chunks_mut(places.len()) {
-            group(pixel, self.footprint);
-            to.offsets.push(to.coverage.len() as u32);
-            append_fragments(pixel, ends, self.scene.bends(), to);
-        }
     }
 
     /// Whether a pixel, or it together with one of those around it, has fragments of several things.
@@ -228,7 +190,7 @@ impl Exposing<'_> {
         own.len() > 1
             || rows[beside(y, rows.len())].iter().any(|row| {
                 let mut fragments = beside(x, self.width).flat_map(|x| row.fragments_of(x));
-                fragments.any(|f| !are_alike(&first, &seen(row, f), self.footprint))
+                fragments.any(|f| !first.is_like(&seen(row, f), self.footprint))
             })
     }
 }
@@ -295,137 +257,22 @@ fn see_from(scene: &TracedScene, width: usize, whole: &mut Exposure) {
             let rays: Vec<Ray> = (order.iter())
                 .map(|&pixel| Ray::endless(eye, directions[pixel]))
                 .collect();
-            sights(scene, &rays, |i, sight| {
+            looks(scene, &rays, |i, look| {
+                let sight = Sight::new(scene, &look);
                 directions[order[i]] = sight.direction;
                 (hits[order[i]], points[order[i]]) = sight.seen.unzip();
             });
         });
 }
 
-/// What each of some rays from one place shows, in order: `visit(i, sight)`.
-fn sights(scene: &TracedScene, rays: &[Ray], mut visit: impl FnMut(usize, Sight)) {
-    let sight = |look: Look| {
-        let reflecting = |hit| {
-            let t = look.length();
-            let point = seen_at(scene, &look.ray, &hit, look.tint);
-            (SurfaceHit { t, ..hit }, point)
-        };
-        Sight {
-            direction: look.ray.direction,
-            bent: look.bent,
-            seen: look.hit.map(reflecting),
-        }
-    };
+/// What each of some rays from one place meets, in order: `visit(i, look)`.
+fn looks(scene: &TracedScene, rays: &[Ray], mut visit: impl FnMut(usize, Look)) {
     if scene.bends() {
         for (i, ray) in rays.iter().enumerate() {
-            visit(i, sight(scene.look(ray, |_, _, _| ())));
+            visit(i, scene.look(ray, |_, _, _| ()));
         }
     } else {
-        scene.closest_hits_packet(rays, |i, hit| visit(i, sight(Look::straight(&rays[i], hit))));
-    }
-}
-
-/// How what a ray from an eye meets reflects; `tint`: what solid glass before the ray leaves.
-fn seen_at(scene: &TracedScene, ray: &Ray, hit: &SurfaceHit, tint: Vec3) -> ShadingPoint {
-    let mut point = scene.shading_point(hit).facing(-ray.direction);
-    // As if what lies behind panes had their colour.
-    let tint = tint * scene.tint(ray, hit.t);
-    for color in [
-        &mut point.base_color,
-        &mut point.diffuse,
-        &mut point.f0,
-        &mut point.emission,
-    ] {
-        *color *= tint;
-    }
-    point
-}
-
-/// Each ray joins the first group whose first ray it is like.
-fn group(pixel: &mut [Sample], footprint: f32) {
-    // Indices of the groups' first rays.
-    let mut firsts: Vec<usize> = Vec::new();
-    for i in 0..pixel.len() {
-        let like = |&first: &usize| are_alike(&pixel[first].sight, &pixel[i].sight, footprint);
-        pixel[i].group = firsts.iter().position(like).unwrap_or_else(|| {
-            firsts.push(i);
-            firsts.len() - 1
-        });
-    }
-}
-
-/// Whether two rays may share a fragment.
-fn are_alike(a: &Sight, b: &Sight, footprint: f32) -> bool {
-    if a.bent != b.bent || (a.bent && a.direction.dot(b.direction) <= SAME_FACING) {
-        return false;
-    }
-    match (&a.seen, &b.seen) {
-        (None, None) => true,
-        (Some((a, p)), Some((b, q))) => {
-            let off_plane = (b.position - a.position).dot(a.geometric_normal).abs();
-            p.material == q.material
-                && a.normal.dot(b.normal) > SAME_FACING
-                && (p.lambert || p.shading_normal.dot(q.shading_normal) > SAME_FACING)
-                && off_plane < SAME_PLANE * footprint * a.t.max(b.t)
-                && (p.emission == Vec3::ZERO) == (q.emission == Vec3::ZERO)
-        }
-        _ => false,
-    }
-}
-
-/// `bends`: whether rays may be bent.
-fn append_fragments(pixel: &[Sample], ends: f32, bends: bool, row: &mut Exposure) {
-    let groups = pixel.iter().map(|s| s.group).max().map_or(0, |g| g + 1);
-    for g in 0..groups {
-        let members: Vec<&Sample> = pixel.iter().filter(|s| s.group == g).collect();
-        let count = members.len() as f32;
-        let coverage = count / pixel.len() as f32;
-        row.coverage.push(coverage);
-        // Any number of first rays of the pattern is evenly spread.
-        let kept = (members.iter().filter_map(|m| m.sight.seen.as_ref())).map(|(hit, _)| RayEnd {
-            primitive: hit.primitive,
-            barycentric: hit.barycentric,
-            front: hit.front,
-        });
-        row.ends.extend(kept.take((ends * coverage).ceil() as usize));
-        row.end_offsets.push(row.ends.len() as u32);
-        let middle = members.iter().map(|s| s.through).sum::<Vec3>() / count;
-        let distance = |s: &&&Sample| (s.through - middle).length_squared();
-        let Some(nearest) = members.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
-            continue;
-        };
-        row.directions.push(nearest.sight.direction);
-        if bends {
-            row.through.push(nearest.through);
-        }
-        row.hits.push(nearest.sight.seen.as_ref().map(|s| s.0));
-        row.points.push(nearest.sight.seen.as_ref().map(|s| {
-            let mean = |value: fn(&ShadingPoint) -> Vec3| {
-                members
-                    .iter()
-                    .filter_map(|m| m.sight.seen.as_ref())
-                    .map(|m| value(&m.1))
-                    .sum::<Vec3>()
-                    / count
-            };
-            let normal = mean(|p| p.shading_normal);
-            let point = ShadingPoint {
-                // The facet that the middle ray meets may face a grazing lamp less than the others do.
-                geometric_normal: mean(|p| p.geometric_normal)
-                    .try_normalize()
-                    .unwrap_or(s.1.geometric_normal),
-                base_color: mean(|p| p.base_color),
-                diffuse: mean(|p| p.diffuse),
-                f0: mean(|p| p.f0),
-                emission: mean(|p| p.emission),
-                shading_normal: normal.try_normalize().unwrap_or(s.1.shading_normal),
-                ..s.1
-            };
-            // Only what the normal map adds: over a smooth curve normals change evenly, and a lobe of their spread
-            // would have tails that reach farther than any of them.
-            let smooth = mean(|p| p.normal).length();
-            bsdf::spread_by_normals(&point, 1.0 - (smooth - normal.length()).max(0.0))
-        }));
+        scene.closest_hits_packet(rays, |i, hit| visit(i, Look::straight(&rays[i], hit)));
     }
 }
 

@@ -64,6 +64,7 @@ pub mod direct;
 pub mod edges;
 pub mod expose;
 pub mod exposure;
+mod fragments;
 mod guide;
 pub mod irradiance;
 mod lamp;

@@ -47,6 +47,6 @@ mod ward;
 pub use albedo::hemispherical_albedo;
 pub use eval::{BsdfSample, diffuse_reflectance, eval, eval_diffuse, lobe_albedo, pdf, sample, sample_lobe};
 pub use integrate::{Incident, Viewed, integrate, integrate_diffuse, irradiance};
-pub use lobe::{Lobe, at_least_as_wide, is_sharp, lobe, spread_by_normals, width_facing};
+pub use lobe::{Lobe, at_least_as_wide, is_sharp, lobe, spread_by_normals, strongest, width_facing};
 pub use phong::{MAX_EXPONENT, exponent_of_alpha};
 pub use sheen::MIN_SHEEN_ALPHA;

@@ -12,6 +12,7 @@
 
 mod corner;
 mod extended;
+mod face;
 mod occluders;
 mod panes;
 mod prepare;

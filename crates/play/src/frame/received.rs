@@ -2,7 +2,7 @@
 
 use super::parts::Received;
 use super::settings::FrameSettings;
-use crate::gloss::{self, GlossySenders};
+use crate::gloss;
 use crate::prepared::PreparedScene;
 use crate::shadow_edges::Places;
 use crate::shot::RelitShot;
@@ -87,9 +87,7 @@ impl Receiving<'_> {
     fn over_lobes(&self, lights: &LightSet, light: usize, direct: &[Vec3]) -> Option<Vec<VectorIrradiance>> {
         let PreparedScene { scene, points, .. } = self.prepared;
         let transfer = self.prepared.transfer.as_ref()?;
-        let glossy = (self.prepared.gloss)
-            .get_or_init(|| GlossySenders::new(scene, points, transfer))
-            .as_ref()?;
+        let glossy = self.prepared.gloss.senders(scene, points, transfer)?;
         let wanted: Vec<u32> = glossy.numbers().collect();
         gloss::over_lobes(
             glossy,

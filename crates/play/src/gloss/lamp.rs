@@ -7,7 +7,6 @@ use crate::lit::{Lit, share};
 use crate::transfer::Transfer;
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_scene::shading::ShadingPoint;
 use relight_transport::pyramid::VectorIrradiance;
 
 /// Least α of a lobe, which sends some 25 times as much one way as a matt surface does: what links are right to within a part in a hundred for
@@ -67,7 +66,7 @@ impl LampLight<'_> {
             .map(|(&own, &is_glossy)| if is_glossy { own } else { Vec3::ZERO })
             .collect();
         let glossy = transfer.senders.pulled(&glossy);
-        let sent: Vec<Sent> = (of.clusters.samples.par_iter().with_min_len(256))
+        let sent: Vec<Sent> = (of.weighed.clusters.samples.par_iter().with_min_len(256))
             .map(|&Sample { point, around }| {
                 let around = irradiances[around as usize];
                 let lobe = of
@@ -90,16 +89,15 @@ impl LampLight<'_> {
             .collect();
         let most = |sent: &Sent| {
             sent.lobe.map_or(0.0, |(glossy, part)| {
-                let alpha = of.points[glossy].shading.alpha.max(SLOPE);
-                (part * lit[glossy].irradiance()).max_element() / (4.0 * alpha * alpha)
+                part.max_element() * lit[glossy].most(&of.points[glossy].shading, SLOPE)
             })
         };
-        let most = (0..of.clusters.len() as u32)
+        let most = (0..of.weighed.clusters.len() as u32)
+            .into_par_iter()
+            .with_min_len(256)
             .map(|sender| {
-                sent[of.clusters.range_of(sender)]
-                    .iter()
-                    .map(most)
-                    .fold(0.0, f32::max)
+                let sent = &sent[of.weighed.clusters.range_of(sender)];
+                sent.iter().map(most).fold(0.0, f32::max)
             })
             .collect();
         LampLight {
@@ -117,7 +115,7 @@ impl LampLight<'_> {
 
     /// What receivers of all levels get of it over lobes, less what they would if those were matt.
     pub fn received(&self) -> Vec<VectorIrradiance> {
-        let links = &self.of.links;
+        let links = &self.of.weighed.links;
         let mut received = links.received(self.transfer, |sender, receiver, weight| {
             let (most, least) = (self.most[sender as usize] * weight.length(), self.least);
             // Fading in: a lamp that moves is not to switch what it adds.
@@ -134,7 +132,7 @@ impl LampLight<'_> {
 
     /// What a sender has to send to a receiver over lobes, less what it would have if it were matt: radiosity, W/m².
     fn difference(&self, sender: u32, receiver: usize) -> Vec3 {
-        let clusters = &self.of.clusters;
+        let clusters = &self.of.weighed.clusters;
         let to = Receiver {
             place: self.transfer.position_of(receiver),
             normal: self.transfer.normal_of(receiver),
@@ -193,12 +191,13 @@ impl LampLight<'_> {
             if own <= 0.0 {
                 continue;
             }
-            let there = ShadingPoint {
-                position: shading.position + away,
-                ..*shading
-            };
             let light = own * own_bright;
-            let reflected = lit.reflected(&there, (to.place, away), (radius, spread), SLOPE);
+            let reflected = lit.reflected(
+                shading,
+                (shading.position + away, to.place, away),
+                (radius, spread),
+                SLOPE,
+            );
             seen.add(&Seen {
                 more: light * part * (reflected - *albedo * lit.irradiance()),
                 matt: light * sent.matt,

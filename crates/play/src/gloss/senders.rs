@@ -9,6 +9,36 @@ use rayon::prelude::*;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
+use std::sync::{Arc, OnceLock};
+
+/// What is glossy of an asset, found when it is first asked for.
+#[derive(Default)]
+pub(crate) struct Gloss {
+    /// Of materials as they are; `None`: nothing is glossy enough.
+    senders: OnceLock<Option<GlossySenders>>,
+    /// Of materials as they were.
+    before: Option<Arc<Weighed>>,
+}
+
+impl Gloss {
+    /// Glossy ones of the finest points, which lie at `places`; `None` where nothing is glossy enough.
+    pub fn senders(
+        &self,
+        scene: &TracedScene,
+        places: &[Option<SurfaceHit>],
+        transfer: &Transfer,
+    ) -> Option<&GlossySenders> {
+        let make = || GlossySenders::new(scene, places, transfer, self.before.as_ref());
+        self.senders.get_or_init(make).as_ref()
+    }
+
+    /// Materials have changed. What they do not matter to is kept.
+    pub fn forget(&mut self) {
+        if let Some(senders) = self.senders.take().flatten() {
+            self.before = Some(senders.weighed);
+        }
+    }
+}
 
 /// Glossy points of an asset and the clusters that they stand for.
 pub(crate) struct GlossySenders {
@@ -18,8 +48,15 @@ pub(crate) struct GlossySenders {
     glossy_of: Vec<u32>,
     /// Of each finest point.
     pub(super) is_glossy: Vec<bool>,
-    pub(super) clusters: Clusters,
-    pub(super) links: LobeLinks,
+    pub(super) weighed: Arc<Weighed>,
+}
+
+/// What depends on materials only by which senders are glossy.
+pub(super) struct Weighed {
+    pub clusters: Clusters,
+    /// Of each sender, whether something of it is.
+    has_glossy: Vec<bool>,
+    pub links: LobeLinks,
 }
 
 /// One of the points that stand for clusters.
@@ -32,16 +69,13 @@ pub(super) struct GlossyPoint {
 }
 
 impl GlossySenders {
-    /// Those of the finest points, which lie at `places`; `None` where nothing is glossy enough.
-    pub fn new(
+    /// [`Gloss::senders`].
+    fn new(
         scene: &TracedScene,
         places: &[Option<SurfaceHit>],
         transfer: &Transfer,
+        before: Option<&Arc<Weighed>>,
     ) -> Option<GlossySenders> {
-        let clusters = Clusters::new(transfer);
-        let mut numbers: Vec<u32> = clusters.samples.iter().map(|sample| sample.point).collect();
-        numbers.sort_unstable();
-        numbers.dedup();
         let shading_of = |number: usize| {
             let hit = places[number].as_ref()?;
             let on_triangle = (hit.primitive as usize) < scene.triangle_count();
@@ -52,6 +86,15 @@ impl GlossySenders {
             .with_min_len(256)
             .map(|number| shading_of(number).is_some())
             .collect();
+        if !is_glossy.contains(&true) {
+            return None;
+        }
+        let weighed = Weighed::new(transfer, &is_glossy, before);
+        let mut numbers: Vec<u32> = (weighed.clusters.samples.iter())
+            .map(|sample| sample.point)
+            .collect();
+        numbers.sort_unstable();
+        numbers.dedup();
         let points: Vec<GlossyPoint> = (numbers.into_par_iter())
             .with_min_len(256)
             .filter_map(|number| {
@@ -66,22 +109,11 @@ impl GlossySenders {
         for (at, point) in (0u32..).zip(&points) {
             glossy_of[point.number as usize] = at;
         }
-        if points.is_empty() {
-            return None;
-        }
-        let marks: Vec<Vec3> = is_glossy
-            .iter()
-            .map(|&is_glossy| Vec3::splat(f32::from(is_glossy)))
-            .collect();
-        let marks = transfer.senders.pulled(&marks).concat();
-        let has_glossy: Vec<bool> = marks.iter().map(|&mark| mark != Vec3::ZERO).collect();
-        let links = LobeLinks::new(transfer, &clusters, &has_glossy);
-        Some(GlossySenders {
+        (!points.is_empty()).then_some(GlossySenders {
             points,
             glossy_of,
             is_glossy,
-            clusters,
-            links,
+            weighed,
         })
     }
 
@@ -94,6 +126,27 @@ impl GlossySenders {
     pub(super) fn glossy(&self, point: u32) -> Option<usize> {
         let glossy = *self.glossy_of.get(point as usize)?;
         (glossy != NONE).then_some(glossy as usize)
+    }
+}
+
+impl Weighed {
+    /// Of finest points some of which are glossy; what was found before, if it is the same.
+    fn new(transfer: &Transfer, is_glossy: &[bool], before: Option<&Arc<Weighed>>) -> Arc<Weighed> {
+        let marks: Vec<Vec3> = (is_glossy.iter())
+            .map(|&is_glossy| Vec3::splat(f32::from(is_glossy)))
+            .collect();
+        let marks = transfer.senders.pulled(&marks).concat();
+        let has_glossy: Vec<bool> = marks.iter().map(|&mark| mark != Vec3::ZERO).collect();
+        if let Some(before) = before.filter(|before| before.has_glossy == has_glossy) {
+            return before.clone();
+        }
+        let clusters = Clusters::new(transfer);
+        let links = LobeLinks::new(transfer, &clusters, &has_glossy);
+        Arc::new(Weighed {
+            clusters,
+            has_glossy,
+            links,
+        })
     }
 }
 

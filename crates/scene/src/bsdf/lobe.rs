@@ -2,7 +2,9 @@
 //! light in clusters.
 
 use super::layers::leading;
-use super::microfacet::{cosine_above, masking, sample_visible_normal};
+use super::microfacet::{
+    cosine_above, fresnel, ggx_distribution, masking, sample_visible_normal, visibility,
+};
 use super::phong;
 use crate::shading::{Gloss, MIN_ALPHA, ShadingPoint};
 use glam::Vec3;
@@ -47,6 +49,32 @@ pub fn spread_by_normals(point: &ShadingPoint, length: f32) -> ShadingPoint {
         return *point;
     }
     with_slopes(point, |alpha| (alpha * alpha + 2.0 * variance).sqrt().min(1.0))
+}
+
+/// Cosine with the normal of a view as grazing as matters: surfaces that are seen at it fill little of what sees them.
+const GRAZING: f32 = 0.25;
+
+/// About the most that the specular part sends anywhere of light at cosine `cos_i` with the shading normal, BRDF in 1/sr: the larger of what it sends to the mirror
+/// direction, and to a grazing one on that side, where Fresnel's term is larger. Of GGX without layers; of others as if all light were mirrored by a lobe
+/// of α.
+pub fn strongest(point: &ShadingPoint, cos_i: f32) -> f32 {
+    if point.lambert {
+        return 0.0;
+    }
+    if point.layers.is_some() || !matches!(point.gloss, Gloss::Ggx) {
+        return 0.25 * ggx_distribution(0.0, point.alpha);
+    }
+    let cos_i = cos_i.clamp(MIN_ALPHA, 1.0);
+    let sin_i = (1.0 - cos_i * cos_i).sqrt();
+    let to = |cos_o: f32| {
+        let sin_o = (1.0 - cos_o * cos_o).sqrt();
+        // |ωi + ωo|² in their common plane, on both sides of the normal.
+        let sum2 = 2.0 + 2.0 * (cos_o * cos_i - sin_o * sin_i);
+        let sin2_h = (sin_o - sin_i).powi(2) / sum2.max(f32::MIN_POSITIVE);
+        let lobe = ggx_distribution(sin2_h, point.alpha) * visibility(cos_o, cos_i, point.alpha);
+        lobe * fresnel(point, 0.5 * sum2.max(0.0).sqrt()).max_element()
+    };
+    to(cos_i).max(to(GRAZING))
 }
 
 fn with_slopes(point: &ShadingPoint, change: impl Fn(f32) -> f32) -> ShadingPoint {

@@ -27,6 +27,7 @@ mod shaft;
 pub use bvh::{Kernel, TriangleBvh};
 pub use ray::{Hit, Ray, SurfacePoint};
 pub use secondary::{
-    hit_position, offset_origin, ray_from_surface, shadow_ray, shadow_ray_to_point, surface_point,
+    TriangleSurface, hit_position, offset_origin, ray_from_surface, shadow_ray, shadow_ray_to_point,
+    surface_point,
 };
 pub use shaft::{BvhPart, ShaftEnd, ShaftStart};

@@ -38,14 +38,38 @@ fn position_on([a, b, c]: [Vec3; 3], hit: &Hit) -> (Vec3, Vec3) {
 
 /// The surface at a hit, with the clearance that its triangle needs.
 pub fn surface_point(bvh: &TriangleBvh, hit: &Hit) -> SurfacePoint {
-    let [a, b, c] = bvh.triangle(hit.triangle).unwrap_or([Vec3::NAN; 3]);
-    let (position, error) = position_on([a, b, c], hit);
-    let size = (a.max(b).max(c) - a.min(b).min(c)).max_element();
-    SurfacePoint {
-        position,
-        normal: geometric_normal(a, b, c),
-        // Beyond a sheet as far again as it lies before this one: in front of it, too, nothing is met that is nearer.
-        clearance: error.max_element() + CLEARANCE * size + 2.0 * hit.sheet,
+    TriangleSurface::new(bvh, hit.triangle).at(hit)
+}
+
+/// A triangle, for any number of hits on it.
+pub struct TriangleSurface {
+    /// World space; NaN if there is no such triangle.
+    vertices: [Vec3; 3],
+    normal: Vec3,
+    /// Its largest extent along an axis, m.
+    size: f32,
+}
+
+impl TriangleSurface {
+    /// Of a triangle of this `bvh`.
+    pub fn new(bvh: &TriangleBvh, triangle: u32) -> TriangleSurface {
+        let [a, b, c] = bvh.triangle(triangle).unwrap_or([Vec3::NAN; 3]);
+        TriangleSurface {
+            vertices: [a, b, c],
+            normal: geometric_normal(a, b, c),
+            size: (a.max(b).max(c) - a.min(b).min(c)).max_element(),
+        }
+    }
+
+    /// [`surface_point`] of a hit on it.
+    pub fn at(&self, hit: &Hit) -> SurfacePoint {
+        let (position, error) = position_on(self.vertices, hit);
+        SurfacePoint {
+            position,
+            normal: self.normal,
+            // Beyond a sheet as far again as it lies before this one: in front of it, too, nothing is met that is nearer.
+            clearance: error.max_element() + CLEARANCE * self.size + 2.0 * hit.sheet,
+        }
     }
 }
 

@@ -12,22 +12,18 @@ pub(crate) struct Corner<'a> {
 }
 
 impl<'a> Corner<'a> {
-    pub(super) fn new(mesh: &'a Mesh, indices: [u32; 3], [u, v]: [f32; 2]) -> Corner<'a> {
+    pub(super) fn new(mesh: &'a Mesh, indices: [u32; 3], barycentric: [f32; 2]) -> Corner<'a> {
         Corner {
             mesh,
             indices: indices.map(|index| index as usize),
-            weights: [1.0 - u - v, u, v],
+            weights: weights(barycentric),
         }
     }
 
-    /// Interpolated normal, mesh space, of any length; `None` where the mesh has none.
-    pub(super) fn normal(&self) -> Option<Vec3A> {
+    /// Normals of the three vertices, mesh space, of any length; `None` where the mesh has none.
+    pub(super) fn vertex_normals(&self) -> Option<[Vec3A; 3]> {
         let normals = &self.mesh.normals;
-        (!normals.is_empty()).then(|| {
-            (0..3)
-                .map(|k| Vec3A::from(normals[self.indices[k]]) * self.weights[k])
-                .sum()
-        })
+        (!normals.is_empty()).then(|| self.indices.map(|index| Vec3A::from(normals[index])))
     }
 
     /// Interpolated tangent, mesh space, of any length, with vertex 0's handedness in w.
@@ -59,6 +55,11 @@ impl<'a> Corner<'a> {
         }
         (0..3).map(|k| colors[self.indices[k]] * self.weights[k]).sum()
     }
+}
+
+/// Weights of the three vertices.
+pub(super) fn weights([u, v]: [f32; 2]) -> [f32; 3] {
+    [1.0 - u - v, u, v]
 }
 
 /// A number in 0..1 that depends on the ray's origin and direction and on the triangle: equal rays get equal

@@ -1,11 +1,12 @@
 //! The prepared scene and its rays.
 
 use super::corner::{Corner, hash_to_unit};
+use super::face::Face;
 use super::occluders::{FlatPiece, Occluders};
 use crate::bsdf;
 use crate::image::ImageError;
 use crate::material::{AlphaMode, Material};
-use crate::rays::{BvhPart, Hit, Ray, SurfacePoint, TriangleBvh, surface_point};
+use crate::rays::{BvhPart, Hit, Ray, TriangleBvh};
 use crate::scene::{Mesh, Scene};
 use crate::surface::{SurfaceHit, Surfaces, unshaded};
 use crate::texture::DecodedTexture;
@@ -218,8 +219,7 @@ impl TracedScene {
             v,
             sheet: 0.0,
         };
-        let point = surface_point(&self.bvh, &hit);
-        self.hit_on(&hit, &point, |_| front)
+        Face::new(self, triangle).hit_from(front, &hit)
     }
 
     /// What stops a ray, not always what it meets first: `None` where [`Surfaces::occluded`] says no.
@@ -298,43 +298,7 @@ impl TracedScene {
     }
 
     pub(super) fn surface_hit(&self, ray: &Ray, hit: &Hit) -> SurfaceHit {
-        let mut point = surface_point(&self.bvh, hit);
-        if point.normal == Vec3::ZERO {
-            // A triangle so thin that its normal is lost faces the ray.
-            point.normal = try_unit(-ray.direction).unwrap_or(Vec3::Y);
-        }
-        self.hit_on(hit, &point, |normal| {
-            normal.as_dvec3().dot(ray.direction.as_dvec3()) <= 0.0
-        })
-    }
-
-    fn hit_on(&self, hit: &Hit, point: &SurfacePoint, is_front: impl Fn(Vec3) -> bool) -> SurfaceHit {
-        let barycentric = [hit.u, hit.v];
-        let geometric = point.normal;
-        let (instance, corner) = self.corner(hit.triangle, barycentric);
-        let smooth = corner
-            .normal()
-            .and_then(|normal| try_unit(Vec3::from(instance.normal_from_mesh * normal)))
-            // Normals that contradict the winding follow it.
-            .map(|normal| {
-                if normal.dot(geometric) < 0.0 {
-                    -normal
-                } else {
-                    normal
-                }
-            });
-        let front = is_front(geometric);
-        let side = if front { 1.0 } else { -1.0 };
-        SurfaceHit {
-            t: hit.t,
-            position: point.position,
-            position_error: Vec3::splat(point.clearance),
-            geometric_normal: geometric * side,
-            normal: smooth.unwrap_or(geometric) * side,
-            front,
-            primitive: hit.triangle,
-            barycentric,
-        }
+        Face::new(self, hit.triangle).hit_by(ray, hit)
     }
 
     /// What stops a ray first.
@@ -357,8 +321,15 @@ impl TracedScene {
                 let stops = |i: usize, hit: &Hit| self.stops(&rays[i], hit);
                 self.bvh.closest_hit_packet(rays, &mut hits, stops);
             }
+            // Neighbours mostly meet the same triangle.
+            let mut last: Option<Face<'_>> = None;
             for (i, (hit, ray)) in hits.iter().zip(rays).enumerate() {
-                visit(chunk * PACKETS + i, hit.map(|hit| self.surface_hit(ray, &hit)));
+                let surface_hit = hit.map(|hit| {
+                    let same = last.take().filter(|face| face.triangle == hit.triangle);
+                    let face = last.insert(same.unwrap_or_else(|| Face::new(self, hit.triangle)));
+                    face.hit_by(ray, &hit)
+                });
+                visit(chunk * PACKETS + i, surface_hit);
             }
         }
     }
@@ -445,9 +416,4 @@ impl Surfaces for TracedScene {
     fn albedo(&self, hit: &SurfaceHit) -> Vec3 {
         bsdf::hemispherical_albedo(&self.shading_point(hit))
     }
-}
-
-/// `None` where the vector is zero or not finite. In f64, so that short vectors keep their direction.
-fn try_unit(vector: Vec3) -> Option<Vec3> {
-    vector.as_dvec3().try_normalize().map(|unit| unit.as_vec3())
 }
