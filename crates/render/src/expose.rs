@@ -1,7 +1,7 @@
 //! Exposing: the rays of each pixel, and which of them share a fragment.
 //!
-//! A pixel gets a few rays; where they, or those of a pixel beside it, meet several things, or a slender lamp passes, it gets more. What covers a sliver of a
-//! pixel can be most of its light: under lamps in a dark hall a fiftieth of a pixel was as bright as the whole image's mean.
+//! A pixel gets a few rays; where they meet several things, or what a pixel beside it sees reaches into it, or a slender lamp passes, it gets more. What covers a
+//! sliver of a pixel can be most of its light: under lamps in a dark hall a fiftieth of a pixel was as bright as the whole image's mean.
 
 use crate::exposure::Exposure;
 use crate::fragments::{ENDS, FINER_ENDS, PixelRays, Sight};
@@ -15,17 +15,20 @@ use relight_scene::traced::{Look, TracedScene};
 use relight_transport::sampling::r2;
 use std::ops::Range;
 
-/// Rays of a pixel that sees several things, lies beside one that does, or is passed by a slender lamp, for each that others get. Twice as many lower the
+/// Rays of a pixel that sees several things, is reached by what pixels around it see, or passed by a slender lamp, for each that others get. Twice as many lower the
 /// error by a tenth (docs/notebook/cuts.md).
 const FINER: u32 = 4;
+
+/// First rays of a pixel for each more that looks for what reaches into it from pixels around. Of 16 all that 64 find was found by 8
+/// (docs/notebook/cuts.md).
+const REACHED: usize = 2;
 
 /// First ray of a pixel, in pixels. Of starts a twentieth of a pixel apart the one from which 4, 6 and 16 rays tell best how
 /// much of a pixel lies to one side of a straight line: by 0.11, 0.085 and 0.037 (root mean square; 0.14, 0.16 and 0.075 from
 /// a quarter).
 const PATTERN_START: Vec2 = Vec2::new(0.6, 0.1);
 
-/// Casts `samples` primary rays per pixel and groups them; [`FINER`] times as many where a pixel, or one beside it, sees several
-/// things. Deterministic: the same sub-pixel pattern in every pixel.
+/// Casts `samples` primary rays per pixel and groups them; [`FINER`] times as many where a pixel sees several things. Deterministic: the same sub-pixel pattern in every pixel.
 pub fn expose(scene: &TracedScene, camera: &Camera, width: usize, height: usize, samples: u32) -> Exposure {
     // Nobody stops it.
     expose_watched(scene, camera, (width, height), samples, &()).unwrap_or_default()
@@ -124,7 +127,8 @@ impl Exposing<'_> {
         let (mut row, mut buffers) = (self.empty(1), self.buffers());
         for x in 0..self.width {
             let slender = self.slender.get(y * self.width + x) == Some(&true);
-            if slender || self.sees_several(first, (x, y)) {
+            let several = first[y].fragments_of(x).len() > 1;
+            if slender || several || self.is_reached(first, (x, y), &mut buffers.rays) {
                 let finer = (&self.pattern[..], FINER_ENDS);
                 self.append_pixels((x..x + 1, y), finer, &mut buffers, &mut row);
             } else {
@@ -160,14 +164,10 @@ impl Exposing<'_> {
         buffers: &mut Buffers<'_>,
         to: &mut Exposure,
     ) {
-        let size = Vec2::new(self.width as f32, self.height as f32);
         let Buffers { rays, pixel } = buffers;
         rays.clear();
         for x in pixels {
-            let corner = Vec2::new(x as f32, y as f32);
-            let toward = |&place: &Vec2| self.camera.direction(corner + place, size);
-            let through = places.iter().map(toward);
-            rays.extend(through.map(|direction| Ray::endless(self.camera.position, direction)));
+            self.cast_through((x, y), places.iter().copied(), rays);
         }
         looks(self.scene, rays, |i, look| {
             pixel.push(rays[i].direction, look);
@@ -177,21 +177,57 @@ impl Exposing<'_> {
         });
     }
 
-    /// Whether a pixel, or it together with one of those around it, has fragments of several things.
-    fn sees_several(&self, rows: &[Exposure], (x, y): (usize, usize)) -> bool {
-        let seen = |row: &Exposure, f: usize| Sight {
-            direction: row.directions[f],
-            bent: row.is_bent(f),
-            seen: row.hits[f].zip(row.points[f]),
+    /// Whether something that pixels around show reaches into one of a single fragment: rays through the places nearest to them tell.
+    fn is_reached(&self, rows: &[Exposure], (x, y): (usize, usize), rays: &mut Vec<Ray>) -> bool {
+        let others = self.others_around(rows, (x, y));
+        if others.is_empty() {
+            return false;
+        }
+        let near = |place: Vec2| {
+            let towards = others
+                .iter()
+                .map(|other| (place - 0.5).dot(*other) / other.length_squared());
+            towards.fold(f32::NEG_INFINITY, f32::max)
         };
-        let own = rows[y].fragments_of(x);
-        let first = seen(&rows[y], own.start);
+        let mut places: Vec<(f32, Vec2)> = (self.pattern[self.samples..].iter())
+            .map(|&place| (near(place), place))
+            .collect();
+        places.sort_by(|a, b| b.0.total_cmp(&a.0));
+        places.truncate(self.samples.div_ceil(REACHED));
+        rays.clear();
+        self.cast_through((x, y), places.iter().map(|place| place.1), rays);
+        let own = self.only(rows, (x, y));
+        let mut reached = false;
+        looks(self.scene, rays, |_, look| {
+            reached = reached || !own.is_like(&Sight::new(self.scene, &look), self.footprint);
+        });
+        reached
+    }
+
+    /// Offsets of the pixels around one of a single fragment that show something else.
+    fn others_around(&self, rows: &[Exposure], (x, y): (usize, usize)) -> Vec<Vec2> {
+        let own = self.only(rows, (x, y));
         let beside = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
-        own.len() > 1
-            || rows[beside(y, rows.len())].iter().any(|row| {
-                let mut fragments = beside(x, self.width).flat_map(|x| row.fragments_of(x));
-                fragments.any(|f| !first.is_like(&seen(row, f), self.footprint))
-            })
+        let around = beside(y, rows.len()).flat_map(|v| beside(x, self.width).map(move |u| (u, v)));
+        let is_other = |&(u, v): &(usize, usize)| {
+            let mut fragments = rows[v].fragments_of(u);
+            fragments.any(|f| !own.is_like(&Sight::of(&rows[v], f), self.footprint))
+        };
+        (around.filter(is_other))
+            .map(|(u, v)| Vec2::new(u as f32 - x as f32, v as f32 - y as f32))
+            .collect()
+    }
+
+    fn only(&self, rows: &[Exposure], (x, y): (usize, usize)) -> Sight {
+        Sight::of(&rows[y], rows[y].fragments_of(x).start)
+    }
+
+    /// Appends rays through places of a pixel.
+    fn cast_through(&self, (x, y): (usize, usize), places: impl Iterator<Item = Vec2>, rays: &mut Vec<Ray>) {
+        let size = Vec2::new(self.width as f32, self.height as f32);
+        let corner = Vec2::new(x as f32, y as f32);
+        let toward = |place: Vec2| self.camera.direction(corner + place, size);
+        rays.extend(places.map(|place| Ray::endless(self.camera.position, toward(place))));
     }
 }
 

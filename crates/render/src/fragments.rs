@@ -53,6 +53,15 @@ impl Sight {
         }
     }
 
+    /// What a fragment shows.
+    pub fn of(row: &Exposure, f: usize) -> Sight {
+        Sight {
+            direction: row.directions[f],
+            bent: row.is_bent(f),
+            seen: row.hits[f].zip(row.points[f]),
+        }
+    }
+
     /// Whether two rays may share a fragment; `footprint`: size of a pixel at distance 1.
     pub fn is_like(&self, other: &Sight, footprint: f32) -> bool {
         if self.bent != other.bent || (self.bent && self.direction.dot(other.direction) <= SAME_FACING) {
