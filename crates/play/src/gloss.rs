@@ -16,23 +16,21 @@ mod senders;
 mod weights;
 
 use crate::lit::Lit;
-use crate::transfer::Transfer;
+use crate::transfer::{OverLobes, Transfer};
 use glam::Vec3;
 use lamp::LampLight;
 use relight_render::irradiance::Arrivals;
-use relight_transport::pyramid::VectorIrradiance;
 
 pub(crate) use senders::{Gloss, GlossySenders};
 
-/// Vector irradiance at all receivers, of all levels: what they get of a lamp's light over lobes, less what they would get if those were
-/// matt. `direct`: its irradiance at the finest points; `arrivals`: the same at [`GlossySenders::numbers`].
+/// What receivers get of a lamp's light over lobes, in place of what links take as if those were matt. `direct`: its irradiance at the finest points; `arrivals`: the same at [`GlossySenders::numbers`].
 /// `None` where it is nothing.
 pub(crate) fn over_lobes(
     senders: &GlossySenders,
     transfer: &Transfer,
     direct: &[Vec3],
     arrivals: &Arrivals,
-) -> Option<Vec<VectorIrradiance>> {
+) -> Option<OverLobes> {
     let lit = Lit::of(arrivals)?;
-    Some(LampLight::new(senders, transfer, direct, lit).received())
+    Some(LampLight::new(senders, transfer, direct, lit).over_lobes())
 }

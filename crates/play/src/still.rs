@@ -38,6 +38,19 @@ impl Cause {
         }
     }
 
+    /// Whether light of this cause is also what is wanted of another: the same, or for a coarse frame the same found with care.
+    fn serves(&self, wanted: &Cause) -> bool {
+        let with_care = || Cause {
+            settings: FrameSettings {
+                coarse: false,
+                point_samples: self.settings.point_samples,
+                ..wanted.settings
+            },
+            ..wanted.clone()
+        };
+        self == wanted || (wanted.settings.coarse && *self == with_care())
+    }
+
     /// What direct light at fragments follows from: settings of points are not among it.
     pub fn at_pixels(&self) -> Cause {
         Cause {
@@ -99,7 +112,7 @@ impl<K> Still<K> {
 }
 
 impl<K: Kept> Still<K> {
-    /// The light of a lamp: what is kept, if its cause is as it was, else what `make` makes, which is kept unless the lamp has just
+    /// The light of a lamp: what is kept, if its cause is as it was or a coarse frame asks for what was found with care, else what `make` makes, which is kept unless the lamp has just
     /// moved. And whether it was kept.
     pub fn light_of(&self, lamp: usize, cause: &Cause, make: impl FnOnce() -> K) -> (Arc<K>, bool) {
         let moved = {
@@ -111,7 +124,7 @@ impl<K: Kept> Still<K> {
                 });
             }
             let known = &mut lamps[lamp];
-            let stands = known.cause.as_ref() == Some(cause);
+            let stands = known.cause.as_ref().is_some_and(|known| known.serves(cause));
             match &known.light {
                 Some(light) if stands => return (light.clone(), true),
                 _ => {}
@@ -205,6 +218,31 @@ mod tests {
         assert_ne!(more.at_points(), seed.at_points());
         let edition = Edition { edits: 1, moves: 0 };
         assert!(!make(&Cause { edition, ..seed }));
+    }
+
+    #[test]
+    fn a_coarse_frame_takes_what_a_careful_one_has_found_and_not_the_other_way_round() {
+        let still = Still::default();
+        let is_kept = |x: f32, coarse: bool| {
+            let point_samples = if coarse { 1 } else { 4 };
+            let of = Cause {
+                settings: FrameSettings {
+                    coarse,
+                    point_samples,
+                    ..FrameSettings::default()
+                },
+                ..cause(x)
+            };
+            let made = if coarse { Vec3::ONE } else { Vec3::ZERO };
+            let (light, kept) = still.light_of(0, &of, || vec![made]);
+            (kept, light[0] == Vec3::ZERO)
+        };
+        let (coarse, careful) = (true, false);
+        assert_eq!(is_kept(1.0, coarse), (false, false));
+        assert_eq!(is_kept(1.0, careful), (false, true));
+        assert_eq!(is_kept(1.0, coarse), (true, true));
+        assert_eq!(is_kept(1.0, careful), (true, true));
+        assert_eq!(is_kept(2.0, coarse), (false, false), "the lamp has moved");
     }
 
     #[test]

@@ -39,6 +39,45 @@ impl LevelPart {
     }
 }
 
+/// What lobes send of the first bounce, in place of links ([`crate::gloss`]).
+#[derive(Clone, Debug, PartialEq)]
+pub struct OverLobes {
+    /// Vector irradiance at all receivers, as T has it.
+    pub received: Vec<VectorIrradiance>,
+    /// What of the finest points' radiosity it is that links do not take, W/m².
+    pub sent: Vec<Vec3>,
+}
+
+impl OverLobes {
+    /// Nothing, of as many receivers and points.
+    pub fn nothing(like: &OverLobes) -> OverLobes {
+        OverLobes {
+            received: vec![VectorIrradiance::default(); like.received.len()],
+            sent: vec![Vec3::ZERO; like.sent.len()],
+        }
+    }
+
+    /// Memory that it takes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.received.as_slice()) + size_of_val(self.sent.as_slice())
+    }
+
+    /// Adds that of another lamp, times its colour.
+    pub fn add(&mut self, other: &OverLobes, color: Vec3) {
+        add_vectors(&mut self.received, &other.received, color);
+        for (sum, part) in self.sent.iter_mut().zip(&other.sent) {
+            *sum += *part * color;
+        }
+    }
+
+    /// What links take of radiosity at the finest points.
+    fn rest(&self, radiosity: &[Vec3]) -> Vec<Vec3> {
+        (radiosity.iter().zip(&self.sent))
+            .map(|(all, sent)| *all - *sent)
+            .collect()
+    }
+}
+
 /// Operators and basis, ready to be applied frame after frame.
 pub struct Transfer {
     /// The finest receiver level: the points that carry the result.
@@ -231,12 +270,11 @@ impl Transfer {
         self.indirect_with_lobes(direct, None)
     }
 
-    /// [`Transfer::indirect_from_direct`] of direct light whose first bounce, at all receivers, differs by `over_lobes` from what it is where
-    /// all surfaces are matt ([`crate::gloss`]).
+    /// [`Transfer::indirect_from_direct`] of direct light of whose first bounce some goes over lobes.
     pub fn indirect_with_lobes(
         &self,
         direct: &[Vec3],
-        over_lobes: Option<&[VectorIrradiance]>,
+        over_lobes: Option<&OverLobes>,
     ) -> (Vec<VectorIrradiance>, TransferStats) {
         let mut stats = TransferStats::default();
         let radiosity = self.radiosity_from_direct(direct, over_lobes, &mut stats);
@@ -248,7 +286,7 @@ impl Transfer {
     pub fn radiosity_from_direct(
         &self,
         direct: &[Vec3],
-        over_lobes: Option<&[VectorIrradiance]>,
+        over_lobes: Option<&OverLobes>,
         stats: &mut TransferStats,
     ) -> Vec<Vec3> {
         let mut radiosity = self.radiosity(direct);
@@ -265,7 +303,7 @@ impl Transfer {
     pub fn coarsely_from_direct(
         &self,
         direct: &[Vec3],
-        over_lobes: Option<&[VectorIrradiance]>,
+        over_lobes: Option<&OverLobes>,
     ) -> (Vec<VectorIrradiance>, TransferStats) {
         let mut stats = TransferStats::default();
         let mut radiosity = self.radiosity(direct);
@@ -311,7 +349,7 @@ impl Transfer {
     pub fn indirect_of_levels(
         &self,
         direct: &[Vec3],
-        over_lobes: Option<&[VectorIrradiance]>,
+        over_lobes: Option<&OverLobes>,
         part: LevelPart,
     ) -> (Vec<VectorIrradiance>, TransferStats) {
         let mut stats = TransferStats::default();
@@ -326,11 +364,6 @@ impl Transfer {
     /// Senders and vectors of the links of a receiver, numbered over all levels.
     pub fn links_of(&self, receiver: usize) -> Vec<(u32, Vec3)> {
         self.links.of_receiver(receiver)
-    }
-
-    /// What receivers of all levels get of senders' radiosity, W/m², beyond what the coarser ones around them pass on; `pulled`: level by level.
-    pub fn over_links(&self, pulled: &[Vec<Vec3>]) -> Vec<VectorIrradiance> {
-        self.links.apply(&self.senders.coefficients(pulled)).0
     }
 
     /// Senders and vectors of the links of each receiver, numbered over all levels.
@@ -381,14 +414,14 @@ impl Transfer {
             .collect()
     }
 
-    /// Vector irradiance at the finest points that radiosity there causes by way of T, and what is `besides` at the receivers.
+    /// Vector irradiance at the finest points that radiosity there causes by way of T, and in place of some of it `over_lobes`.
     fn one_bounce(
         &self,
         radiosity: &[Vec3],
-        besides: Option<&[VectorIrradiance]>,
+        over_lobes: Option<&OverLobes>,
         stats: &mut TransferStats,
     ) -> Vec<VectorIrradiance> {
-        let values = self.at_receivers(radiosity, besides, stats);
+        let values = self.at_receivers(radiosity, over_lobes, stats);
         let start = Instant::now();
         let values = self.flattened(values);
         stats.flatten_ms += milliseconds(start);
@@ -399,16 +432,20 @@ impl Transfer {
     fn at_receivers(
         &self,
         radiosity: &[Vec3],
-        besides: Option<&[VectorIrradiance]>,
+        over_lobes: Option<&OverLobes>,
         stats: &mut TransferStats,
     ) -> Vec<VectorIrradiance> {
         let start = Instant::now();
-        let coefficients = self.senders.coefficients(&self.senders.pulled(radiosity));
+        let pulled = match over_lobes {
+            Some(over_lobes) => self.senders.pulled(&over_lobes.rest(radiosity)),
+            None => self.senders.pulled(radiosity),
+        };
+        let coefficients = self.senders.coefficients(&pulled);
         stats.bounce_ms += milliseconds(start);
         let start = Instant::now();
         let (mut values, links_used) = self.links.apply(&coefficients);
-        if let Some(besides) = besides {
-            add_vectors(&mut values, besides, Vec3::ONE);
+        if let Some(over_lobes) = over_lobes {
+            add_vectors(&mut values, &over_lobes.received, Vec3::ONE);
         }
         stats.links_used = links_used;
         stats.transfer_ms += milliseconds(start);
@@ -457,7 +494,7 @@ impl Transfer {
 }
 
 /// Adds vector irradiance times a colour, place by place.
-pub(crate) fn add_vectors(sum: &mut [VectorIrradiance], part: &[VectorIrradiance], color: Vec3) {
+fn add_vectors(sum: &mut [VectorIrradiance], part: &[VectorIrradiance], color: Vec3) {
     let color = Vec3A::from(color);
     (sum.par_iter_mut().zip(part).with_min_len(4096)).for_each(|(sum, part)| {
         sum.x += part.x * color;

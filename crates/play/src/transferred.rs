@@ -1,7 +1,7 @@
 //! What transfer made of the last light: as long as neither a lamp nor a material moves, it is the same wherever a camera goes.
 
 use crate::edition::Edition;
-use crate::transfer::{Transfer, TransferStats};
+use crate::transfer::{OverLobes, Transfer, TransferStats};
 use glam::Vec3;
 use relight_transport::pyramid::VectorIrradiance;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -16,27 +16,28 @@ struct Last {
     edition: Edition,
     coarse: bool,
     direct: Arc<[Vec3]>,
-    over_lobes: Option<Arc<[VectorIrradiance]>>,
+    over_lobes: Option<OverLobes>,
     indirect: Arc<[VectorIrradiance]>,
     stats: TransferStats,
 }
 
 impl Transferred {
     /// [`Transfer::indirect_with_lobes`] or [`Transfer::coarsely_from_direct`], made anew only if anything is otherwise than it was the last
-    /// time.
+    /// time; what was made with care is as good for a coarse frame.
     pub fn indirect_from_direct(
         &self,
         transfer: &Transfer,
         edition: Edition,
         direct: &[Vec3],
-        over_lobes: Option<&[VectorIrradiance]>,
+        over_lobes: Option<&OverLobes>,
         coarse: bool,
     ) -> (Arc<[VectorIrradiance]>, TransferStats) {
         let last = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let same = |last: &Last| {
-            (last.edition, last.coarse) == (edition, coarse)
+            last.edition == edition
+                && (coarse || !last.coarse)
                 && *last.direct == *direct
-                && last.over_lobes.as_deref() == over_lobes
+                && last.over_lobes.as_ref() == over_lobes
         };
         if let Some(last) = last.filter(same) {
             return (last.indirect, last.stats.of_nothing_new());
@@ -50,7 +51,7 @@ impl Transferred {
             edition,
             coarse,
             direct: direct.into(),
-            over_lobes: over_lobes.map(Arc::from),
+            over_lobes: over_lobes.cloned(),
             indirect: indirect.clone(),
             stats,
         };

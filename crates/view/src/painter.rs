@@ -17,8 +17,10 @@ use std::time::Instant;
 
 /// Milliseconds that a coarse picture may take: 15 a second.
 const COARSE_TARGET: f64 = 60.0;
+/// Part of its time that makes a coarse picture of fewer pixels worthwhile.
+const WORTHWHILE: f64 = 0.1;
 /// How many times narrower a coarse picture may be where all it takes are a few rays, and where it is path-traced.
-const MOST_DIVISOR: (u32, u32) = (4, 8);
+const MOST_DIVISOR: (u32, u32) = (3, 8);
 /// Rays to each light with extent, of a fragment and of a point, of coarse pictures.
 const COARSE_RAYS: (u32, u32) = (2, 1);
 
@@ -331,11 +333,17 @@ impl Painter {
             .map(|(_, time)| time)
             .sum();
         let most = if traced { MOST_DIVISOR.1 } else { MOST_DIVISOR.0 };
-        if all > COARSE_TARGET && of_pixels > 0.4 * all {
+        // How much the pixels' time changes with the divisor, as a part of it.
+        let changed = |by: i32| {
+            (f64::from(self.divisor) / f64::from(self.divisor.saturating_add_signed(by))).powi(2) - 1.0
+        };
+        let gained = -of_pixels * changed(1);
+        if all > COARSE_TARGET && gained > WORTHWHILE * all {
             self.divisor = (self.divisor + 1).min(most);
         } else if self.divisor > 1 {
-            let larger = f64::from(self.divisor) / f64::from(self.divisor - 1);
-            if all + of_pixels * (larger * larger - 1.0) < 0.6 * COARSE_TARGET {
+            let larger = all + of_pixels * changed(-1);
+            // Half of the bounds on the way back, so that it does not go to and fro.
+            if larger < 0.6 * COARSE_TARGET || larger - all < 0.5 * WORTHWHILE * larger {
                 self.divisor -= 1;
             }
         }

@@ -5,7 +5,7 @@ use super::parts::{EvenLight, Received};
 use super::received::{Receiving, Starts};
 use super::stats::{DirectLightcuts, FrameTimes, milliseconds};
 use super::task::Task;
-use crate::transfer::add_vectors;
+use crate::transfer::OverLobes;
 use glam::Vec3;
 use relight_render::lightcuts::{self, AT_PIXELS, AT_POINTS, ManyLights};
 use relight_render::lighting::{self, Receivers, own_run};
@@ -13,7 +13,6 @@ use relight_render::samples::Samples;
 use relight_render::sum::Sum;
 use relight_render::{edges, refine};
 use relight_scene::light_set::LightSet;
-use relight_transport::pyramid::VectorIrradiance;
 use std::time::Instant;
 
 /// Of so many samples of a small lamp one is cast everywhere, and tells where edges of its shadows are near; all are cast there
@@ -25,8 +24,8 @@ pub(super) struct Sums {
     pub direct: Sum,
     pub points: Option<Sum>,
     pub samples: Option<Sum>,
-    /// At receivers; of few lights, so that f32 will do.
-    pub over_lobes: Option<Vec<VectorIrradiance>>,
+    /// Of few lights, so that f32 will do.
+    pub over_lobes: Option<OverLobes>,
     /// Radiance of fragments over two lobes.
     pub at_ends: Option<Sum>,
 }
@@ -46,8 +45,8 @@ impl Sums {
     /// Adds what a light lets arrive at the starts of indirect light, times its colour.
     pub fn add_received(&mut self, received: &Received, color: Vec3) {
         if let Some(part) = &received.over_lobes {
-            let none = || vec![VectorIrradiance::default(); part.len()];
-            add_vectors(self.over_lobes.get_or_insert_with(none), part, color);
+            let nothing = || OverLobes::nothing(part);
+            self.over_lobes.get_or_insert_with(nothing).add(part, color);
         }
         for (sum, part) in [
             (&mut self.points, &received.points),

@@ -8,7 +8,7 @@ use crate::cuts::illumination::Illumination;
 use crate::cuts::shade::shade;
 use crate::reconstruct;
 use crate::shot::Functions;
-use crate::transfer::{Transfer, TransferStats};
+use crate::transfer::{OverLobes, Transfer, TransferStats};
 use glam::Vec3;
 use rayon::prelude::*;
 use relight_transport::pyramid::VectorIrradiance;
@@ -29,7 +29,7 @@ impl Task<'_> {
         let operators = (self.prepared.transfer.as_ref())
             .zip(self.shot.functions.as_ref())
             .zip(received.points.as_ref());
-        let (over_lobes, at_ends) = (received.over_lobes.as_deref(), received.at_ends.as_deref());
+        let (over_lobes, at_ends) = (received.over_lobes.as_ref(), received.at_ends.as_deref());
         let Some(((transfer, functions), received)) = operators else {
             let radiance = shaded.unwrap_or_else(|| vec![Vec3::ZERO; self.shot.seen.len()]);
             return Indirect {
@@ -66,7 +66,7 @@ impl Task<'_> {
         &self,
         transfer: &Transfer,
         functions: &Functions,
-        (received, over_lobes): (&[Vec3], Option<&[VectorIrradiance]>),
+        (received, over_lobes): (&[Vec3], Option<&OverLobes>),
         times: &mut FrameTimes,
     ) -> (Vec<Vec3>, TransferStats) {
         let (values, stats) = match self.settings.levels {

@@ -2,16 +2,16 @@
 
 use super::stats::CutStats;
 use crate::still::Kept;
+use crate::transfer::OverLobes;
 use glam::Vec3;
-use relight_transport::pyramid::VectorIrradiance;
 
 /// Direct irradiance from which indirect light starts.
 #[derive(Clone, Debug)]
 pub(crate) struct Received {
     /// At the finest points, for transfer; `None` where it makes no light.
     pub points: Option<Vec<Vec3>>,
-    /// At all receivers, what lobes add to the first bounce of it ([`crate::gloss`]); `None` where they add nothing.
-    pub over_lobes: Option<Vec<VectorIrradiance>>,
+    /// What lobes send of the first bounce of it; `None` where that is nothing.
+    pub over_lobes: Option<OverLobes>,
     /// What fragments see of it over two lobes: radiance, less what the points say of it ([`crate::glossy_ends`]); `None` where that is nothing.
     pub at_ends: Option<Vec<Vec3>>,
     /// At surface samples, for visibility cuts; `None` where these make no first bounce.
@@ -20,7 +20,7 @@ pub(crate) struct Received {
 
 impl Kept for Received {
     fn bytes(&self) -> usize {
-        let over_lobes = self.over_lobes.as_deref().map_or(0, size_of_val);
+        let over_lobes = self.over_lobes.as_ref().map_or(0, OverLobes::bytes);
         self.points.bytes() + self.samples.bytes() + over_lobes
     }
 }

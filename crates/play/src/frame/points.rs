@@ -43,7 +43,7 @@ pub fn lit_points(
         go_on(watch)?;
         let received = receiving.with_lobes(starts, &set, light);
         let direct = received.points.unwrap_or_default();
-        let (values, _) = transfer.indirect_with_lobes(&direct, received.over_lobes.as_deref());
+        let (values, _) = transfer.indirect_with_lobes(&direct, received.over_lobes.as_ref());
         let indirect = (values.iter().zip(&transfer.finest.normals))
             .map(|(value, normal)| value.irradiance(*normal))
             .collect();

@@ -7,13 +7,13 @@ use crate::prepared::PreparedScene;
 use crate::shadow_edges::Places;
 use crate::shot::RelitShot;
 use crate::spread::PointPlaces;
+use crate::transfer::OverLobes;
 use glam::Vec3;
 use relight_render::irradiance::{Arrivals, Place, incident_at, irradiance_around, irradiance_at};
 use relight_render::lightcuts::{LightcutStats, ManyLights};
 use relight_render::lighting::Met;
 use relight_scene::light_set::LightSet;
 use relight_scene::surface::SurfaceHit;
-use relight_transport::pyramid::VectorIrradiance;
 
 /// Directions that points know of light at what lobes end on, for each that they know of their own light: the eye sees them one by one.
 const AT_ENDS: u32 = 4;
@@ -84,7 +84,7 @@ impl Receiving<'_> {
     }
 
     /// What lobes make of the first bounce of a light that gives the points this irradiance.
-    fn over_lobes(&self, lights: &LightSet, light: usize, direct: &[Vec3]) -> Option<Vec<VectorIrradiance>> {
+    fn over_lobes(&self, lights: &LightSet, light: usize, direct: &[Vec3]) -> Option<OverLobes> {
         let PreparedScene { scene, points, .. } = self.prepared;
         let transfer = self.prepared.transfer.as_ref()?;
         let glossy = self.prepared.gloss.senders(scene, points, transfer)?;

@@ -4,10 +4,9 @@ use super::clusters::{SAMPLES, Sample};
 use super::disk::{Disk, Receiver};
 use super::senders::{GlossyPoint, GlossySenders};
 use crate::lit::{Lit, share};
-use crate::transfer::Transfer;
+use crate::transfer::{OverLobes, Transfer};
 use glam::Vec3;
 use rayon::prelude::*;
-use relight_transport::pyramid::VectorIrradiance;
 
 /// Least α of a lobe, which sends some 25 times as much one way as a matt surface does: what links are right to within a part in a hundred for
 /// is then within a quarter.
@@ -26,10 +25,10 @@ pub(super) struct LampLight<'a> {
     transfer: &'a Transfer,
     /// Of what senders reflect of it, means over their points, W/m².
     radiosities: Vec<Vec3>,
-    /// The same of what is glossy alone, if that were matt.
+    /// What finest points that are glossy reflect of it, W/m²; of others nothing.
+    glossy: Vec<Vec3>,
+    /// Means of that over senders' points.
     matt: Vec<Vec3>,
-    /// What receivers get of that over links.
-    over_links: Vec<VectorIrradiance>,
     /// Whence it comes at each of the glossy points.
     lit: Vec<Lit>,
     /// What each of the points that stand for clusters reflects of it.
@@ -65,7 +64,6 @@ impl LampLight<'_> {
         let glossy: Vec<Vec3> = (radiosity.iter().zip(&of.is_glossy))
             .map(|(&own, &is_glossy)| if is_glossy { own } else { Vec3::ZERO })
             .collect();
-        let glossy = transfer.senders.pulled(&glossy);
         let sent: Vec<Sent> = (of.weighed.clusters.samples.par_iter().with_min_len(256))
             .map(|&Sample { point, around }| {
                 let around = irradiances[around as usize];
@@ -104,8 +102,8 @@ impl LampLight<'_> {
             of,
             transfer,
             radiosities,
-            over_links: transfer.over_links(&glossy),
-            matt: glossy.concat(),
+            matt: transfer.senders.pulled(&glossy).concat(),
+            glossy,
             lit,
             sent,
             most,
@@ -113,10 +111,10 @@ impl LampLight<'_> {
         }
     }
 
-    /// What receivers of all levels get of it over lobes, less what they would if those were matt.
-    pub fn received(&self) -> Vec<VectorIrradiance> {
+    /// What receivers of all levels get of what is glossy.
+    pub fn over_lobes(self) -> OverLobes {
         let links = &self.of.weighed.links;
-        let mut received = links.received(self.transfer, |sender, receiver, weight| {
+        let received = links.received(self.transfer, |sender, receiver, weight| {
             let (most, least) = (self.most[sender as usize] * weight.length(), self.least);
             // Fading in: a lamp that moves is not to switch what it adds.
             let over_lobes = match most > least {
@@ -125,9 +123,10 @@ impl LampLight<'_> {
             };
             self.matt[sender as usize] + over_lobes
         });
-        (received.par_iter_mut().zip(&self.over_links))
-            .for_each(|(received, matt)| received.add_scaled(matt, -1.0));
-        received
+        OverLobes {
+            received,
+            sent: self.glossy,
+        }
     }
 
     /// What a sender has to send to a receiver over lobes, less what it would have if it were matt: radiosity, W/m².
