@@ -38,6 +38,7 @@ pub fn near(prepared: &PreparedScene, place: (Vec3, Vec3)) -> Option<Near> {
         &[Some(place)],
         transfer.separated(&prepared.scene),
         |asked| transfer.each_separated(&prepared.scene, asked),
+        &(),
     );
     let points: Vec<(u32, f32)> = row(&weights, 0).collect();
     let mut links = links_of(transfer, &points);
@@ -109,9 +110,14 @@ mod tests {
             if (near.points.iter()).any(|(j, _)| transfer.finest.normals[*j as usize].dot(place.1) < 0.9999) {
                 continue;
             }
-            let weights = weights_at(&transfer.finest, &[Some(place)], &Separated::default(), |_| {
-                Vec::new()
-            });
+            let nothing = |_: &[reconstruct::Asked]| Vec::new();
+            let weights = weights_at(
+                &transfer.finest,
+                &[Some(place)],
+                &Separated::default(),
+                nothing,
+                &(),
+            );
             let components = reconstruct::components(&weights, &transfer.finest, &[(place.1, place.1)]);
             let expected = reconstruct::irradiance(&weights, &components, &values)[0].x;
             let summed: f32 = (near.links.iter())

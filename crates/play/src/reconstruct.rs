@@ -6,6 +6,7 @@
 use crate::separated::Separated;
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
+use relight_render::watch::Watch;
 use relight_transport::basis::{FunctionsInOrder, Level};
 use relight_transport::pyramid::{VectorIrradiance, carried_back};
 use relight_transport::sparse::{SparseMatrix, build_runs, fill_rows, row};
@@ -19,12 +20,13 @@ pub(crate) type Asked = ((Vec3, Vec3), u32);
 /// A place that no function covers (a crevice that no candidate met, the back of a thin rim) takes the nearest
 /// points whatever their normals, and failing that stays empty. Points that a surface separates from it count for nothing, as
 /// long as others are left: `each_separated` is asked of many places at a time, about those alone that are `separated` from others that
-/// cover the place.
+/// cover the place. Rows from where on `watch` stops it stay empty.
 pub(crate) fn weights_at(
     finest: &Level,
     places: &[Option<(Vec3, Vec3)>],
     separated: &Separated,
     each_separated: impl Fn(&[Asked]) -> Vec<bool> + Sync,
+    watch: &dyn Watch,
 ) -> SparseMatrix {
     let rows_in_order = || RowsInOrder {
         functions: FunctionsInOrder::new(finest),
@@ -44,9 +46,10 @@ pub(crate) fn weights_at(
         entries.clear();
         ends.clear();
         asked.clear();
+        let goes_on = !watch.stopped();
         for place in &places[run] {
             let first = entries.len();
-            if let Some(place) = *place {
+            if let Some(place) = place.filter(|_| goes_on) {
                 functions.functions_or_nearest_at(place.0, place.1, entries);
                 let in_doubt = covering.in_doubt(&entries[first..], separated);
                 asked.extend(in_doubt.map(|at| (first + at, (place, entries[first + at].0))));

@@ -85,7 +85,7 @@ impl Separated {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reconstruct::weights_at;
+    use crate::reconstruct::{Asked, weights_at};
     use glam::DVec3;
     use relight_scene::implicit::{ImplicitSurface, Sdf};
     use relight_transport::sparse::row;
@@ -122,7 +122,7 @@ mod tests {
             .map(|(x, z)| Some((Vec3::new(if z > 0.0 { x } else { -x }, 0.0, z), Vec3::Y)))
             .collect();
         let asked = AtomicUsize::new(0);
-        let weights = weights_at(&points, &places, &separated, |questions| {
+        let each_separated = |questions: &[Asked]| {
             asked.fetch_add(questions.len(), Ordering::Relaxed);
             (questions.iter())
                 .map(|&((place, _), point)| {
@@ -130,7 +130,8 @@ mod tests {
                     side(place) != side_of(point)
                 })
                 .collect()
-        });
+        };
+        let weights = weights_at(&points, &places, &separated, each_separated, &());
         for (k, place) in places.iter().enumerate() {
             let place = place.unwrap().0;
             assert!(

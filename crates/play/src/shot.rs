@@ -148,7 +148,7 @@ impl RelitShot {
         let scene = &prepared.scene;
         let (functions, reflections) = match &prepared.transfer {
             Some(transfer) => {
-                let weights = weights(transfer, scene, &seen);
+                let weights = weights(transfer, scene, &seen, watch);
                 go_on(watch)?;
                 let (albedo, reflections) = lobes(transfer, scene, &seen, lobe_rays, watch)?;
                 let functions = Functions {
@@ -213,13 +213,18 @@ impl RelitShot {
     }
 }
 
-fn weights(transfer: &Transfer, scene: &TracedScene, seen: &Exposure) -> SparseMatrix {
+fn weights(transfer: &Transfer, scene: &TracedScene, seen: &Exposure, watch: &dyn Watch) -> SparseMatrix {
     let places: Vec<Option<(Vec3, Vec3)>> = (seen.hits.par_iter().with_min_len(4096))
         .map(|hit| hit.as_ref().map(|h| (h.position, h.normal)))
         .collect();
-    reconstruct::weights_at(&transfer.finest, &places, transfer.separated(scene), |asked| {
-        transfer.each_separated(scene, asked)
-    })
+    let each_separated = |asked: &[reconstruct::Asked]| transfer.each_separated(scene, asked);
+    reconstruct::weights_at(
+        &transfer.finest,
+        &places,
+        transfer.separated(scene),
+        each_separated,
+        watch,
+    )
 }
 
 /// Reflectances for what is spread like something matt, and what lobes see.

@@ -46,7 +46,7 @@ pub fn expose_watched(
     watch: &dyn Watch,
 ) -> Result<Exposure, Cancelled> {
     if samples <= 1 {
-        return Ok(expose_centres(scene, camera, width, height));
+        return expose_centres(scene, camera, (width, height), watch);
     }
     let exposing = Exposing {
         scene,
@@ -232,7 +232,12 @@ impl Exposing<'_> {
 }
 
 /// [`expose`] by one ray through each pixel's centre: every pixel is one fragment.
-fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: usize) -> Exposure {
+fn expose_centres(
+    scene: &TracedScene,
+    camera: &Camera,
+    (width, height): (usize, usize),
+    watch: &dyn Watch,
+) -> Result<Exposure, Cancelled> {
     let size = Vec2::new(width as f32, height as f32);
     let count = width * height;
     let mut whole = Exposure {
@@ -252,8 +257,9 @@ fn expose_centres(scene: &TracedScene, camera: &Camera, width: usize, height: us
             camera.direction(corner + 0.5, size)
         })
         .collect_into_vec(&mut whole.directions);
-    see_from(scene, width, &mut whole);
-    whole
+    see_from(scene, width, &mut whole, watch);
+    go_on(watch)?;
+    Ok(whole)
 }
 
 /// What is seen from a place along some unit directions: a row of pixels of one fragment each. It has no view direction.
@@ -267,12 +273,13 @@ pub fn expose_around(scene: &TracedScene, eye: Vec3, directions: &[Vec3]) -> Exp
         eye,
         ..Exposure::default()
     };
-    see_from(scene, directions.len(), &mut around);
+    see_from(scene, directions.len(), &mut around, &());
     around
 }
 
-/// Fills in what rays from the eye along the directions, one per fragment, show; through pixels' centres row by row, cast in tiles.
-fn see_from(scene: &TracedScene, width: usize, whole: &mut Exposure) {
+/// Fills in what rays from the eye along the directions, one per fragment, show; through pixels' centres row by row, cast in tiles. From where on `watch` stops it
+/// nothing is seen.
+fn see_from(scene: &TracedScene, width: usize, whole: &mut Exposure, watch: &dyn Watch) {
     if scene.bends() {
         whole.through = whole.directions.clone();
     }
@@ -284,6 +291,9 @@ fn see_from(scene: &TracedScene, width: usize, whole: &mut Exposure) {
         .zip(whole.hits.par_chunks_mut(band))
         .zip(whole.points.par_chunks_mut(band))
         .for_each(|((directions, hits), points)| {
+            if watch.stopped() {
+                return;
+            }
             let tiles = (0..width).step_by(TILE).flat_map(|x| {
                 let columns = x..(x + TILE).min(width);
                 let rows = (0..directions.len()).step_by(width);

@@ -19,8 +19,10 @@ use std::time::Instant;
 const COARSE_TARGET: f64 = 60.0;
 /// Part of its time that makes a coarse picture of fewer pixels worthwhile.
 const WORTHWHILE: f64 = 0.1;
-/// How many times narrower a coarse picture may be where all it takes are a few rays, and where it is path-traced.
-const MOST_DIVISOR: (u32, u32) = (3, 8);
+/// Least pixels across a coarse picture: fewer don't tell where a lamp goes.
+const LEAST_WIDTH: u32 = 200;
+/// How many times narrower a coarse picture may be that is path-traced, however few that leaves.
+const MOST_DIVISOR_TRACED: u32 = 8;
 /// Rays to each light with extent, of a fragment and of a point, of coarse pictures.
 const COARSE_RAYS: (u32, u32) = (2, 1);
 
@@ -197,7 +199,7 @@ impl Painter {
         if stage == Stage::Coarse {
             // The first shot of a place tells nothing about the pictures that follow it.
             if turned == self.turned {
-                self.adapt(&times, traced);
+                self.adapt(&times, wish.size.0, traced);
             }
             self.turned = turned;
         }
@@ -315,8 +317,8 @@ impl Painter {
         }
     }
 
-    /// Makes coarse pictures smaller where they take too long for their pixels, and larger where time is left.
-    fn adapt(&mut self, times: &[(&'static str, f64)], traced: bool) {
+    /// Makes coarse pictures of a picture so wide smaller where they take too long for their pixels, and larger where time is left.
+    fn adapt(&mut self, times: &[(&'static str, f64)], width: u32, traced: bool) {
         const OF_PIXELS: [&str; 7] = [
             "expose",
             "weigh",
@@ -332,14 +334,18 @@ impl Painter {
             .filter(|(name, _)| OF_PIXELS.contains(name))
             .map(|(_, time)| time)
             .sum();
-        let most = if traced { MOST_DIVISOR.1 } else { MOST_DIVISOR.0 };
+        let most = match traced {
+            true => MOST_DIVISOR_TRACED,
+            false => (width / LEAST_WIDTH).max(1),
+        };
+        self.divisor = self.divisor.min(most);
         // How much the pixels' time changes with the divisor, as a part of it.
         let changed = |by: i32| {
             (f64::from(self.divisor) / f64::from(self.divisor.saturating_add_signed(by))).powi(2) - 1.0
         };
         let gained = -of_pixels * changed(1);
-        if all > COARSE_TARGET && gained > WORTHWHILE * all {
-            self.divisor = (self.divisor + 1).min(most);
+        if self.divisor < most && all > COARSE_TARGET && gained > WORTHWHILE * all {
+            self.divisor += 1;
         } else if self.divisor > 1 {
             let larger = all + of_pixels * changed(-1);
             // Half of the bounds on the way back, so that it does not go to and fro.
