@@ -1,31 +1,21 @@
 //! A triangle that is hit.
 
 use super::corner::weights;
-use super::scene::{TracedInstance, TracedScene};
 use crate::rays::{Hit, Ray, SurfacePoint, TriangleSurface};
 use crate::surface::SurfaceHit;
-use glam::{Vec3, Vec3A};
+use glam::{Mat3A, Vec3, Vec3A};
 
 /// A triangle, for any number of hits on it.
-pub(super) struct Face<'a> {
+pub(super) struct Face {
     pub triangle: u32,
-    surface: TriangleSurface,
-    instance: &'a TracedInstance,
+    pub surface: TriangleSurface,
     /// Normals of its vertices, mesh space, of any length; `None` where the mesh has none.
-    normals: Option<[Vec3A; 3]>,
+    pub normals: Option<[Vec3A; 3]>,
+    /// World space, of any length, fronts to fronts.
+    pub normal_from_mesh: Mat3A,
 }
 
-impl Face<'_> {
-    pub fn new(scene: &TracedScene, triangle: u32) -> Face<'_> {
-        let (instance, corner) = scene.corner(triangle, [0.0; 2]);
-        Face {
-            triangle,
-            surface: TriangleSurface::new(&scene.bvh, triangle),
-            instance,
-            normals: corner.vertex_normals(),
-        }
-    }
-
+impl Face {
     /// Where a ray hit it.
     pub fn hit_by(&self, ray: &Ray, hit: &Hit) -> SurfaceHit {
         let mut point = self.surface.at(hit);
@@ -47,7 +37,7 @@ impl Face<'_> {
         let geometric = point.normal;
         let smooth = (self.normals)
             .map(|normals| -> Vec3A { (0..3).map(|k| normals[k] * weights(barycentric)[k]).sum() })
-            .and_then(|normal| try_unit(Vec3::from(self.instance.normal_from_mesh * normal)))
+            .and_then(|normal| try_unit(Vec3::from(self.normal_from_mesh * normal)))
             // Normals that contradict the winding follow it.
             .map(|normal| {
                 if normal.dot(geometric) < 0.0 {

@@ -6,7 +6,7 @@ use super::occluders::{FlatPiece, Occluders};
 use crate::bsdf;
 use crate::image::ImageError;
 use crate::material::{AlphaMode, Material};
-use crate::rays::{BvhPart, Hit, Ray, TriangleBvh};
+use crate::rays::{BvhPart, Hit, Ray, TriangleBvh, TriangleSurface};
 use crate::scene::{Mesh, Scene};
 use crate::surface::{SurfaceHit, Surfaces, unshaded};
 use crate::texture::DecodedTexture;
@@ -219,7 +219,7 @@ impl TracedScene {
             v,
             sheet: 0.0,
         };
-        Face::new(self, triangle).hit_from(front, &hit)
+        self.face(triangle).hit_from(front, &hit)
     }
 
     /// What stops a ray, not always what it meets first: `None` where [`Surfaces::occluded`] says no.
@@ -298,7 +298,17 @@ impl TracedScene {
     }
 
     pub(super) fn surface_hit(&self, ray: &Ray, hit: &Hit) -> SurfaceHit {
-        Face::new(self, hit.triangle).hit_by(ray, hit)
+        self.face(hit.triangle).hit_by(ray, hit)
+    }
+
+    fn face(&self, triangle: u32) -> Face {
+        let (instance, corner) = self.corner(triangle, [0.0; 2]);
+        Face {
+            triangle,
+            surface: TriangleSurface::new(&self.bvh, triangle),
+            normals: corner.vertex_normals(),
+            normal_from_mesh: instance.normal_from_mesh,
+        }
     }
 
     /// What stops a ray first.
@@ -322,11 +332,11 @@ impl TracedScene {
                 self.bvh.closest_hit_packet(rays, &mut hits, stops);
             }
             // Neighbours mostly meet the same triangle.
-            let mut last: Option<Face<'_>> = None;
+            let mut last: Option<Face> = None;
             for (i, (hit, ray)) in hits.iter().zip(rays).enumerate() {
                 let surface_hit = hit.map(|hit| {
                     let same = last.take().filter(|face| face.triangle == hit.triangle);
-                    let face = last.insert(same.unwrap_or_else(|| Face::new(self, hit.triangle)));
+                    let face = last.insert(same.unwrap_or_else(|| self.face(hit.triangle)));
                     face.hit_by(ray, &hit)
                 });
                 visit(chunk * PACKETS + i, surface_hit);
