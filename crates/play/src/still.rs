@@ -1,7 +1,8 @@
 //! Light of lamps that stand still: found once, and kept from frame to frame.
 //!
 //! Light adds up, so that a lamp that shines as it did in the last frame need not be computed again, whatever the others do. Its
-//! random numbers depend on its place in the sequence alone: what is kept is what would be found again, to the bit.
+//! random numbers depend on its place in the sequence alone: what is kept is what would be found again, to the bit. Coarse frames may get better than that:
+//! what a careful one has found.
 
 use crate::edition::Edition;
 use crate::frame::settings::FrameSettings;

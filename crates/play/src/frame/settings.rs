@@ -25,7 +25,8 @@ pub struct FrameSettings {
     /// hundreds of points.
     pub point_samples: u32,
     /// Whether a finer frame follows at once. Points are lit at their middles alone, also wide ones and where shadows' edges pass, so that indirect light
-    /// flickers as lamps move, and bounces go from cluster to cluster ([`Transfer::coarsely_from_direct`]).
+    /// flickers as lamps move, and bounces go from cluster to cluster ([`Transfer::coarsely_from_direct`]). What a frame that was not coarse has found of lamps that
+    /// still shine as they did is taken as it is.
     ///
     /// [`Transfer::coarsely_from_direct`]: crate::transfer::Transfer::coarsely_from_direct
     pub coarse: bool,

@@ -430,3 +430,28 @@ fn nothing_is_reflected_through_the_surface() {
         }
     }
 }
+
+/// Truth: the largest of the specular part's values over views on a grid that are no more grazing than 14.5°, or than the light.
+#[test]
+fn the_strongest_reflection_is_about_the_largest_of_all_views() {
+    for metallic in [0.0, 1.0] {
+        for alpha in [0.1, 0.2, 0.5, 1.0] {
+            for cos_i in [0.1, 0.25, 0.5, 0.8, 1.0] {
+                let point = material(Vec3::splat(0.8), metallic, alpha);
+                let wi = at_cosine(cos_i, PI);
+                let specular = |wo: Vec3| (eval(&point, wo, wi) - eval_diffuse(&point, wo, wi)).max_element();
+                let least = cos_i.min(0.25);
+                let views = (0..400).flat_map(|i| {
+                    let cos = least + (1.0 - least) * i as f32 / 399.0;
+                    (0..32).map(move |j| at_cosine(cos, j as f32 * PI / 31.0))
+                });
+                let largest = views.map(specular).fold(0.0, f32::max);
+                let ratio = strongest(&point, cos_i) / largest;
+                assert!(
+                    (0.9..1.05).contains(&ratio),
+                    "metallic {metallic}, α {alpha}, cosine {cos_i}: {ratio} of {largest}"
+                );
+            }
+        }
+    }
+}
