@@ -19,10 +19,6 @@ use std::ops::Range;
 /// error by a tenth (docs/notebook/cuts.md).
 const FINER: u32 = 4;
 
-/// First rays of a pixel for each more that looks for what reaches into it from pixels around. Of 16 all that 64 find was found by 8
-/// (docs/notebook/cuts.md).
-const REACHED: usize = 2;
-
 /// First ray of a pixel, in pixels. Of starts a twentieth of a pixel apart the one from which 4, 6 and 16 rays tell best how
 /// much of a pixel lies to one side of a straight line: by 0.11, 0.085 and 0.037 (root mean square; 0.14, 0.16 and 0.075 from
 /// a quarter).
@@ -177,7 +173,8 @@ impl Exposing<'_> {
         });
     }
 
-    /// Whether something that pixels around show reaches into one of a single fragment: rays through the places nearest to them tell.
+    /// Whether something that pixels around show reaches into one of a single fragment: as many more rays as there were, through the places nearest to them, tell
+    /// what all find (docs/notebook/cuts.md).
     fn is_reached(&self, rows: &[Exposure], (x, y): (usize, usize), rays: &mut Vec<Ray>) -> bool {
         let others = self.others_around(rows, (x, y));
         if others.is_empty() {
@@ -193,7 +190,7 @@ impl Exposing<'_> {
             .map(|&place| (near(place), place))
             .collect();
         places.sort_by(|a, b| b.0.total_cmp(&a.0));
-        places.truncate(self.samples.div_ceil(REACHED));
+        places.truncate(self.samples);
         rays.clear();
         self.cast_through((x, y), places.iter().map(|place| place.1), rays);
         let own = self.only(rows, (x, y));
