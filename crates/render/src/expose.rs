@@ -163,7 +163,7 @@ impl Exposing<'_> {
         let Buffers { rays, pixel } = buffers;
         rays.clear();
         for x in pixels {
-            self.cast_through((x, y), places.iter().copied(), rays);
+            self.push_rays((x, y), places.iter().copied(), rays);
         }
         looks(self.scene, rays, |i, look| {
             pixel.push(rays[i].direction, look);
@@ -176,7 +176,8 @@ impl Exposing<'_> {
     /// Whether something that pixels around show reaches into one of a single fragment: as many more rays as there were, through the places nearest to them, tell
     /// what all find (docs/notebook/cuts.md).
     fn is_reached(&self, rows: &[Exposure], (x, y): (usize, usize), rays: &mut Vec<Ray>) -> bool {
-        let others = self.others_around(rows, (x, y));
+        let own = Sight::of(&rows[y], rows[y].fragments_of(x).start);
+        let others = self.others_around(&own, rows, (x, y));
         if others.is_empty() {
             return false;
         }
@@ -192,8 +193,7 @@ impl Exposing<'_> {
         places.sort_by(|a, b| b.0.total_cmp(&a.0));
         places.truncate(self.samples);
         rays.clear();
-        self.cast_through((x, y), places.iter().map(|place| place.1), rays);
-        let own = self.only(rows, (x, y));
+        self.push_rays((x, y), places.iter().map(|place| place.1), rays);
         let mut reached = false;
         looks(self.scene, rays, |_, look| {
             reached = reached || !own.is_like(&Sight::new(self.scene, &look), self.footprint);
@@ -201,9 +201,8 @@ impl Exposing<'_> {
         reached
     }
 
-    /// Offsets of the pixels around one of a single fragment that show something else.
-    fn others_around(&self, rows: &[Exposure], (x, y): (usize, usize)) -> Vec<Vec2> {
-        let own = self.only(rows, (x, y));
+    /// Offsets of the pixels around one that show something else than its `own` fragment.
+    fn others_around(&self, own: &Sight, rows: &[Exposure], (x, y): (usize, usize)) -> Vec<Vec2> {
         let beside = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
         let around = beside(y, rows.len()).flat_map(|v| beside(x, self.width).map(move |u| (u, v)));
         let is_other = |&(u, v): &(usize, usize)| {
@@ -215,12 +214,8 @@ impl Exposing<'_> {
             .collect()
     }
 
-    fn only(&self, rows: &[Exposure], (x, y): (usize, usize)) -> Sight {
-        Sight::of(&rows[y], rows[y].fragments_of(x).start)
-    }
-
     /// Appends rays through places of a pixel.
-    fn cast_through(&self, (x, y): (usize, usize), places: impl Iterator<Item = Vec2>, rays: &mut Vec<Ray>) {
+    fn push_rays(&self, (x, y): (usize, usize), places: impl Iterator<Item = Vec2>, rays: &mut Vec<Ray>) {
         let size = Vec2::new(self.width as f32, self.height as f32);
         let corner = Vec2::new(x as f32, y as f32);
         let toward = |place: Vec2| self.camera.direction(corner + place, size);

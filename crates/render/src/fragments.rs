@@ -1,7 +1,7 @@
 //! Which rays of a pixel share a fragment.
 //!
 //! Rays come one after another; each joins the first fragment whose first ray it is like, and adds to its means. How a ray's surface reflects is forgotten
-//! then, and found again for the one ray that stands for its fragment: it takes many times the memory of where the ray ended.
+//! then, and found again for the one ray that stands for its fragment: of all rays it would be most of what is kept.
 
 use crate::exposure::{Exposure, RayEnd};
 use glam::Vec3;

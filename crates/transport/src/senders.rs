@@ -135,15 +135,12 @@ impl SenderTree {
         children.iter().map(move |child| first + child)
     }
 
-    /// A sender's parent, its parent and so on; senders numbered over all levels.
-    pub fn ancestors(&self, sender: u32) -> impl Iterator<Item = u32> + '_ {
-        let parent = |&sender: &u32| {
-            let level = self.ranges.level_of(sender as usize);
-            let above = level.checked_sub(1)?;
-            let parent = self.parents[above][sender as usize - self.ranges.range(level).start];
-            Some(self.ranges.range(above).start as u32 + parent)
-        };
-        std::iter::successors(parent(&sender), parent)
+    /// A sender's parent, `None` of the coarsest; senders numbered over all levels.
+    pub fn parent_of(&self, sender: u32) -> Option<u32> {
+        let level = self.ranges.level_of(sender as usize);
+        let above = level.checked_sub(1)?;
+        let parent = self.parents[above][sender as usize - self.ranges.range(level).start];
+        Some(self.ranges.range(above).start as u32 + parent)
     }
 
     /// For each finest point its cluster on `level` (local index).
@@ -321,7 +318,8 @@ mod tests {
             [vec![1, 2], vec![3, 5], vec![4]]
         );
         assert_eq!(children(5), []);
-        let ancestors = |sender| tree.ancestors(sender).collect::<Vec<_>>();
+        let parent_of = |&sender: &u32| tree.parent_of(sender);
+        let ancestors = |sender| std::iter::successors(parent_of(&sender), parent_of).collect::<Vec<_>>();
         assert_eq!(
             [ancestors(0), ancestors(2), ancestors(4)],
             [vec![], vec![0], vec![2, 0]]

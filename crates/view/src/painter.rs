@@ -339,15 +339,15 @@ impl Painter {
             false => (width / LEAST_WIDTH).max(1),
         };
         self.divisor = self.divisor.min(most);
-        // How much the pixels' time changes with the divisor, as a part of it.
-        let changed = |by: i32| {
-            (f64::from(self.divisor) / f64::from(self.divisor.saturating_add_signed(by))).powi(2) - 1.0
+        // The time that such a picture would take with another divisor.
+        let with = |divisor: u32| {
+            let sides = f64::from(self.divisor) / f64::from(divisor);
+            all - of_pixels + of_pixels * sides * sides
         };
-        let gained = -of_pixels * changed(1);
-        if self.divisor < most && all > COARSE_TARGET && gained > WORTHWHILE * all {
+        if self.divisor < most && all > COARSE_TARGET && all - with(self.divisor + 1) > WORTHWHILE * all {
             self.divisor += 1;
         } else if self.divisor > 1 {
-            let larger = all + of_pixels * changed(-1);
+            let larger = with(self.divisor - 1);
             // Half of the bounds on the way back, so that it does not go to and fro.
             if larger < 0.6 * COARSE_TARGET || larger - all < 0.5 * WORTHWHILE * larger {
                 self.divisor -= 1;

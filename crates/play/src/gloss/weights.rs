@@ -5,7 +5,6 @@ use super::marks::{Marks, Sums};
 use crate::transfer::Transfer;
 use glam::Vec3;
 use relight_transport::pyramid::carry;
-use relight_transport::senders::SenderTree;
 use relight_transport::sparse;
 
 /// Part of a row's weights that it may lose, the shortest first.
@@ -29,7 +28,6 @@ pub(super) struct Making<'a> {
     transfer: &'a Transfer,
     clusters: &'a Clusters,
     is_glossy: &'a [bool],
-    senders: &'a SenderTree,
     /// Of each receiver.
     links: Vec<Row>,
     /// Of each sender; `None` of the coarsest.
@@ -48,15 +46,13 @@ pub(super) struct Buffers {
 impl Making<'_> {
     /// By a transfer's links. `is_glossy`: of all senders, whether something of them is.
     pub fn new<'a>(transfer: &'a Transfer, clusters: &'a Clusters, is_glossy: &'a [bool]) -> Making<'a> {
-        let senders = &transfer.senders;
         Making {
             transfer,
             clusters,
             is_glossy,
-            senders,
             links: transfer.links(),
             parents: (0..clusters.len() as u32)
-                .map(|sender| senders.ancestors(sender).next())
+                .map(|sender| transfer.senders.parent_of(sender))
                 .collect(),
         }
     }
@@ -67,7 +63,7 @@ impl Making<'_> {
             weights: Sums::of(senders),
             others: Marks::of(senders),
             above: Marks::of(senders),
-            whole: vec![[0.0; 2]; self.senders.ranges.range(0).len()],
+            whole: vec![[0.0; 2]; self.transfer.senders.ranges.range(0).len()],
         }
     }
 
@@ -86,7 +82,7 @@ impl Making<'_> {
                 continue;
             };
             // Children without siblings are their parents, and have no coefficient.
-            if self.senders.children_of(parent).len() < 2 {
+            if self.transfer.senders.children_of(parent).len() < 2 {
                 continue;
             }
             weights.add_all(siblings.iter().copied());
@@ -118,16 +114,21 @@ impl Making<'_> {
         others: impl Iterator<Item = u32>,
         buffers: &mut Buffers,
     ) -> Row {
+        let Buffers {
+            others: is_other,
+            above,
+            whole: sums,
+            ..
+        } = buffers;
         let mut row = row.clone();
-        let marks = (&mut buffers.others, &mut buffers.above);
         for other in others {
-            if marks.0.mark(other) {
-                self.mark_above(other, marks.1);
+            if is_other.mark(other) {
+                self.mark_above(other, above);
             }
         }
         let is_whole = |sender: u32| {
-            let is_other = |sender: u32| marks.0.has(sender);
-            !is_other(sender) && !marks.1.has(sender) && !self.ancestors(sender).any(is_other)
+            let within_other = || self.ancestors(sender).any(|parent| is_other.has(parent));
+            !is_other.has(sender) && !above.has(sender) && !within_other()
         };
         let mut whole: Vec<(u32, &mut (u32, Vec3))> = (row.iter_mut())
             .filter(|entry| is_whole(entry.0))
@@ -138,11 +139,11 @@ impl Making<'_> {
             let had = weight.dot(normal);
             let has = had.clamp(0.0, self.clusters.form_factor(self.transfer, *sender, receiver));
             *weight *= if had > 0.0 { has / had } else { 0.0 };
-            let sum = &mut buffers.whole[*root as usize];
+            let sum = &mut sums[*root as usize];
             *sum = [sum[0] + had, sum[1] + has];
         }
         for (root, (_, weight)) in &mut whole {
-            let [had, has] = buffers.whole[*root as usize];
+            let [had, has] = sums[*root as usize];
             *weight *= if has > 0.0 {
                 (had / has).clamp(0.0, MOST)
             } else {
@@ -150,10 +151,10 @@ impl Making<'_> {
             };
         }
         for (root, _) in whole {
-            buffers.whole[root as usize] = [0.0; 2];
+            sums[root as usize] = [0.0; 2];
         }
-        marks.0.clear();
-        marks.1.clear();
+        is_other.clear();
+        above.clear();
         shorten(&mut row);
         row
     }
@@ -202,8 +203,8 @@ impl Making<'_> {
     /// they send beyond the others' mean; the rest is the others', by what the receiver sees of them, or by their shares if it sees none.
     fn parts(&self, cluster: u32, links: &[(u32, Vec3)], receiver: usize) -> Vec<(u32, f32)> {
         let has_link = |child: u32| links.iter().any(|link| link.0 == child);
-        let children = self.senders.children_of(cluster);
-        let share = |child: u32| self.senders.shares[child as usize];
+        let children = self.transfer.senders.children_of(cluster);
+        let share = |child: u32| self.transfer.senders.shares[child as usize];
         let seen: Vec<f32> = (children.clone())
             .map(|child| match has_link(child) {
                 true => 0.0,
