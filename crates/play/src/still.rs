@@ -113,8 +113,8 @@ impl<K> Still<K> {
 }
 
 impl<K: Kept> Still<K> {
-    /// The light of a lamp: what is kept, if its cause is as it was or a coarse frame asks for what was found with care, else what `make` makes, which is kept unless the lamp has just
-    /// moved. And whether it was kept.
+    /// The light of a lamp: what is kept, if its cause is as it was or a coarse frame asks for what was found with care, else what `make`
+    /// makes, which is kept unless the lamp has just moved. And whether it was kept.
     pub fn light_of(&self, lamp: usize, cause: &Cause, make: impl FnOnce() -> K) -> (Arc<K>, bool) {
         let moved = {
             let mut lamps = self.lamps.lock().unwrap_or_else(PoisonError::into_inner);

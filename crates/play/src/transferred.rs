@@ -16,7 +16,7 @@ struct Last {
     edition: Edition,
     coarse: bool,
     direct: Arc<[Vec3]>,
-    over_lobes: Option<OverLobes>,
+    over_lobes: Option<Arc<OverLobes>>,
     indirect: Arc<[VectorIrradiance]>,
     stats: TransferStats,
 }
@@ -37,7 +37,7 @@ impl Transferred {
             last.edition == edition
                 && (coarse || !last.coarse)
                 && *last.direct == *direct
-                && last.over_lobes.as_ref() == over_lobes
+                && last.over_lobes.as_deref() == over_lobes
         };
         if let Some(last) = last.filter(same) {
             return (last.indirect, last.stats.of_nothing_new());
@@ -51,7 +51,7 @@ impl Transferred {
             edition,
             coarse,
             direct: direct.into(),
-            over_lobes: over_lobes.cloned(),
+            over_lobes: over_lobes.cloned().map(Arc::new),
             indirect: indirect.clone(),
             stats,
         };
