@@ -334,10 +334,11 @@ impl TracedScene {
             // Neighbours mostly meet the same triangle.
             let mut last: Option<Face> = None;
             for (i, (hit, ray)) in hits.iter().zip(rays).enumerate() {
-                let surface_hit = hit.map(|hit| {
-                    let same = last.take().filter(|face| face.triangle == hit.triangle);
-                    let face = last.insert(same.unwrap_or_else(|| self.face(hit.triangle)));
-                    face.hit_by(ray, &hit)
+                let surface_hit = hit.and_then(|hit| {
+                    if last.as_ref().is_none_or(|face| face.triangle != hit.triangle) {
+                        last = Some(self.face(hit.triangle));
+                    }
+                    last.as_ref().map(|face| face.hit_by(ray, &hit))
                 });
                 visit(chunk * PACKETS + i, surface_hit);
             }
