@@ -279,7 +279,7 @@ impl Chromium {
         self.within(selector, [0.5, 0.5])
     }
 
-    fn within(&mut self, selector: &str, at: [f64; 2]) -> [f64; 2] {
+    pub fn within(&mut self, selector: &str, at: [f64; 2]) -> [f64; 2] {
         let quoted = json!(selector);
         let place = self.evaluate(&format!(
             "const r = document.querySelector({quoted}).getBoundingClientRect();
@@ -289,7 +289,7 @@ impl Chromium {
         [0, 1].map(|i| place[i].as_f64().unwrap())
     }
 
-    fn mouse(&mut self, kind: &str, [x, y]: [f64; 2]) {
+    pub fn mouse(&mut self, kind: &str, [x, y]: [f64; 2]) {
         let buttons = u8::from(kind != "mouseReleased");
         self.call(
             "Input.dispatchMouseEvent",
