@@ -4,14 +4,15 @@
 //! sliver of a pixel can be most of its light: under lamps in a dark hall a fiftieth of a pixel was as bright as the whole image's mean.
 
 use crate::exposure::Exposure;
-use crate::fragments::{ENDS, FINER_ENDS, PixelRays, Sight};
+use crate::fragments::{ENDS, FINER_ENDS, Met, PixelRays, SightRef};
+use crate::pieces::{Of, put_together};
 use crate::slender::passed_by_slender;
 use crate::watch::{Cancelled, Watch, go_on};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::camera::Camera;
 use relight_scene::rays::Ray;
-use relight_scene::traced::{Look, TracedScene};
+use relight_scene::traced::{Faces, TracedScene};
 use relight_transport::sampling::r2;
 use std::ops::Range;
 
@@ -54,26 +55,40 @@ pub fn expose_watched(
         footprint: 2.0 * camera.tan_half_vfov / height as f32,
         slender: passed_by_slender(scene, camera, width, height),
     };
-    let rows = |make: &(dyn Fn(usize) -> Exposure + Sync)| {
-        let each = (0..height).into_par_iter().map(|y| {
-            go_on(watch)?;
-            Ok(make(y))
-        });
-        each.collect::<Result<Vec<Exposure>, Cancelled>>()
-    };
-    let first = rows(&|y| exposing.first_row(y))?;
-    let rows = rows(&|y| exposing.row(&first, y))?;
-    let mut whole = Exposure {
+    let mut pieces = rows(height, watch, |y| exposing.first_row(y))?;
+    let finer = rows(height, watch, |y| exposing.finer_pixels(&pieces, y))?;
+    let mut pixels = Vec::with_capacity(width * height);
+    for (y, (finer, _)) in finer.iter().enumerate() {
+        let of = |piece: usize, index: usize| Of {
+            piece: piece as u32,
+            index: index as u32,
+        };
+        let start = pixels.len();
+        pixels.extend((0..width).map(|x| of(y, x)));
+        for (index, x) in finer.iter().enumerate() {
+            pixels[start + x] = of(height + y, index);
+        }
+    }
+    pieces.extend(finer.into_iter().map(|(_, pixels)| pixels));
+    let like = Exposure {
         eye: camera.position,
         forward: camera.forward,
         ..exposing.empty(height)
     };
-    whole.reserve(&rows);
-    for row in rows {
-        whole.push_pixels(&row, 0..width);
-    }
-    whole.offsets.push(whole.coverage.len() as u32);
-    Ok(whole)
+    Ok(put_together(like, &pieces, &pixels))
+}
+
+/// Makes something of each row, side by side.
+fn rows<T: Send>(
+    height: usize,
+    watch: &dyn Watch,
+    make: impl Fn(usize) -> T + Sync,
+) -> Result<Vec<T>, Cancelled> {
+    let each = (0..height).into_par_iter().map(|y| {
+        go_on(watch)?;
+        Ok(make(y))
+    });
+    each.collect()
 }
 
 /// Rays of pixels side by side that are cast together.
@@ -118,21 +133,22 @@ impl Exposing<'_> {
         row
     }
 
-    /// A row of pixels, of those that first rays saw.
-    fn row(&self, first: &[Exposure], y: usize) -> Exposure {
-        let (mut row, mut buffers) = (self.empty(1), self.buffers());
-        for x in 0..self.width {
+    /// Those pixels of a row that need more rays than the first ones, and what they show then.
+    fn finer_pixels(&self, first: &[Exposure], y: usize) -> (Vec<usize>, Exposure) {
+        let (mut pixels, mut buffers) = (self.empty(1), self.buffers());
+        let finer = (0..self.width).filter(|&x| {
             let slender = self.slender.get(y * self.width + x) == Some(&true);
             let several = first[y].fragments_of(x).len() > 1;
-            if slender || several || self.is_reached(first, (x, y), &mut buffers.rays) {
+            let is_finer = slender || several || self.is_reached(first, (x, y), &mut buffers.rays);
+            if is_finer {
                 let finer = (&self.pattern[..], FINER_ENDS);
-                self.append_pixels((x..x + 1, y), finer, &mut buffers, &mut row);
-            } else {
-                row.push_pixels(&first[y], x..x + 1);
+                self.append_pixels((x..x + 1, y), finer, &mut buffers, &mut pixels);
             }
-        }
-        row.offsets.push(row.coverage.len() as u32);
-        row
+            is_finer
+        });
+        let finer = finer.collect();
+        pixels.offsets.push(pixels.coverage.len() as u32);
+        (finer, pixels)
     }
 
     fn buffers(&self) -> Buffers<'_> {
@@ -165,8 +181,8 @@ impl Exposing<'_> {
         for x in pixels {
             self.push_rays((x, y), places.iter().copied(), rays);
         }
-        looks(self.scene, rays, |i, look| {
-            pixel.push(rays[i].direction, look);
+        Met::by_each(self.scene, rays, |i, met| {
+            pixel.push(rays[i], met);
             if pixel.len() == places.len() {
                 pixel.append_to(to, ends);
             }
@@ -176,7 +192,7 @@ impl Exposing<'_> {
     /// Whether something that pixels around show reaches into one of a single fragment: as many more rays as there were, through the places nearest to them, tell
     /// what all find (docs/notebook/cuts.md).
     fn is_reached(&self, rows: &[Exposure], (x, y): (usize, usize), rays: &mut Vec<Ray>) -> bool {
-        let own = Sight::of(&rows[y], rows[y].fragments_of(x).start);
+        let own = SightRef::of(&rows[y], rows[y].fragments_of(x).start);
         let others = self.others_around(&own, rows, (x, y));
         if others.is_empty() {
             return false;
@@ -194,20 +210,25 @@ impl Exposing<'_> {
         places.truncate(self.samples);
         rays.clear();
         self.push_rays((x, y), places.iter().map(|place| place.1), rays);
-        let mut reached = false;
-        looks(self.scene, rays, |_, look| {
-            reached = reached || !own.is_like(&Sight::new(self.scene, &look), self.footprint);
+        let (mut reached, mut faces) = (false, Faces::new(self.scene));
+        Met::by_each(self.scene, rays, |i, met| {
+            reached = reached
+                || !(met.is_on(own.triangle())
+                    || own.is_like(
+                        &met.sight(self.scene, &mut faces, &rays[i]).as_ref(),
+                        self.footprint,
+                    ));
         });
         reached
     }
 
     /// Offsets of the pixels around one that show something else than its `own` fragment.
-    fn others_around(&self, own: &Sight, rows: &[Exposure], (x, y): (usize, usize)) -> Vec<Vec2> {
+    fn others_around(&self, own: &SightRef<'_>, rows: &[Exposure], (x, y): (usize, usize)) -> Vec<Vec2> {
         let beside = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
         let around = beside(y, rows.len()).flat_map(|v| beside(x, self.width).map(move |u| (u, v)));
         let is_other = |&(u, v): &(usize, usize)| {
             let mut fragments = rows[v].fragments_of(u);
-            fragments.any(|f| !own.is_like(&Sight::of(&rows[v], f), self.footprint))
+            fragments.any(|f| !own.is_like(&SightRef::of(&rows[v], f), self.footprint))
         };
         (around.filter(is_other))
             .map(|(u, v)| Vec2::new(u as f32 - x as f32, v as f32 - y as f32))
@@ -295,23 +316,13 @@ fn see_from(scene: &TracedScene, width: usize, whole: &mut Exposure, watch: &dyn
             let rays: Vec<Ray> = (order.iter())
                 .map(|&pixel| Ray::endless(eye, directions[pixel]))
                 .collect();
-            looks(scene, &rays, |i, look| {
-                let sight = Sight::new(scene, &look);
+            let mut faces = Faces::new(scene);
+            Met::by_each(scene, &rays, |i, met| {
+                let sight = met.sight(scene, &mut faces, &rays[i]);
                 directions[order[i]] = sight.direction;
                 (hits[order[i]], points[order[i]]) = sight.seen.unzip();
             });
         });
-}
-
-/// What each of some rays from one place meets, in order: `visit(i, look)`.
-fn looks(scene: &TracedScene, rays: &[Ray], mut visit: impl FnMut(usize, Look)) {
-    if scene.bends() {
-        for (i, ray) in rays.iter().enumerate() {
-            visit(i, scene.look(ray, |_, _, _| ()));
-        }
-    } else {
-        scene.closest_hits_packet(rays, |i, hit| visit(i, Look::straight(&rays[i], hit)));
-    }
 }
 
 #[cfg(test)]

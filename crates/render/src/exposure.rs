@@ -65,42 +65,6 @@ pub struct Sighted {
 }
 
 impl Exposure {
-    /// Makes room for all pixels of some exposures.
-    pub(crate) fn reserve(&mut self, of: &[Exposure]) {
-        let (fragments, ends) = (of.iter()).fold((0, 0), |sum, e| (sum.0 + e.len(), sum.1 + e.ends.len()));
-        self.coverage.reserve(fragments);
-        self.hits.reserve(fragments);
-        self.points.reserve(fragments);
-        self.directions.reserve(fragments);
-        (self.through).reserve(of.iter().map(|e| e.through.len()).sum());
-        self.end_offsets.reserve(fragments);
-        self.ends.reserve(ends);
-    }
-
-    /// Appends some pixels of another exposure; the end of the last one's fragments is left to be told.
-    pub(crate) fn push_pixels(&mut self, of: &Exposure, pixels: Range<usize>) {
-        let fragments = of.offsets[pixels.start] as usize..of.offsets[pixels.end] as usize;
-        let moved = |at: u32, from: usize, to: usize| (at as usize - from + to) as u32;
-        let to = self.coverage.len();
-        (self.offsets).extend(
-            of.offsets[pixels]
-                .iter()
-                .map(|&at| moved(at, fragments.start, to)),
-        );
-        let ends = of.end_offsets[fragments.start] as usize..of.end_offsets[fragments.end] as usize;
-        let to = self.ends.len();
-        let last = &of.end_offsets[fragments.start + 1..=fragments.end];
-        (self.end_offsets).extend(last.iter().map(|&at| moved(at, ends.start, to)));
-        self.ends.extend_from_slice(&of.ends[ends]);
-        self.coverage.extend_from_slice(&of.coverage[fragments.clone()]);
-        self.hits.extend_from_slice(&of.hits[fragments.clone()]);
-        self.points.extend_from_slice(&of.points[fragments.clone()]);
-        if !of.through.is_empty() {
-            self.through.extend_from_slice(&of.through[fragments.clone()]);
-        }
-        self.directions.extend_from_slice(&of.directions[fragments]);
-    }
-
     /// Unit direction from the camera to where fragment `f` shows in the image.
     pub fn through(&self, f: usize) -> Vec3 {
         *self.through.get(f).unwrap_or(&self.directions[f])

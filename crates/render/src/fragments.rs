@@ -1,14 +1,17 @@
 //! Which rays of a pixel share a fragment.
 //!
 //! Rays come one after another; each joins the first fragment whose first ray it is like, and adds to its means. How a ray's surface reflects is forgotten
-//! then, and found again for the one ray that stands for its fragment: of all rays it would be most of what is kept.
+//! then, and found again for the one ray that stands for its fragment: of all rays it would be most of what is kept. Of most materials only the colour changes
+//! within a triangle: after the first few rays of a fragment that is all that is looked up of those that meet the same triangles. Looking at a ray takes twice the
+//! time of casting it.
 
 use crate::exposure::{Exposure, RayEnd};
 use glam::Vec3;
 use relight_scene::bsdf;
+use relight_scene::rays::{Hit, Ray};
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::{SurfaceHit, Surfaces};
-use relight_scene::traced::{Look, TracedScene};
+use relight_scene::traced::{BaseColors, Faces, Look, TracedScene};
 
 /// Ray ends that are kept of a pixel that sees one thing: the error of a straight edge of a shadow
 /// falls with the power 3/4 of their number, to a quarter.
@@ -24,6 +27,70 @@ const SAME_FACING: f32 = 0.99;
 
 /// How far, in pixel footprints, the second ray's surface may lie off the first one's tangent plane.
 const SAME_PLANE: f32 = 2.0;
+
+/// Rays of a fragment that are looked at however alike they are: the pattern's first three span the pixel.
+const LOOKED_AT: u32 = 3;
+
+/// Cosine between normals that count as equal: 2°.
+const EQUAL_FACING: f32 = 0.9994;
+
+/// What a ray from the eye meets.
+pub(crate) enum Met {
+    /// It is straight: a triangle, or nothing.
+    Straight(Option<Hit>),
+    /// Solid glass may have bent it.
+    Bent(Box<Look>),
+}
+
+impl Met {
+    /// Calls `visit(i, met)` for each of some rays from one place, in order.
+    pub fn by_each(scene: &TracedScene, rays: &[Ray], mut visit: impl FnMut(usize, Met)) {
+        if scene.bends() {
+            for (i, ray) in rays.iter().enumerate() {
+                visit(i, Met::Bent(Box::new(scene.look(ray, |_, _, _| ()))));
+            }
+        } else {
+            scene.closest_hits_packet(rays, |i, hit| visit(i, Met::Straight(hit)));
+        }
+    }
+
+    /// What the ray shows.
+    pub fn sight(&self, scene: &TracedScene, faces: &mut Faces<'_>, ray: &Ray) -> Sight {
+        match self {
+            Met::Straight(hit) => {
+                let hit = hit.as_ref().map(|hit| faces.hit_by(ray, hit));
+                Sight::new(scene, &Look::straight(ray, hit))
+            }
+            Met::Bent(look) => Sight::new(scene, look),
+        }
+    }
+
+    /// Where the ray ends, seen from its front or back.
+    fn end(&self, front: bool) -> Option<RayEnd> {
+        match self {
+            Met::Straight(hit) => hit.as_ref().map(|hit| RayEnd {
+                primitive: hit.triangle,
+                barycentric: [hit.u, hit.v],
+                front,
+            }),
+            Met::Bent(look) => look.hit.as_ref().map(|hit| RayEnd {
+                primitive: hit.primitive,
+                barycentric: hit.barycentric,
+                front,
+            }),
+        }
+    }
+
+    /// Whether a straight ray meets this triangle, or nothing.
+    pub fn is_on(&self, triangle: Option<u32>) -> bool {
+        matches!(self, Met::Straight(hit) if hit.map(|hit| hit.triangle) == triangle)
+    }
+
+    /// Whether two straight rays meet the same triangle, or both nothing.
+    fn is_where(&self, other: &Met) -> bool {
+        matches!(other, Met::Straight(hit) if self.is_on(hit.map(|hit| hit.triangle)))
+    }
+}
 
 /// What a ray shows.
 #[derive(Clone, Copy)]
@@ -53,17 +120,40 @@ impl Sight {
         }
     }
 
+    pub fn as_ref(&self) -> SightRef<'_> {
+        SightRef {
+            direction: self.direction,
+            bent: self.bent,
+            seen: self.seen.as_ref().map(|(hit, point)| (hit, point)),
+        }
+    }
+}
+
+/// A [`Sight`] that lies elsewhere.
+#[derive(Clone, Copy)]
+pub(crate) struct SightRef<'a> {
+    direction: Vec3,
+    bent: bool,
+    seen: Option<(&'a SurfaceHit, &'a ShadingPoint)>,
+}
+
+impl<'a> SightRef<'a> {
     /// What a fragment shows.
-    pub fn of(row: &Exposure, f: usize) -> Sight {
-        Sight {
+    pub fn of(row: &'a Exposure, f: usize) -> SightRef<'a> {
+        SightRef {
             direction: row.directions[f],
             bent: row.is_bent(f),
-            seen: row.hits[f].zip(row.points[f]),
+            seen: row.hits[f].as_ref().zip(row.points[f].as_ref()),
         }
     }
 
+    /// The triangle that is met.
+    pub fn triangle(&self) -> Option<u32> {
+        self.seen.map(|(hit, _)| hit.primitive)
+    }
+
     /// Whether two rays may share a fragment; `footprint`: size of a pixel at distance 1.
-    pub fn is_like(&self, other: &Sight, footprint: f32) -> bool {
+    pub fn is_like(&self, other: &SightRef<'_>, footprint: f32) -> bool {
         if self.bent != other.bent || (self.bent && self.direction.dot(other.direction) <= SAME_FACING) {
             return false;
         }
@@ -103,22 +193,34 @@ pub(crate) struct PixelRays<'a> {
     scene: &'a TracedScene,
     /// Size of a pixel at distance 1.
     footprint: f32,
+    faces: Faces<'a>,
+    colors: BaseColors<'a>,
     rays: Vec<PixelRay>,
     groups: Vec<Group>,
 }
 
 struct PixelRay {
-    /// Unit direction from the camera.
-    through: Vec3,
-    look: Look,
+    ray: Ray,
+    met: Met,
+    /// Whether it meets a front.
+    front: bool,
     group: usize,
 }
 
 /// Rays that share a fragment.
 struct Group {
     first: Sight,
+    /// How metallic it is, if in a triangle nothing but its base colour changes.
+    metallic: Option<f32>,
     count: u32,
+    /// Of all rays.
     through: Vec3,
+    base_color: Vec3,
+    /// How many were looked at.
+    looked_at: u32,
+    /// Whether those face the same way.
+    is_flat: bool,
+    /// Of those.
     sums: Sums,
 }
 
@@ -139,6 +241,8 @@ impl<'a> PixelRays<'a> {
         PixelRays {
             scene,
             footprint,
+            faces: Faces::new(scene),
+            colors: BaseColors::new(scene),
             rays: Vec::new(),
             groups: Vec::new(),
         }
@@ -149,22 +253,54 @@ impl<'a> PixelRays<'a> {
         self.rays.len()
     }
 
-    /// Adds a ray that leaves the camera in the unit direction `through`.
-    pub fn push(&mut self, through: Vec3, look: Look) {
-        let sight = Sight::new(self.scene, &look);
+    /// Adds a ray from the camera and what it meets.
+    pub fn push(&mut self, ray: Ray, met: Met) {
+        let (group, front, base_color) = match self.known(&met) {
+            Some((group, front)) => (group, front, self.base_color(&met)),
+            None => self.look_at(&ray, &met),
+        };
+        let of = &mut self.groups[group];
+        of.count += 1;
+        of.through += ray.direction;
+        of.base_color += base_color;
+        self.rays.push(PixelRay {
+            ray,
+            met,
+            front,
+            group,
+        });
+    }
+
+    /// The group of a ray of which no more than its colour need be known, and whether it meets a front.
+    fn known(&self, met: &Met) -> Option<(usize, bool)> {
+        let alike = self.rays.iter().rev().find(|ray| ray.met.is_where(met))?;
+        let group = &self.groups[alike.group];
+        (group.is_flat && group.metallic.is_some() && group.looked_at >= LOOKED_AT)
+            .then_some((alike.group, alike.front))
+    }
+
+    /// The base colour where a ray ends, linear RGB.
+    fn base_color(&mut self, met: &Met) -> Vec3 {
+        match met.end(true) {
+            Some(end) => self.colors.at(end.primitive, end.barycentric),
+            None => Vec3::ZERO,
+        }
+    }
+
+    /// The group that a ray is like, to whose means it adds, whether it meets a front, and its base colour.
+    fn look_at(&mut self, ray: &Ray, met: &Met) -> (usize, bool, Vec3) {
+        let sight = met.sight(self.scene, &mut self.faces, ray);
         let footprint = self.footprint;
-        let like = |group: &Group| group.first.is_like(&sight, footprint);
-        let group = self.groups.iter().position(like).unwrap_or_else(|| {
-            self.groups.push(Group {
-                first: sight,
-                count: 0,
-                through: Vec3::ZERO,
-                sums: Sums::default(),
-            });
+        let like = |group: &Group| group.first.as_ref().is_like(&sight.as_ref(), footprint);
+        let index = self.groups.iter().position(like).unwrap_or_else(|| {
+            self.groups.push(Group::new(self.scene, sight));
             self.groups.len() - 1
         });
-        self.groups[group].add(through, &sight);
-        self.rays.push(PixelRay { through, look, group });
+        self.groups[index].add(&sight);
+        match &sight.seen {
+            Some((hit, point)) => (index, hit.front, point.base_color),
+            None => (index, true, Vec3::ZERO),
+        }
     }
 
     /// Appends the pixel's fragments, with about `ends` of the places where its rays end, and forgets its rays.
@@ -176,22 +312,18 @@ impl<'a> PixelRays<'a> {
             row.coverage.push(coverage);
             let members = || self.rays.iter().filter(|ray| ray.group == index);
             // Any number of first rays of the pattern is evenly spread.
-            let kept = (members().filter_map(|ray| ray.look.hit.as_ref())).map(|hit| RayEnd {
-                primitive: hit.primitive,
-                barycentric: hit.barycentric,
-                front: hit.front,
-            });
+            let kept = members().filter_map(|ray| ray.met.end(ray.front));
             row.ends.extend(kept.take((ends * coverage).ceil() as usize));
             row.end_offsets.push(row.ends.len() as u32);
             let middle = group.through / group.count as f32;
-            let distance = |ray: &&PixelRay| (ray.through - middle).length_squared();
+            let distance = |of: &&PixelRay| (of.ray.direction - middle).length_squared();
             let Some(nearest) = members().min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
                 continue;
             };
-            let sight = Sight::new(self.scene, &nearest.look);
+            let sight = (nearest.met).sight(self.scene, &mut self.faces, &nearest.ray);
             row.directions.push(sight.direction);
             if self.scene.bends() {
-                row.through.push(nearest.through);
+                row.through.push(nearest.ray.direction);
             }
             let (hit, point) = sight.seen.unzip();
             row.hits.push(hit);
@@ -203,10 +335,30 @@ impl<'a> PixelRays<'a> {
 }
 
 impl Group {
-    fn add(&mut self, through: Vec3, sight: &Sight) {
-        self.count += 1;
-        self.through += through;
-        let Some((_, point)) = &sight.seen else { return };
+    /// Of no ray yet, of those that are like one.
+    fn new(scene: &TracedScene, first: Sight) -> Group {
+        let metallic = match &first.seen {
+            Some((hit, _)) => scene.metallic_but_for_color(hit.primitive),
+            None => Some(0.0),
+        };
+        Group {
+            first,
+            metallic,
+            count: 0,
+            through: Vec3::ZERO,
+            base_color: Vec3::ZERO,
+            looked_at: 0,
+            is_flat: true,
+            sums: Sums::default(),
+        }
+    }
+
+    fn add(&mut self, sight: &Sight) {
+        self.looked_at += 1;
+        let (Some((first, _)), Some((hit, point))) = (&self.first.seen, &sight.seen) else {
+            return;
+        };
+        self.is_flat = self.is_flat && first.normal.dot(hit.normal) > EQUAL_FACING;
         let sums = &mut self.sums;
         sums.geometric_normal += point.geometric_normal;
         sums.normal += point.normal;
@@ -219,16 +371,20 @@ impl Group {
 
     /// How the fragment reflects of which `point` is one.
     fn mean(&self, point: &ShadingPoint) -> ShadingPoint {
-        let (sums, count) = (&self.sums, self.count as f32);
+        let (sums, count) = (&self.sums, self.looked_at as f32);
         let normal = sums.shading_normal / count;
+        // By how much the base colour of all differs from that of those, which colours both kinds of reflection.
+        let base_color = self.base_color / self.count as f32;
+        let further = base_color - sums.base_color / count;
+        let metallic = self.metallic.unwrap_or(0.0);
         let mean = ShadingPoint {
             // The facet that the middle ray meets may face a grazing lamp less than the others do.
             geometric_normal: (sums.geometric_normal / count)
                 .try_normalize()
                 .unwrap_or(point.geometric_normal),
-            base_color: sums.base_color / count,
-            diffuse: sums.diffuse / count,
-            f0: sums.f0 / count,
+            base_color,
+            diffuse: sums.diffuse / count + further * (1.0 - metallic),
+            f0: sums.f0 / count + further * metallic,
             emission: sums.emission / count,
             shading_normal: normal.try_normalize().unwrap_or(point.shading_normal),
             ..*point

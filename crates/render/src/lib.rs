@@ -74,6 +74,7 @@ pub mod lighting;
 pub mod many_lights;
 pub mod path;
 pub mod picture;
+mod pieces;
 pub mod pixelcuts;
 mod place;
 mod rare;

@@ -103,7 +103,13 @@ impl DecodedTexture {
     /// # Panics
     /// It lies outside the image.
     pub(crate) fn linear_texel(&self, x: usize, y: usize) -> Vec3 {
-        self.texel(x, y, &LINEAR_FROM_SRGB).truncate()
+        let texel = match self.channels {
+            1 => DecodedTexture::texel::<1>,
+            2 => DecodedTexture::texel::<2>,
+            3 => DecodedTexture::texel::<3>,
+            _ => DecodedTexture::texel::<4>,
+        };
+        texel(self, x, y, &LINEAR_FROM_SRGB).truncate()
     }
 
     /// The value at texture coordinates `uv`: linear RGB and alpha, each in 0..=1. A grey texture has three
@@ -115,23 +121,32 @@ impl DecodedTexture {
             ColorSpace::Linear => &*LINEAR_FROM_UNORM,
             ColorSpace::Srgb => &*LINEAR_FROM_SRGB,
         };
-        let texel = |x: i32, y: i32| {
-            self.texel(
-                wrap_index(x, self.width, self.wrap[0]),
-                wrap_index(y, self.height, self.wrap[1]),
-                table,
-            )
-        };
+        match self.channels {
+            1 => self.filtered::<1>(u, v, table),
+            2 => self.filtered::<2>(u, v, table),
+            3 => self.filtered::<3>(u, v, table),
+            // decode_texture makes 1 to 4 channels only.
+            _ => self.filtered::<4>(u, v, table),
+        }
+    }
+
+    /// The value at a place in texels, of a texture of so many channels.
+    #[inline]
+    fn filtered<const CHANNELS: usize>(&self, u: f32, v: f32, table: &[f32; 256]) -> Vec4 {
+        let column = |x: i32| wrap_index(x, self.width, self.wrap[0]);
+        let row = |y: i32| wrap_index(y, self.height, self.wrap[1]);
+        let texel = |x: usize, y: usize| self.texel::<CHANNELS>(x, y, table);
         if self.nearest {
-            return texel(u.floor() as i32, v.floor() as i32);
+            return texel(column(floor(u) as i32), row(floor(v) as i32));
         }
         // Texel centres lie at half integers.
         let (x, y) = (u - 0.5, v - 0.5);
-        let (x0, y0) = (x.floor(), y.floor());
+        let (x0, y0) = (floor(x), floor(y));
         let (fx, fy) = (x - x0, y - y0);
-        let (x0, y0) = (x0 as i32, y0 as i32);
-        let top = texel(x0, y0) * (1.0 - fx) + texel(x0 + 1, y0) * fx;
-        let bottom = texel(x0, y0 + 1) * (1.0 - fx) + texel(x0 + 1, y0 + 1) * fx;
+        let [left, right] = [x0 as i32, x0 as i32 + 1].map(column);
+        let [upper, lower] = [y0 as i32, y0 as i32 + 1].map(row);
+        let top = texel(left, upper) * (1.0 - fx) + texel(right, upper) * fx;
+        let bottom = texel(left, lower) * (1.0 - fx) + texel(right, lower) * fx;
         top * (1.0 - fy) + bottom * fy
     }
 
@@ -140,26 +155,29 @@ impl DecodedTexture {
         self.sample(usage.texture_from_mesh.transform_point2(uv), space)
     }
 
-    fn texel(&self, x: usize, y: usize, table: &[f32; 256]) -> Vec4 {
-        let channels = usize::from(self.channels);
-        let at = (y * self.width as usize + x) * channels;
-        let bytes = &self.texels[at..at + channels];
-        let color = |byte: u8| table[usize::from(byte)];
-        let alpha = |byte: u8| f32::from(byte) / 255.0;
-        match *bytes {
-            [grey] => {
-                let grey = color(grey);
-                Vec4::new(grey, grey, grey, 1.0)
-            }
-            [grey, a] => {
-                let grey = color(grey);
-                Vec4::new(grey, grey, grey, alpha(a))
-            }
-            [r, g, b] => Vec4::new(color(r), color(g), color(b), 1.0),
-            [r, g, b, a] => Vec4::new(color(r), color(g), color(b), alpha(a)),
-            _ => Vec4::ZERO, // decode_texture makes 1 to 4 channels only
+    #[inline]
+    fn texel<const CHANNELS: usize>(&self, x: usize, y: usize, table: &[f32; 256]) -> Vec4 {
+        let at = (y * self.width as usize + x) * CHANNELS;
+        let bytes = &self.texels[at..at + CHANNELS];
+        let color = |i: usize| table[usize::from(bytes[i])];
+        let alpha = |i: usize| f32::from(bytes[i]) / 255.0;
+        match CHANNELS {
+            1 => Vec3::splat(color(0)).extend(1.0),
+            2 => Vec3::splat(color(0)).extend(alpha(1)),
+            3 => Vec4::new(color(0), color(1), color(2), 1.0),
+            _ => Vec4::new(color(0), color(1), color(2), alpha(3)),
         }
     }
+}
+
+/// [`f32::floor`], which is a call on processors that compilers must reckon with. What is larger than 2²³ is whole.
+#[inline]
+fn floor(x: f32) -> f32 {
+    if x.abs() >= (1 << 23) as f32 {
+        return x;
+    }
+    let truncated = x as i32 as f32;
+    if truncated > x { truncated - 1.0 } else { truncated }
 }
 
 /// Brings a coordinate into one period of its wrap mode, so that large coordinates keep their fraction and
@@ -169,8 +187,8 @@ fn reduce(coordinate: f32, wrap: Wrap) -> f32 {
         return 0.0;
     }
     match wrap {
-        Wrap::Repeat => coordinate - coordinate.floor(),
-        Wrap::Mirror => coordinate - 2.0 * (coordinate * 0.5).floor(),
+        Wrap::Repeat => coordinate - floor(coordinate),
+        Wrap::Mirror => coordinate - 2.0 * floor(coordinate * 0.5),
         Wrap::Clamp => coordinate.clamp(0.0, 1.0),
     }
 }

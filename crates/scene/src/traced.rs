@@ -23,7 +23,9 @@ mod shade;
 mod tests;
 mod textures;
 
+pub use face::Faces;
 pub use occluders::{BULGE, FlatPiece};
 pub use refracted::Look;
 pub use scene::{Shading, Stop, TracedScene, TracedSceneError};
+pub use textures::BaseColors;
 pub(crate) use textures::EmissionTexture;

@@ -38,7 +38,7 @@ const WATCH: &str = "
         const { wanted, shown, stage } = document.body.dataset, now = performance.now();
         const names = changes.map((change) => change.attributeName);
         if (names.includes('data-shown')) {
-            hand.shown.push([now, stage, Number(shown)]);
+            hand.shown.push([now, stage, document.getElementById('stages').title]);
             if (hand.asked && Number(shown) >= hand.asked.id) {
                 hand.waits.push(now - hand.asked.at);
                 hand.asked = null;
@@ -128,25 +128,29 @@ fn measure(page: &mut Chromium, name: &str, from: [f64; 2], step: [f64; 2]) {
     page.mouse("mouseMoved", [0, 1].map(|i| from[i] + 40.5 * step[i]));
     page.mouse("mouseReleased", [0, 1].map(|i| from[i] + 40.5 * step[i]));
     page.rest();
-    let after = |stage: &str| {
-        format!(
-            "return hand.shown.findLast(([time, stage]) => stage === '{stage}' && time > hand.last)?.[0] - hand.last"
-        )
-    };
-    let [middle, last] = ["middle", "final"].map(|stage| page.evaluate(&after(stage)));
+    let after = page.evaluate(
+        "const last = (stage) => hand.shown.findLast((shown) => shown[1] === stage && shown[0] > hand.last);
+         return ['middle', 'final'].map(last).map((shown) => [(shown?.[0] - hand.last) / 1000, shown?.[2]])",
+    );
     let part = |share: f64| {
         let index = (share * waits.len() as f64) as usize;
         waits.get(index.min(waits.len().saturating_sub(1))).copied()
     };
     println!(
-        "{name}: from event to canvas {:.0} ms (95 %: {:.0}, of {}); {:.1} pictures a second; at rest all pixels after {:.2} s, final after {:.2} s",
+        "{name}: from event to canvas {:.0} ms (95 %: {:.0}, of {}); {:.1} pictures a second",
         part(0.5).unwrap_or(f64::NAN),
         part(0.95).unwrap_or(f64::NAN),
         waits.len(),
         shown as f64 / steady,
-        middle.as_f64().unwrap_or(f64::NAN) / 1e3,
-        last.as_f64().unwrap_or(f64::NAN) / 1e3,
     );
+    for (what, k) in [("all pixels", 0), ("final", 1)] {
+        let [seconds, stages] = [0, 1].map(|i| &after[k][i]);
+        println!(
+            "  {what} {:.2} s after the last event. {}",
+            seconds.as_f64().unwrap_or(f64::NAN),
+            stages.as_str().unwrap_or("")
+        );
+    }
 }
 
 fn count(page: &mut Chromium, what: &str) -> u64 {

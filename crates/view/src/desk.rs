@@ -23,7 +23,7 @@ const MOST_WORDS: usize = 16;
 pub enum Stage {
     /// Fewer pixels, one sample.
     Coarse,
-    /// All pixels, one sample.
+    /// All pixels, one sample; of large pictures fewer.
     Middle,
     /// What `relight play` writes.
     Final,

@@ -17,6 +17,9 @@ use std::time::Instant;
 
 /// Milliseconds that a coarse picture may take: 15 a second.
 const COARSE_TARGET: f64 = 60.0;
+/// Milliseconds that the eye's rays and the functions where they end may take of the picture that refines a coarse one: of large pictures they
+/// hold up the final one, which follows, by half a second and more.
+const MIDDLE_TARGET: f64 = 350.0;
 /// Part of its time that makes a coarse picture of fewer pixels worthwhile.
 const WORTHWHILE: f64 = 0.1;
 /// Least pixels across a coarse picture: fewer don't tell where a lamp goes.
@@ -92,6 +95,8 @@ pub struct Painter {
     divisor: u32,
     /// The last coarse picture had a shot of its own.
     turned: bool,
+    /// Milliseconds that a pixel's ray and functions took in the last picture of one ray a pixel.
+    of_pixel: f64,
     /// Path tracing beside the last picture that was compared.
     reference: Option<Reference>,
 }
@@ -103,6 +108,7 @@ impl Default for Painter {
             shots: [None, None, None, None],
             divisor: 2,
             turned: false,
+            of_pixel: 0.0,
             reference: None,
         }
     }
@@ -179,6 +185,10 @@ impl Painter {
                 })?;
             if let Shot::Relit(shot) = &shot {
                 times.extend([("expose", shot.times.expose), ("weigh", shot.times.weigh)]);
+                if stage == Stage::Coarse {
+                    let pixels = key.settings.width * key.settings.height;
+                    self.of_pixel = (shot.times.expose + shot.times.weigh) / pixels.max(1) as f64;
+                }
             }
             *slot = Some((key, shot));
         }
@@ -301,7 +311,11 @@ impl Painter {
         integrator: Integrator,
     ) -> ShotSettings {
         let still = stage == Stage::Final;
-        let divisor = if stage == Stage::Coarse { self.divisor } else { 1 };
+        let divisor = match stage {
+            Stage::Coarse => self.divisor,
+            Stage::Middle => self.middle_divisor(wish.size),
+            Stage::Final | Stage::Beside => 1,
+        };
         let side = |pixels: u32| pixels.div_ceil(divisor) as usize;
         ShotSettings {
             integrator,
@@ -315,6 +329,13 @@ impl Painter {
                 _ => Some(CutSites::Around),
             },
         }
+    }
+
+    /// How many times narrower the picture is that refines a coarse one.
+    fn middle_divisor(&self, (width, height): (u32, u32)) -> u32 {
+        let whole = self.of_pixel * f64::from(width) * f64::from(height);
+        let narrower = (whole / MIDDLE_TARGET).sqrt().ceil().max(1.0);
+        (narrower as u32).min(self.divisor)
     }
 
     /// Makes coarse pictures of a picture so wide smaller where they take too long for their pixels, and larger where time is left.

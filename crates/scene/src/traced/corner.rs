@@ -49,11 +49,16 @@ impl<'a> Corner<'a> {
     }
 
     pub(super) fn color(&self) -> Vec4 {
-        let colors = &self.mesh.colors;
-        if colors.is_empty() {
-            return Vec4::ONE;
+        match self.vertex_colors() {
+            Some(colors) => (0..3).map(|k| colors[k] * self.weights[k]).sum(),
+            None => Vec4::ONE,
         }
-        (0..3).map(|k| colors[self.indices[k]] * self.weights[k]).sum()
+    }
+
+    /// Colours of the three vertices; `None` where the mesh has none.
+    pub(super) fn vertex_colors(&self) -> Option<[Vec4; 3]> {
+        let colors = &self.mesh.colors;
+        (!colors.is_empty()).then(|| self.indices.map(|index| colors[index]))
     }
 }
 

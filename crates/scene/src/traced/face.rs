@@ -1,6 +1,7 @@
 //! A triangle that is hit.
 
 use super::corner::weights;
+use super::scene::TracedScene;
 use crate::rays::{Hit, Ray, SurfacePoint, TriangleSurface};
 use crate::surface::SurfaceHit;
 use glam::{Mat3A, Vec3, Vec3A};
@@ -56,6 +57,30 @@ impl Face {
             front,
             primitive: hit.triangle,
             barycentric,
+        }
+    }
+}
+
+/// Looks up what rays have hit. Neighbours mostly hit the same triangle: it keeps the last.
+pub struct Faces<'a> {
+    scene: &'a TracedScene,
+    last: Option<Face>,
+}
+
+impl<'a> Faces<'a> {
+    /// Of a scene.
+    pub fn new(scene: &'a TracedScene) -> Faces<'a> {
+        Faces { scene, last: None }
+    }
+
+    /// Where a ray hit the scene.
+    ///
+    /// # Panics
+    /// The hit is from another scene with more triangles.
+    pub fn hit_by(&mut self, ray: &Ray, hit: &Hit) -> SurfaceHit {
+        match &self.last {
+            Some(face) if face.triangle == hit.triangle => face.hit_by(ray, hit),
+            _ => (self.last.insert(self.scene.face(hit.triangle))).hit_by(ray, hit),
         }
     }
 }

@@ -301,7 +301,7 @@ impl TracedScene {
         self.face(hit.triangle).hit_by(ray, hit)
     }
 
-    fn face(&self, triangle: u32) -> Face {
+    pub(super) fn face(&self, triangle: u32) -> Face {
         let (instance, corner) = self.corner(triangle, [0.0; 2]);
         Face {
             triangle,
@@ -320,9 +320,9 @@ impl TracedScene {
         }
     }
 
-    /// [`Surfaces::closest_hit`] of each of some rays that start at one place and lie close to each other in the slice: `visit(i, hit)` in
-    /// order. Right for any rays.
-    pub fn closest_hits_packet(&self, rays: &[Ray], mut visit: impl FnMut(usize, Option<SurfaceHit>)) {
+    /// What each of some rays meets first that start at one place and lie close to each other in the slice: `visit(i, hit)` in
+    /// order; [`Faces`](super::Faces) says what is there. Right for any rays.
+    pub fn closest_hits_packet(&self, rays: &[Ray], mut visit: impl FnMut(usize, Option<Hit>)) {
         for (chunk, rays) in rays.chunks(PACKETS).enumerate() {
             let mut hits = [None; PACKETS];
             if self.opaque {
@@ -331,16 +331,8 @@ impl TracedScene {
                 let stops = |i: usize, hit: &Hit| self.stops(&rays[i], hit);
                 self.bvh.closest_hit_packet(rays, &mut hits, stops);
             }
-            // Neighbours mostly meet the same triangle.
-            let mut last: Option<Face> = None;
-            for (i, (hit, ray)) in hits.iter().zip(rays).enumerate() {
-                let surface_hit = hit.and_then(|hit| {
-                    if last.as_ref().is_none_or(|face| face.triangle != hit.triangle) {
-                        last = Some(self.face(hit.triangle));
-                    }
-                    last.as_ref().map(|face| face.hit_by(ray, &hit))
-                });
-                visit(chunk * PACKETS + i, surface_hit);
+            for (i, hit) in hits.into_iter().enumerate().take(rays.len()) {
+                visit(chunk * PACKETS + i, hit);
             }
         }
     }

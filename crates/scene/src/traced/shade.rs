@@ -7,7 +7,7 @@
 use super::corner::Corner;
 use super::scene::{Shading, TracedScene};
 use crate::bsdf::{MAX_EXPONENT, exponent_of_alpha};
-use crate::material::{Bump, Material, Model, TextureUse};
+use crate::material::{AlphaMode, Bump, Material, Model, TextureUse};
 use crate::shading::{DIELECTRIC_F0, Gloss, MIN_ALPHA, ShadingPoint, bend_towards};
 use crate::surface::SurfaceHit;
 use crate::texture::ColorSpace;
@@ -126,6 +126,33 @@ impl TracedScene {
         point.f0 = Vec3::from(specular.to_array().map(unit_interval));
         point.diffuse = point.base_color.min(Vec3::ONE - point.f0);
         point.lambert = false;
+    }
+
+    /// How metallic a triangle's material is, if within the triangle nothing but its base colour changes, which colours what it reflects in
+    /// proportion; `None` of materials of which more does.
+    ///
+    /// # Panics
+    /// `triangle` is not below [`TracedScene::triangle_count`].
+    pub fn metallic_but_for_color(&self, triangle: u32) -> Option<f32> {
+        let material = self.material(triangle);
+        let is_pane = matches!(material.alpha_mode, AlphaMode::Pane { .. });
+        let emits_by_texture = material.emission != Vec3::ZERO && material.emission_texture.is_some();
+        // Tints are those of ways, not of materials.
+        if self.tinted || is_pane || material.unlit || emits_by_texture {
+            return None;
+        }
+        if self.shading() == Shading::Lambert || material.model == Model::Lambert {
+            return Some(0.0);
+        }
+        let extended = (material.extensions.as_ref()).is_some_and(|extensions| {
+            extensions.iridescence > 0.0 || extensions.textures().into_iter().any(Option::is_some)
+        });
+        let has_relief = material.normal_texture.is_some() || material.bump.is_some();
+        (material.model == Model::MetallicRoughness
+            && material.metallic_roughness_texture.is_none()
+            && !has_relief
+            && !extended)
+            .then_some(unit_interval(material.metallic))
     }
 
     /// Radiance that a point of a triangle emits from its front (and back, if double-sided), not scaled by
