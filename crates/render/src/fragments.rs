@@ -28,7 +28,7 @@ const SAME_FACING: f32 = 0.99;
 /// How far, in pixel footprints, the second ray's surface may lie off the first one's tangent plane.
 const SAME_PLANE: f32 = 2.0;
 
-/// Rays of a fragment that are looked at however alike they are: the pattern's first three span the pixel.
+/// Rays of a fragment that are looked at where its triangles are curved: the pattern's first three span the pixel.
 const LOOKED_AT: u32 = 3;
 
 /// Cosine between normals that count as equal: 2°.
@@ -202,9 +202,26 @@ pub(crate) struct PixelRays<'a> {
 struct PixelRay {
     ray: Ray,
     met: Met,
+    of: Of,
+}
+
+/// What a ray is of.
+#[derive(Clone, Copy)]
+struct Of {
     /// Whether it meets a front.
     front: bool,
+    facing: Facing,
+    /// Whether that is how all of its triangle faces.
+    is_flat: bool,
     group: usize,
+}
+
+/// Normals where a ray ends, or sums of them.
+#[derive(Clone, Copy, Default)]
+struct Facing {
+    geometric: Vec3,
+    smooth: Vec3,
+    shading: Vec3,
 }
 
 /// Rays that share a fragment.
@@ -213,23 +230,21 @@ struct Group {
     /// How metallic it is, if in a triangle nothing but its base colour changes.
     metallic: Option<f32>,
     count: u32,
-    /// Of all rays.
+    /// Sums over all rays.
     through: Vec3,
     base_color: Vec3,
+    facing: Facing,
     /// How many were looked at.
     looked_at: u32,
     /// Whether those face the same way.
     is_flat: bool,
-    /// Of those.
+    /// Sums over those.
     sums: Sums,
 }
 
-/// Sums of what a fragment has the mean of.
+/// Sums of how rays reflect.
 #[derive(Clone, Copy, Default)]
 struct Sums {
-    geometric_normal: Vec3,
-    normal: Vec3,
-    shading_normal: Vec3,
     base_color: Vec3,
     diffuse: Vec3,
     f0: Vec3,
@@ -255,28 +270,26 @@ impl<'a> PixelRays<'a> {
 
     /// Adds a ray from the camera and what it meets.
     pub fn push(&mut self, ray: Ray, met: Met) {
-        let (group, front, base_color) = match self.known(&met) {
-            Some((group, front)) => (group, front, self.base_color(&met)),
+        let (of, base_color) = match self.known(&met) {
+            Some(known) => (known, self.base_color(&met)),
             None => self.look_at(&ray, &met),
         };
-        let of = &mut self.groups[group];
-        of.count += 1;
-        of.through += ray.direction;
-        of.base_color += base_color;
-        self.rays.push(PixelRay {
-            ray,
-            met,
-            front,
-            group,
-        });
+        let group = &mut self.groups[of.group];
+        group.count += 1;
+        group.through += ray.direction;
+        group.base_color += base_color;
+        group.facing.geometric += of.facing.geometric;
+        group.facing.smooth += of.facing.smooth;
+        group.facing.shading += of.facing.shading;
+        self.rays.push(PixelRay { ray, met, of });
     }
 
-    /// The group of a ray of which no more than its colour need be known, and whether it meets a front.
-    fn known(&self, met: &Met) -> Option<(usize, bool)> {
+    /// What is known of a ray by another on the same triangle; `None` where more than its colour may differ.
+    fn known(&self, met: &Met) -> Option<Of> {
         let alike = self.rays.iter().rev().find(|ray| ray.met.is_where(met))?;
-        let group = &self.groups[alike.group];
-        (group.is_flat && group.metallic.is_some() && group.looked_at >= LOOKED_AT)
-            .then_some((alike.group, alike.front))
+        let group = &self.groups[alike.of.group];
+        let is_flat = alike.of.is_flat || (group.is_flat && group.looked_at >= LOOKED_AT);
+        (is_flat && group.metallic.is_some()).then_some(alike.of)
     }
 
     /// The base colour where a ray ends, linear RGB.
@@ -287,20 +300,36 @@ impl<'a> PixelRays<'a> {
         }
     }
 
-    /// The group that a ray is like, to whose means it adds, whether it meets a front, and its base colour.
-    fn look_at(&mut self, ray: &Ray, met: &Met) -> (usize, bool, Vec3) {
+    /// What a ray shows, to whose means it adds, and its base colour.
+    fn look_at(&mut self, ray: &Ray, met: &Met) -> (Of, Vec3) {
         let sight = met.sight(self.scene, &mut self.faces, ray);
         let footprint = self.footprint;
         let like = |group: &Group| group.first.as_ref().is_like(&sight.as_ref(), footprint);
-        let index = self.groups.iter().position(like).unwrap_or_else(|| {
+        let group = self.groups.iter().position(like).unwrap_or_else(|| {
             self.groups.push(Group::new(self.scene, sight));
             self.groups.len() - 1
         });
-        self.groups[index].add(&sight);
-        match &sight.seen {
-            Some((hit, point)) => (index, hit.front, point.base_color),
-            None => (index, true, Vec3::ZERO),
-        }
+        self.groups[group].add(&sight);
+        let Some((hit, point)) = &sight.seen else {
+            let nothing = Of {
+                front: true,
+                facing: Facing::default(),
+                is_flat: true,
+                group,
+            };
+            return (nothing, Vec3::ZERO);
+        };
+        let of = Of {
+            front: hit.front,
+            facing: Facing {
+                geometric: point.geometric_normal,
+                smooth: point.normal,
+                shading: point.shading_normal,
+            },
+            is_flat: self.faces.is_flat(hit.primitive, EQUAL_FACING),
+            group,
+        };
+        (of, point.base_color)
     }
 
     /// Appends the pixel's fragments, with about `ends` of the places where its rays end, and forgets its rays.
@@ -310,9 +339,9 @@ impl<'a> PixelRays<'a> {
         for (index, group) in self.groups.iter().enumerate() {
             let coverage = group.count as f32 / all;
             row.coverage.push(coverage);
-            let members = || self.rays.iter().filter(|ray| ray.group == index);
+            let members = || self.rays.iter().filter(|ray| ray.of.group == index);
             // Any number of first rays of the pattern is evenly spread.
-            let kept = members().filter_map(|ray| ray.met.end(ray.front));
+            let kept = members().filter_map(|ray| ray.met.end(ray.of.front));
             row.ends.extend(kept.take((ends * coverage).ceil() as usize));
             row.end_offsets.push(row.ends.len() as u32);
             let middle = group.through / group.count as f32;
@@ -347,6 +376,7 @@ impl Group {
             count: 0,
             through: Vec3::ZERO,
             base_color: Vec3::ZERO,
+            facing: Facing::default(),
             looked_at: 0,
             is_flat: true,
             sums: Sums::default(),
@@ -360,9 +390,6 @@ impl Group {
         };
         self.is_flat = self.is_flat && first.normal.dot(hit.normal) > EQUAL_FACING;
         let sums = &mut self.sums;
-        sums.geometric_normal += point.geometric_normal;
-        sums.normal += point.normal;
-        sums.shading_normal += point.shading_normal;
         sums.base_color += point.base_color;
         sums.diffuse += point.diffuse;
         sums.f0 += point.f0;
@@ -371,27 +398,28 @@ impl Group {
 
     /// How the fragment reflects of which `point` is one.
     fn mean(&self, point: &ShadingPoint) -> ShadingPoint {
-        let (sums, count) = (&self.sums, self.looked_at as f32);
-        let normal = sums.shading_normal / count;
-        // By how much the base colour of all differs from that of those, which colours both kinds of reflection.
-        let base_color = self.base_color / self.count as f32;
-        let further = base_color - sums.base_color / count;
+        let (facing, all) = (&self.facing, self.count as f32);
+        let (sums, looked_at) = (&self.sums, self.looked_at as f32);
+        let normal = facing.shading / all;
+        // By how much the base colour of all differs from that of those looked at, which colours both kinds of reflection.
+        let base_color = self.base_color / all;
+        let further = base_color - sums.base_color / looked_at;
         let metallic = self.metallic.unwrap_or(0.0);
         let mean = ShadingPoint {
             // The facet that the middle ray meets may face a grazing lamp less than the others do.
-            geometric_normal: (sums.geometric_normal / count)
+            geometric_normal: (facing.geometric / all)
                 .try_normalize()
                 .unwrap_or(point.geometric_normal),
             base_color,
-            diffuse: sums.diffuse / count + further * (1.0 - metallic),
-            f0: sums.f0 / count + further * metallic,
-            emission: sums.emission / count,
+            diffuse: sums.diffuse / looked_at + further * (1.0 - metallic),
+            f0: sums.f0 / looked_at + further * metallic,
+            emission: sums.emission / looked_at,
             shading_normal: normal.try_normalize().unwrap_or(point.shading_normal),
             ..*point
         };
         // Only what the normal map adds: over a smooth curve normals change evenly, and a lobe of their spread
         // would have tails that reach farther than any of them.
-        let smooth = (sums.normal / count).length();
+        let smooth = (facing.smooth / all).length();
         bsdf::spread_by_normals(&mean, 1.0 - (smooth - normal.length()).max(0.0))
     }
 }

@@ -33,6 +33,13 @@ impl Face {
         self.seen(hit, &self.surface.at(hit), front)
     }
 
+    /// Whether its vertices' normals differ by less than an angle of such a cosine.
+    fn is_flat(&self, cosine: f32) -> bool {
+        let Some(normals) = self.normals else { return true };
+        let [a, b, c] = normals.map(|normal| (self.normal_from_mesh * normal).normalize_or_zero());
+        a.dot(b).min(b.dot(c)).min(c.dot(a)) > cosine
+    }
+
     fn seen(&self, hit: &Hit, point: &SurfacePoint, front: bool) -> SurfaceHit {
         let barycentric = [hit.u, hit.v];
         let geometric = point.normal;
@@ -78,10 +85,23 @@ impl<'a> Faces<'a> {
     /// # Panics
     /// The hit is from another scene with more triangles.
     pub fn hit_by(&mut self, ray: &Ray, hit: &Hit) -> SurfaceHit {
-        match &self.last {
-            Some(face) if face.triangle == hit.triangle => face.hit_by(ray, hit),
-            _ => (self.last.insert(self.scene.face(hit.triangle))).hit_by(ray, hit),
+        self.face(hit.triangle).hit_by(ray, hit)
+    }
+
+    /// Whether the vertices' normals of a triangle differ by less than an angle of such a cosine.
+    ///
+    /// # Panics
+    /// As [`Faces::hit_by`].
+    pub fn is_flat(&mut self, triangle: u32, cosine: f32) -> bool {
+        self.face(triangle).is_flat(cosine)
+    }
+
+    fn face(&mut self, triangle: u32) -> &Face {
+        // A reference that is returned early keeps `last` borrowed in the other branch, too.
+        if self.last.as_ref().is_none_or(|face| face.triangle != triangle) {
+            self.last = None;
         }
+        self.last.get_or_insert_with(|| self.scene.face(triangle))
     }
 }
 
