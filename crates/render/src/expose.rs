@@ -14,11 +14,13 @@ use relight_scene::camera::Camera;
 use relight_scene::rays::Ray;
 use relight_scene::traced::{Faces, TracedScene};
 use relight_transport::sampling::r2;
-use std::ops::Range;
 
 /// Rays of a pixel that sees several things, is reached by what pixels around it see, or passed by a slender lamp, for each that others get. Twice as many lower the
 /// error by a tenth (docs/notebook/cuts.md).
 const FINER: u32 = 4;
+
+/// Least rays of a pixel, of which [`ENDS`] are kept; half of those asked for, if they are alike.
+const FEW: u32 = 8;
 
 /// First ray of a pixel, in pixels. Of starts a twentieth of a pixel apart the one from which 4, 6 and 16 rays tell best how
 /// much of a pixel lies to one side of a straight line: by 0.11, 0.085 and 0.037 (root mean square; 0.14, 0.16 and 0.075 from
@@ -51,6 +53,7 @@ pub fn expose_watched(
         width,
         height,
         pattern: (0..samples * FINER).map(|i| r2(i, PATTERN_START)).collect(),
+        few: (samples / 2).max(FEW).min(samples) as usize,
         samples: samples as usize,
         footprint: 2.0 * camera.tan_half_vfov / height as f32,
         slender: passed_by_slender(scene, camera, width, height),
@@ -111,7 +114,8 @@ struct Exposing<'a> {
     height: usize,
     /// Places within a pixel, in pixels: any number of first ones is evenly spread.
     pattern: Vec<Vec2>,
-    /// As many of those are looked at first.
+    /// As many of those are looked at first, and as many where they show a thing of several colours.
+    few: usize,
     samples: usize,
     /// Size of a pixel at distance 1.
     footprint: f32,
@@ -123,11 +127,28 @@ impl Exposing<'_> {
     /// A row of pixels as their first rays see it.
     fn first_row(&self, y: usize) -> Exposure {
         let mut row = self.empty(1);
-        let first = &self.pattern[..self.samples];
-        let (mut buffers, at_once) = (self.buffers(), TOGETHER.div_ceil(self.samples));
-        for x in (0..self.width).step_by(at_once) {
-            let pixels = x..(x + at_once).min(self.width);
-            self.append_pixels((pixels, y), (first, ENDS), &mut buffers, &mut row);
+        let (mut buffers, at_once) = (self.buffers(), TOGETHER.div_ceil(self.few));
+        let mut further = Vec::new();
+        for first in (0..self.width).step_by(at_once) {
+            let pixels = first..(first + at_once).min(self.width);
+            let Buffers { rays, pixel } = &mut buffers;
+            rays.clear();
+            for x in pixels {
+                self.push_rays((x, y), &self.pattern[..self.few], rays);
+            }
+            Met::by_each(self.scene, rays, |i, met| {
+                pixel.push(rays[i], met);
+                if pixel.len() < self.few {
+                    return;
+                }
+                if pixel.is_one_uneven() {
+                    further.clear();
+                    let x = first + i / self.few;
+                    self.push_rays((x, y), &self.pattern[self.few..self.samples], &mut further);
+                    Met::by_each(self.scene, &further, |i, met| pixel.push(further[i], met));
+                }
+                pixel.append_to(&mut row, ENDS);
+            });
         }
         row.offsets.push(row.coverage.len() as u32);
         row
@@ -141,8 +162,11 @@ impl Exposing<'_> {
             let several = first[y].fragments_of(x).len() > 1;
             let is_finer = slender || several || self.is_reached(first, (x, y), &mut buffers.rays);
             if is_finer {
-                let finer = (&self.pattern[..], FINER_ENDS);
-                self.append_pixels((x..x + 1, y), finer, &mut buffers, &mut pixels);
+                let Buffers { rays, pixel } = &mut buffers;
+                rays.clear();
+                self.push_rays((x, y), &self.pattern, rays);
+                Met::by_each(self.scene, rays, |i, met| pixel.push(rays[i], met));
+                pixel.append_to(&mut pixels, FINER_ENDS);
             }
             is_finer
         });
@@ -168,27 +192,6 @@ impl Exposing<'_> {
         }
     }
 
-    /// Appends the fragments of pixels of a row by rays through some places in each, about `ends` of which are kept.
-    fn append_pixels(
-        &self,
-        (pixels, y): (Range<usize>, usize),
-        (places, ends): (&[Vec2], f32),
-        buffers: &mut Buffers<'_>,
-        to: &mut Exposure,
-    ) {
-        let Buffers { rays, pixel } = buffers;
-        rays.clear();
-        for x in pixels {
-            self.push_rays((x, y), places.iter().copied(), rays);
-        }
-        Met::by_each(self.scene, rays, |i, met| {
-            pixel.push(rays[i], met);
-            if pixel.len() == places.len() {
-                pixel.append_to(to, ends);
-            }
-        });
-    }
-
     /// Whether something that pixels around show reaches into one of a single fragment: as many more rays as there were, through the places nearest to them, tell
     /// what all find (docs/notebook/cuts.md).
     fn is_reached(&self, rows: &[Exposure], (x, y): (usize, usize), rays: &mut Vec<Ray>) -> bool {
@@ -203,13 +206,14 @@ impl Exposing<'_> {
                 .map(|other| (place - 0.5).dot(*other) / other.length_squared());
             towards.fold(f32::NEG_INFINITY, f32::max)
         };
-        let mut places: Vec<(f32, Vec2)> = (self.pattern[self.samples..].iter())
+        let mut places: Vec<(f32, Vec2)> = (self.pattern[self.few..].iter())
             .map(|&place| (near(place), place))
             .collect();
         places.sort_by(|a, b| b.0.total_cmp(&a.0));
         places.truncate(self.samples);
         rays.clear();
-        self.push_rays((x, y), places.iter().map(|place| place.1), rays);
+        let places: Vec<Vec2> = places.iter().map(|place| place.1).collect();
+        self.push_rays((x, y), &places, rays);
         let (mut reached, mut faces) = (false, Faces::new(self.scene));
         Met::by_each(self.scene, rays, |i, met| {
             reached = reached
@@ -236,11 +240,11 @@ impl Exposing<'_> {
     }
 
     /// Appends rays through places of a pixel.
-    fn push_rays(&self, (x, y): (usize, usize), places: impl Iterator<Item = Vec2>, rays: &mut Vec<Ray>) {
+    fn push_rays(&self, (x, y): (usize, usize), places: &[Vec2], rays: &mut Vec<Ray>) {
         let size = Vec2::new(self.width as f32, self.height as f32);
         let corner = Vec2::new(x as f32, y as f32);
         let toward = |place: Vec2| self.camera.direction(corner + place, size);
-        rays.extend(places.map(|place| Ray::endless(self.camera.position, toward(place))));
+        rays.extend((places.iter()).map(|place| Ray::endless(self.camera.position, toward(*place))));
     }
 }
 

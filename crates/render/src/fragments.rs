@@ -31,6 +31,10 @@ const SAME_PLANE: f32 = 2.0;
 /// Rays of a fragment that are looked at where its triangles are curved: the pattern's first three span the pixel.
 const LOOKED_AT: u32 = 3;
 
+/// Standard error of the mean colour of a pixel, as a part of it, below which no more rays are cast. By rays that are spread evenly it is less than
+/// what as many random ones give.
+const EVEN: f32 = 0.02;
+
 /// Cosine between normals that count as equal: 2°.
 const EQUAL_FACING: f32 = 0.9994;
 
@@ -234,6 +238,8 @@ struct Group {
     through: Vec3,
     base_color: Vec3,
     facing: Facing,
+    /// Sum of the squares of base colours.
+    squares: f32,
     /// How many were looked at.
     looked_at: u32,
     /// Whether those face the same way.
@@ -278,10 +284,19 @@ impl<'a> PixelRays<'a> {
         group.count += 1;
         group.through += ray.direction;
         group.base_color += base_color;
+        group.squares += base_color.length_squared();
         group.facing.geometric += of.facing.geometric;
         group.facing.smooth += of.facing.smooth;
         group.facing.shading += of.facing.shading;
         self.rays.push(PixelRay { ray, met, of });
+    }
+
+    /// Whether all rays show one thing, of which more of them would tell more: its mean colour, or what nobody looked for.
+    pub fn is_one_uneven(&self) -> bool {
+        match &self.groups[..] {
+            [group] => group.metallic.is_none() || !group.is_even(),
+            _ => false,
+        }
     }
 
     /// What is known of a ray by another on the same triangle; `None` where more than its colour may differ.
@@ -377,6 +392,7 @@ impl Group {
             through: Vec3::ZERO,
             base_color: Vec3::ZERO,
             facing: Facing::default(),
+            squares: 0.0,
             looked_at: 0,
             is_flat: true,
             sums: Sums::default(),
@@ -394,6 +410,13 @@ impl Group {
         sums.diffuse += point.diffuse;
         sums.f0 += point.f0;
         sums.emission += point.emission;
+    }
+
+    /// Whether the mean of its colours is known within [`EVEN`].
+    fn is_even(&self) -> bool {
+        let count = self.count as f32;
+        let mean = (self.base_color / count).length_squared();
+        (self.squares / count - mean) / count <= EVEN * EVEN * mean
     }
 
     /// How the fragment reflects of which `point` is one.
