@@ -97,8 +97,8 @@ pub struct PlayArgs {
     /// cuts [default: 128].
     #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 1_048_576))]
     pub illumination_cut: Option<u32>,
-    /// Samples per pixel; of transfer and cuts four times as many where a pixel sees several things, and half as many of each
-    /// light with extent, more where pixels side by side disagree [default: transfer 16, with a moving camera 1; brute 16; lightcuts 4, with reconstruction 5 to 50; pixelcuts 1; path 64].
+    /// Samples per pixel; of transfer and cuts half as many (but eight) where a pixel shows one thing of one colour, four times as
+    /// many where it sees several, and half as many of each light with extent, more where pixels side by side disagree [default: transfer 16, with a moving camera 1; brute 16; lightcuts 4, with reconstruction 5 to 50; pixelcuts 1; path 64].
     #[arg(long, value_name = "N", value_parser = whole::<u32>(1, 1_048_576))]
     pub spp: Option<u32>,
     /// Most reflections of a path (path only) [default: no limit].

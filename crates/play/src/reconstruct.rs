@@ -153,7 +153,8 @@ pub(crate) fn functions_at(
 /// Weights of the pixels' rows on the components of vector irradiance: row weight times what the shading normal
 /// takes of each point's value once that is carried to the pixel. Same layout as the rows' entries.
 pub fn components(weights: &SparseMatrix, finest: &Level, normals: &[(Vec3, Vec3)]) -> Vec<Vec3> {
-    let mut components = vec![Vec3::ZERO; weights.nnz()];
+    // By all cores: of a large image they are hundreds of megabytes, which the system hands out as they are written.
+    let mut components: Vec<Vec3> = (0..weights.nnz()).into_par_iter().map(|_| Vec3::ZERO).collect();
     fill_rows(weights, &mut components, |i, components| {
         let (smooth, shading) = normals[i];
         for (component, (j, w)) in components.iter_mut().zip(row(weights, i)) {

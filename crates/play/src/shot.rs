@@ -35,8 +35,8 @@ pub struct ShotSettings {
     pub width: usize,
     /// Pixels down.
     pub height: usize,
-    /// Samples per pixel; of transfer and cuts four times as many where a pixel sees several things. `None`: 16, with a moving
-    /// camera 1; of other integrators those of their settings' defaults.
+    /// Samples per pixel; of transfer and cuts half as many, but eight, where they show one thing of one colour, and four times as
+    /// many where a pixel sees several. `None`: 16, with a moving camera 1; of other integrators those of their settings' defaults.
     pub samples: Option<u32>,
     /// The camera moves, and the next frame wants another shot: this one is made quickly.
     pub moving: bool,

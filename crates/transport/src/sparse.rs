@@ -96,16 +96,29 @@ pub fn build_runs<T>(
             run
         })
         .collect();
-    let entries = runs.iter().map(|run| run.columns.len()).sum();
     let mut offsets = Vec::with_capacity(rows + 1);
+    let mut entries = 0;
     offsets.push(0);
-    let (mut indices, mut weights) = (Vec::with_capacity(entries), Vec::with_capacity(entries));
-    for run in runs {
-        let start = indices.len() as u32;
-        offsets.extend(run.ends.into_iter().map(|end| start + end));
-        indices.extend_from_slice(&run.columns);
-        weights.extend_from_slice(&run.weights);
+    for run in &runs {
+        offsets.extend(run.ends.iter().map(|end| entries as u32 + end));
+        entries += run.columns.len();
     }
+    // Hundreds of megabytes of a large image, which all cores copy.
+    let (mut indices, mut weights) = (vec![0; entries], vec![0.0; entries]);
+    let (mut left, mut right) = (&mut indices[..], &mut weights[..]);
+    let parts: Vec<_> = (runs.into_iter())
+        .map(|run| {
+            let (columns, others) = std::mem::take(&mut left).split_at_mut(run.columns.len());
+            left = others;
+            let (weights, others) = std::mem::take(&mut right).split_at_mut(run.weights.len());
+            right = others;
+            (run, columns, weights)
+        })
+        .collect();
+    parts.into_par_iter().for_each(|(run, columns, weights)| {
+        columns.copy_from_slice(&run.columns);
+        weights.copy_from_slice(&run.weights);
+    });
     SparseMatrix::try_new((rows, columns), offsets, indices, weights)
         .unwrap_or_else(|(.., error)| panic!("rows of a matrix with {columns} columns: {error}"))
 }

@@ -469,6 +469,94 @@ fn metallic_and_roughness_become_reflectances() {
     assert_eq!(lambert.albedo(&hit), base.truncate());
 }
 
+/// Truth: the points one by one. A checkered square whose vertices have colours, and which is met on either of its triangles.
+#[test]
+fn colours_looked_up_one_after_the_other_are_those_of_each_point() {
+    let mut mesh = square();
+    mesh.colors = [0.2, 0.4, 0.8, 1.0]
+        .map(|c| Vec4::new(c, 1.0, 1.0 - 0.5 * c, 1.0))
+        .to_vec();
+    let [dark, light] = [[10, 80, 120, 255], [250, 200, 90, 255]];
+    let material = Material {
+        base_color_texture: use_texture(0),
+        metallic: 0.3,
+        ..matt(Vec4::new(0.9, 0.8, 0.7, 1.0))
+    };
+    let textures = vec![texture(2, 2, &[dark, light, light, dark])];
+    let scene = traced(mesh, Affine3A::IDENTITY, material, textures);
+    let rays: Vec<Ray> = (0..150)
+        .map(|k| down(2.0 * (uniform(2 * k) - 0.5), 2.0 * (uniform(2 * k + 1) - 0.5)))
+        .collect();
+    let (mut faces, mut colors) = (Faces::new(&scene), BaseColors::new(&scene));
+    let mut met = [0; 2];
+    scene.closest_hits_packet(&rays, |i, hit| {
+        let hit = hit.unwrap();
+        met[hit.triangle as usize] += 1;
+        let alone = scene.closest_hit(&rays[i]).unwrap();
+        assert_eq!(faces.hit_by(&rays[i], &hit), alone);
+        assert!(faces.is_flat(hit.triangle, 0.999));
+        let point = scene.shading_point(&alone);
+        let color = colors.at(hit.triangle, [hit.u, hit.v]);
+        assert!(
+            color.distance(point.base_color) < 1e-6,
+            "{color} {}",
+            point.base_color
+        );
+        // How much of it is in what the point reflects.
+        let metallic = scene.metallic_but_for_color(hit.triangle).unwrap();
+        assert!(point.diffuse.distance(color * (1.0 - metallic)) < 1e-6);
+        assert!(
+            point
+                .f0
+                .distance(Vec3::splat(0.04 * (1.0 - metallic)) + color * metallic)
+                < 1e-6
+        );
+    });
+    assert!(met[0].min(met[1]) > 50, "{met:?}");
+}
+
+/// Of what has a relief, varies in gloss, shines by a picture or is glass, the colour does not say all.
+#[test]
+fn materials_of_which_more_than_the_colour_changes_are_known() {
+    let plain = || matt(Vec4::ONE);
+    let of = |material: Material| {
+        let textures = vec![texture(1, 1, &[[128, 128, 255, 255]])];
+        traced(square(), Affine3A::IDENTITY, material, textures).metallic_but_for_color(0)
+    };
+    let map = || use_texture(0);
+    assert_eq!(of(plain()), Some(0.0));
+    assert_eq!(
+        of(Material {
+            emission: Vec3::ONE,
+            metallic: 0.4,
+            base_color_texture: map(),
+            ..plain()
+        }),
+        Some(0.4)
+    );
+    for more in [
+        Material {
+            normal_texture: map(),
+            ..plain()
+        },
+        Material {
+            metallic_roughness_texture: map(),
+            ..plain()
+        },
+        Material {
+            emission: Vec3::ONE,
+            emission_texture: map(),
+            ..plain()
+        },
+        Material {
+            unlit: true,
+            ..plain()
+        },
+    ] {
+        assert_eq!(of(more.clone()), None, "{more:?}");
+    }
+}
+
 /// A degenerate, an infinite and a NaN triangle beside a good one: the good one is hit, the others are not and
 /// have no area to emit from.
 #[test]
