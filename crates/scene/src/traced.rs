@@ -13,6 +13,7 @@
 mod corner;
 mod extended;
 mod face;
+mod faces;
 mod occluders;
 mod panes;
 mod prepare;
@@ -23,7 +24,7 @@ mod shade;
 mod tests;
 mod textures;
 
-pub use face::Faces;
+pub use faces::Faces;
 pub use occluders::{BULGE, FlatPiece};
 pub use refracted::Look;
 pub use scene::{Shading, Stop, TracedScene, TracedSceneError};

@@ -182,6 +182,68 @@ fn lamps_are_dragged_muted_saved_and_kept_in_a_browser() {
     assert!(position(&saved(page.downloads()), "lamp").distance(after) < 1e-5);
 }
 
+/// A connection that is lost, nonsense, ten thousand messages at once, a map far too large, another tab: the page says what is wrong, and goes on.
+#[test]
+fn what_goes_wrong_is_survived_in_a_browser() {
+    let Some(mut page) = browser() else { return };
+    let sequence = parse_sequence(LIGHTS, Path::new(""), "lights").unwrap();
+    let served = Served::of(Exhibit {
+        sequence,
+        ..exhibit(player())
+    });
+    page.before(
+        "window.sockets = [];
+         window.WebSocket = class extends WebSocket { constructor(address) { super(address); sockets.push(this); } }",
+    );
+    page.navigate(&served.url);
+    page.rest();
+    let first = page.picture();
+    let mute = |page: &mut Chromium| {
+        page.click("[aria-label='Mute lamp']");
+        page.rest();
+        assert!(mean(&page.picture()) < 0.8 * mean(&first));
+        page.click("#undo");
+        page.rest();
+        assert!(apart(&first, &page.picture()) <= 2);
+    };
+    let says = |words: &str| format!("document.getElementById('status').textContent.includes('{words}')");
+
+    page.evaluate("sockets[0].close()");
+    page.wait("sockets.length === 2 && sockets[1].readyState === 1");
+    mute(&mut page);
+
+    page.evaluate("for (const text of ['', '{', '[]', '{\"show\": {}}', '\\u0000']) sockets[1].send(text)");
+    page.wait("document.getElementById('status').classList.contains('bad')");
+    mute(&mut page);
+
+    page.evaluate(
+        "for (let i = 0; i < 10000; i++) sockets[1].send(`{\"pick\": {\"id\": ${i}, \"x\": 0.5, \"y\": 0.5}}`)",
+    );
+    page.wait(&says(" m away"));
+    mute(&mut page);
+
+    page.evaluate(
+        "const head = '#?RADIANCE\\nFORMAT=32-bit_rle_rgbe\\n\\n-Y 16384 +X 32768\\n';
+         const dataTransfer = new DataTransfer();
+         dataTransfer.items.add(new File([head], 'huge.hdr'));
+         dispatchEvent(new DragEvent('drop', { dataTransfer, cancelable: true }))",
+    );
+    page.wait(&says("limit"));
+    mute(&mut page);
+
+    let mut other = Chromium::start().unwrap();
+    other.navigate(&served.url);
+    other.rest();
+    mute(&mut page);
+    assert!(apart(&first, &other.picture()) <= 2);
+    mute(&mut other);
+    assert_eq!(other.errors(), Vec::<String>::new());
+
+    // The browser tells of every answer that is no.
+    let errors = page.errors();
+    assert!(errors.len() == 1 && errors[0].contains("huge.hdr"), "{errors:?}");
+}
+
 /// Truth: the sun stands overhead at noon in midsummer on the tropic, and in the west at six in the evening when day and night are
 /// equal; what is drawn is there, and what is shown differs from path tracing by what the server says.
 #[test]

@@ -1,7 +1,6 @@
 //! A triangle that is hit.
 
 use super::corner::weights;
-use super::scene::TracedScene;
 use crate::rays::{Hit, Ray, SurfacePoint, TriangleSurface};
 use crate::surface::SurfaceHit;
 use glam::{Mat3A, Vec3, Vec3A};
@@ -34,7 +33,7 @@ impl Face {
     }
 
     /// Whether its vertices' normals differ by less than an angle of such a cosine.
-    fn is_flat(&self, cosine: f32) -> bool {
+    pub fn is_flat(&self, cosine: f32) -> bool {
         let Some(normals) = self.normals else { return true };
         let [a, b, c] = normals.map(|normal| (self.normal_from_mesh * normal).normalize_or_zero());
         a.dot(b).min(b.dot(c)).min(c.dot(a)) > cosine
@@ -65,43 +64,6 @@ impl Face {
             primitive: hit.triangle,
             barycentric,
         }
-    }
-}
-
-/// Looks up what rays have hit. Neighbours mostly hit the same triangle: it keeps the last.
-pub struct Faces<'a> {
-    scene: &'a TracedScene,
-    last: Option<Face>,
-}
-
-impl<'a> Faces<'a> {
-    /// Of a scene.
-    pub fn new(scene: &'a TracedScene) -> Faces<'a> {
-        Faces { scene, last: None }
-    }
-
-    /// Where a ray hit the scene.
-    ///
-    /// # Panics
-    /// The hit is from another scene with more triangles.
-    pub fn hit_by(&mut self, ray: &Ray, hit: &Hit) -> SurfaceHit {
-        self.face(hit.triangle).hit_by(ray, hit)
-    }
-
-    /// Whether the vertices' normals of a triangle differ by less than an angle of such a cosine.
-    ///
-    /// # Panics
-    /// As [`Faces::hit_by`].
-    pub fn is_flat(&mut self, triangle: u32, cosine: f32) -> bool {
-        self.face(triangle).is_flat(cosine)
-    }
-
-    fn face(&mut self, triangle: u32) -> &Face {
-        // A reference that is returned early keeps `last` borrowed in the other branch, too.
-        if self.last.as_ref().is_none_or(|face| face.triangle != triangle) {
-            self.last = None;
-        }
-        self.last.get_or_insert_with(|| self.scene.face(triangle))
     }
 }
 

@@ -164,6 +164,14 @@ impl Chromium {
         }
     }
 
+    /// Runs a script in every page before its own.
+    pub fn before(&mut self, script: &str) {
+        self.call(
+            "Page.addScriptToEvaluateOnNewDocument",
+            json!({ "source": script }),
+        );
+    }
+
     pub fn navigate(&mut self, url: &str) {
         self.call("Page.navigate", json!({ "url": url }));
         self.wait("document.readyState === 'complete'");
