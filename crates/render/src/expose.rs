@@ -1,12 +1,12 @@
 //! Exposing: the rays of each pixel, and which of them share a fragment.
 //!
-//! A pixel gets a few rays, and as many more if they show one thing of several colours; where they meet several things, or what a pixel beside it sees reaches into it, or
-//! a slender lamp passes, it gets far more. What covers a sliver of a pixel can be most of its light: under lamps in a dark hall a fiftieth of a pixel was as bright as
-//! the whole image's mean.
+//! A pixel gets a few rays, and as many more if they show one thing of several colours; where they meet several things, or what a pixel
+//! beside it sees reaches into it, or a slender lamp passes, it gets far more. What covers a sliver of a pixel can be most of its light: under
+//! lamps in a dark hall a fiftieth of a pixel was as bright as the whole image's mean.
 
 use crate::exposure::Exposure;
 use crate::fragments::{ENDS, FINER_ENDS, Met, PixelRays, SightRef};
-use crate::pieces::{Of, put_together};
+use crate::pieces::{Origin, put_together};
 use crate::slender::passed_by_slender;
 use crate::watch::{Cancelled, Watch, go_on};
 use glam::{Vec2, Vec3};
@@ -65,7 +65,7 @@ pub fn expose_watched(
     let finer = rows(height, watch, |y| exposing.finer_pixels(&pieces, y))?;
     let mut pixels = Vec::with_capacity(width * height);
     for (y, (finer, _)) in finer.iter().enumerate() {
-        let of = |piece: usize, index: usize| Of {
+        let of = |piece: usize, index: usize| Origin {
             piece: piece as u32,
             index: index as u32,
         };

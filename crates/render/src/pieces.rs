@@ -4,9 +4,9 @@
 use crate::exposure::Exposure;
 use rayon::prelude::*;
 
-/// A pixel or a fragment of a piece.
+/// Where a pixel or a fragment comes from.
 #[derive(Clone, Copy)]
-pub(crate) struct Of {
+pub(crate) struct Origin {
     /// Which piece.
     pub piece: u32,
     /// Which of its pixels or fragments.
@@ -17,14 +17,14 @@ pub(crate) struct Of {
 const TASK: usize = 4096;
 
 /// The exposure `like` one without pixels, with `pixels` of some pieces.
-pub(crate) fn put_together(like: Exposure, pieces: &[Exposure], pixels: &[Of]) -> Exposure {
+pub(crate) fn put_together(like: Exposure, pieces: &[Exposure], pixels: &[Origin]) -> Exposure {
     let mut offsets = Vec::with_capacity(pixels.len() + 1);
     let (mut fragments, mut end_offsets, mut ends) = (Vec::new(), vec![0], 0);
     for pixel in pixels {
         let piece = &pieces[pixel.piece as usize];
         offsets.push(fragments.len() as u32);
         for f in piece.fragments_of(pixel.index as usize) {
-            fragments.push(Of {
+            fragments.push(Origin {
                 index: f as u32,
                 ..*pixel
             });
@@ -33,7 +33,7 @@ pub(crate) fn put_together(like: Exposure, pieces: &[Exposure], pixels: &[Of]) -
         }
     }
     offsets.push(fragments.len() as u32);
-    let of = |of: &Of| (&pieces[of.piece as usize], of.index as usize);
+    let of = |from: &Origin| (&pieces[from.piece as usize], from.index as usize);
     let each = || fragments.par_iter().with_min_len(TASK).map(of);
     let ends = (0..ends).into_par_iter().with_min_len(TASK).map_init(
         || 0,
