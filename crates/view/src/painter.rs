@@ -95,7 +95,7 @@ pub struct Painter {
     divisor: u32,
     /// The last coarse picture had a shot of its own.
     turned: bool,
-    /// Milliseconds that a pixel's ray and functions took in the last picture of one ray a pixel.
+    /// Milliseconds that a pixel's ray and functions took in the last coarse picture that had a shot of its own; 0: there was none.
     of_pixel: f64,
     /// Path tracing beside the last picture that was compared.
     reference: Option<Reference>,
