@@ -148,7 +148,7 @@ impl Exposing<'_> {
             let Buffers { rays, pixel } = &mut buffers;
             rays.clear();
             for x in pixels {
-                self.push_rays((x, y), &self.pattern[..self.few], rays);
+                self.push_rays((x, y), self.pattern[..self.few].iter().copied(), rays);
             }
             Met::by_each(self.scene, rays, |i, met| {
                 pixel.push(rays[i], met);
@@ -158,7 +158,11 @@ impl Exposing<'_> {
                 if pixel.is_one_uneven() {
                     further.clear();
                     let x = first + i / self.few;
-                    self.push_rays((x, y), &self.pattern[self.few..self.samples], &mut further);
+                    self.push_rays(
+                        (x, y),
+                        self.pattern[self.few..self.samples].iter().copied(),
+                        &mut further,
+                    );
                     Met::by_each(self.scene, &further, |i, met| pixel.push(further[i], met));
                 }
                 pixel.append_to(&mut row, ENDS);
@@ -178,7 +182,7 @@ impl Exposing<'_> {
             if is_finer {
                 let Buffers { rays, pixel } = &mut buffers;
                 rays.clear();
-                self.push_rays((x, y), &self.pattern, rays);
+                self.push_rays((x, y), self.pattern.iter().copied(), rays);
                 Met::by_each(self.scene, rays, |i, met| pixel.push(rays[i], met));
                 pixel.append_to(&mut pixels, FINER_ENDS);
             }
@@ -228,8 +232,7 @@ impl Exposing<'_> {
             places.truncate(self.samples);
         }
         rays.clear();
-        let places: Vec<Vec2> = places.iter().map(|place| place.1).collect();
-        self.push_rays((x, y), &places, rays);
+        self.push_rays((x, y), places.iter().map(|place| place.1), rays);
         let (mut reached, mut faces) = (false, Faces::new(self.scene));
         Met::by_each(self.scene, rays, |i, met| {
             reached = reached
@@ -256,11 +259,11 @@ impl Exposing<'_> {
     }
 
     /// Appends rays through places of a pixel.
-    fn push_rays(&self, (x, y): (usize, usize), places: &[Vec2], rays: &mut Vec<Ray>) {
+    fn push_rays(&self, (x, y): (usize, usize), places: impl Iterator<Item = Vec2>, rays: &mut Vec<Ray>) {
         let size = Vec2::new(self.width as f32, self.height as f32);
         let corner = Vec2::new(x as f32, y as f32);
         let toward = |place: Vec2| self.camera.direction(corner + place, size);
-        rays.extend((places.iter()).map(|place| Ray::endless(self.camera.position, toward(*place))));
+        rays.extend(places.map(|place| Ray::endless(self.camera.position, toward(place))));
     }
 }
 

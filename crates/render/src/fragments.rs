@@ -69,19 +69,11 @@ impl Met {
         }
     }
 
-    /// Where the ray ends, seen from its front or back.
-    fn end(&self, front: bool) -> Option<RayEnd> {
+    /// The triangle on which the ray ends, and where on it.
+    fn place(&self) -> Option<(u32, [f32; 2])> {
         match self {
-            Met::Straight(hit) => hit.as_ref().map(|hit| RayEnd {
-                primitive: hit.triangle,
-                barycentric: [hit.u, hit.v],
-                front,
-            }),
-            Met::Bent(look) => look.hit.as_ref().map(|hit| RayEnd {
-                primitive: hit.primitive,
-                barycentric: hit.barycentric,
-                front,
-            }),
+            Met::Straight(hit) => hit.as_ref().map(|hit| (hit.triangle, [hit.u, hit.v])),
+            Met::Bent(look) => look.hit.as_ref().map(|hit| (hit.primitive, hit.barycentric)),
         }
     }
 
@@ -309,10 +301,8 @@ impl<'a> PixelRays<'a> {
 
     /// The base colour where a ray ends, linear RGB.
     fn base_color(&mut self, met: &Met) -> Vec3 {
-        match met.end(true) {
-            Some(end) => self.colors.at(end.primitive, end.barycentric),
-            None => Vec3::ZERO,
-        }
+        met.place()
+            .map_or(Vec3::ZERO, |(triangle, at)| self.colors.at(triangle, at))
     }
 
     /// What a ray shows, to whose means it adds, and its base colour.
@@ -356,7 +346,14 @@ impl<'a> PixelRays<'a> {
             row.coverage.push(coverage);
             let members = || self.rays.iter().filter(|ray| ray.of.group == index);
             // Any number of first rays of the pattern is evenly spread.
-            let kept = members().filter_map(|ray| ray.met.end(ray.of.front));
+            let kept = members().filter_map(|ray| {
+                let (primitive, barycentric) = ray.met.place()?;
+                Some(RayEnd {
+                    primitive,
+                    barycentric,
+                    front: ray.of.front,
+                })
+            });
             row.ends.extend(kept.take((ends * coverage).ceil() as usize));
             row.end_offsets.push(row.ends.len() as u32);
             let middle = group.through / group.count as f32;

@@ -21,6 +21,14 @@ const LIGHTS: &str = r#"{ "relight_sequence": 1, "lights": [
     { "name": "lamp", "type": "point", "position": [0.2, 0.35, 0.1], "intensity": [0.5, 0.4, 0.3] },
     { "name": "blue", "type": "point", "position": [0.4, 0.2, 0.05], "intensity": [0.02, 0.05, 0.1] } ] }"#;
 
+/// The box under [`LIGHTS`].
+fn lit_box() -> Exhibit {
+    Exhibit {
+        sequence: parse_sequence(LIGHTS, Path::new(""), "lights").unwrap(),
+        ..exhibit(player())
+    }
+}
+
 /// What `relight play --png --exposure` shows of a sequence, RGBA.
 fn played(player: &Player, sequence: &Sequence, exposure: f32) -> Vec<u8> {
     let camera = player.camera(sequence, None).unwrap();
@@ -88,11 +96,9 @@ fn exposure(page: &mut Chromium) -> f32 {
 #[test]
 fn lamps_are_dragged_muted_saved_and_kept_in_a_browser() {
     let Some(mut page) = browser() else { return };
-    let sequence = parse_sequence(LIGHTS, Path::new(""), "lights").unwrap();
-    let mut served = Served::of(Exhibit {
-        sequence: sequence.clone(),
-        ..exhibit(player())
-    });
+    let shown = lit_box();
+    let sequence = shown.sequence.clone();
+    let mut served = Served::of(shown);
     let own = player();
     page.navigate(&served.url);
     page.rest();
@@ -169,13 +175,7 @@ fn lamps_are_dragged_muted_saved_and_kept_in_a_browser() {
     page.wait("document.getElementById('status').textContent.includes('has ended')");
     // A new one in the same place shows what was kept.
     let address = served.url.split('/').nth(2).unwrap().to_owned();
-    let again = Served::at(
-        &address,
-        Exhibit {
-            sequence: sequence.clone(),
-            ..exhibit(player())
-        },
-    );
+    let again = Served::at(&address, lit_box());
     page.navigate(&again.url);
     page.rest();
     page.click("#save");
@@ -186,11 +186,7 @@ fn lamps_are_dragged_muted_saved_and_kept_in_a_browser() {
 #[test]
 fn what_goes_wrong_is_survived_in_a_browser() {
     let Some(mut page) = browser() else { return };
-    let sequence = parse_sequence(LIGHTS, Path::new(""), "lights").unwrap();
-    let served = Served::of(Exhibit {
-        sequence,
-        ..exhibit(player())
-    });
+    let served = Served::of(lit_box());
     page.before(
         "window.sockets = [];
          window.WebSocket = class extends WebSocket { constructor(address) { super(address); sockets.push(this); } }",
@@ -249,11 +245,7 @@ fn what_goes_wrong_is_survived_in_a_browser() {
 #[test]
 fn suns_stand_by_date_and_pictures_are_compared_and_taken_apart_in_a_browser() {
     let Some(mut page) = browser() else { return };
-    let sequence = parse_sequence(LIGHTS, Path::new(""), "lights").unwrap();
-    let served = Served::of(Exhibit {
-        sequence,
-        ..exhibit(player())
-    });
+    let served = Served::of(lit_box());
     page.screen(1440, 900, true);
     page.navigate(&served.url);
     page.rest();
