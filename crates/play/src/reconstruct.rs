@@ -17,9 +17,9 @@ pub(crate) type Asked = ((Vec3, Vec3), u32);
 /// The finest level's functions at each pixel's surface; empty rows where there is no surface. `places` has
 /// position and smooth normal of each pixel.
 ///
-/// A place that no function covers (a crevice that no candidate met, the back of a thin rim) takes the nearest
-/// points whatever their normals, and failing that stays empty. Points that a surface separates from it count for nothing, as
-/// long as others are left: `each_separated` is asked of many places at a time, about those alone that are `separated` from others that
+/// A place that no function covers (a crevice that no candidate met) takes the nearest point that no surface separates from it, whatever
+/// its normal, and failing that stays empty: the back of a sheet knows nothing of its front's light. Of several points that cover a place,
+/// those that a surface separates from it count for nothing, as long as others are left: `each_separated` is asked of many places at a time, about those alone that are `separated` from others that
 /// cover the place. Rows from where on `watch` stops it stay empty.
 pub(crate) fn weights_at(
     finest: &Level,
@@ -50,7 +50,8 @@ pub(crate) fn weights_at(
         for place in &places[run] {
             let first = entries.len();
             if let Some(place) = place.filter(|_| goes_on) {
-                functions.functions_or_nearest_at(place.0, place.1, entries);
+                let is_separated = |point| each_separated(&[(place, point)]).contains(&true);
+                functions.functions_or_nearest_at(place.0, place.1, is_separated, entries);
                 let in_doubt = covering.in_doubt(&entries[first..], separated);
                 asked.extend(in_doubt.map(|at| (first + at, (place, entries[first + at].0))));
             }
@@ -142,7 +143,7 @@ pub(crate) fn functions_at(
     row: &mut Vec<(u32, f32)>,
 ) {
     let first = row.len();
-    functions.functions_or_nearest_at(place.0, place.1, row);
+    functions.functions_or_nearest_at(place.0, place.1, |point| is_separated(place, point), row);
     let points: Vec<u32> = row[first..].iter().map(|entry| entry.0).collect();
     let is_in_doubt = |point: u32| separated.from(point).iter().any(|other| points.contains(other));
     let beyond = |at: usize| is_in_doubt(points[at]) && is_separated(place, points[at]);

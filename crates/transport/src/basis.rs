@@ -213,27 +213,45 @@ impl Level {
         let start = out.len();
         self.functions_at(x, normal, out);
         if out.len() == start {
-            out.extend(self.nearest_in_gap(x, normal).map(|index| (index, 1.0)));
+            out.extend((self.nearest_in_gap(x, normal, |_| false)).map(|index| (index, 1.0)));
         }
     }
 
-    /// What stands for a place that no function covers.
+    /// What stands for a place that no function covers: the nearest point within a support radius that `is_separated` does not reject, whatever
+    /// its normal; failing that, the nearest of the same side within [`FAR`] supports. Of each the [`ASKED`] nearest are asked about.
     #[cold]
-    fn nearest_in_gap(&self, x: Vec3, normal: Vec3) -> Option<u32> {
-        self.nearest_of_any_normal(x)
-            .or_else(|| self.far_of_same_side(x, normal))
+    fn nearest_in_gap(&self, x: Vec3, normal: Vec3, is_separated: impl Fn(u32) -> bool) -> Option<u32> {
+        let first = |near: Vec<(f32, u32)>| {
+            let mut near = nearest_first(near).into_iter().take(ASKED);
+            near.find(|&index| !is_separated(index))
+        };
+        first(self.within_support(x)).or_else(|| first(self.far_of_same_side(x, normal)))
     }
 
-    /// The nearest point within [`FAR`] supports that faces the same half space. Ties go to the lower index.
-    #[cold]
-    fn far_of_same_side(&self, x: Vec3, normal: Vec3) -> Option<u32> {
-        let mut best = Nearest::NONE;
+    /// Points within a support radius, with their squared distances.
+    fn within_support(&self, x: Vec3) -> Vec<(f32, u32)> {
+        let mut found = Vec::new();
+        for band in &self.bands {
+            let reach = self.support_radius * band.width;
+            band.grid.near(x, |entry| {
+                let squared = entry.position.distance_squared(x);
+                if squared < reach * reach {
+                    found.push((squared, entry.index));
+                }
+            });
+        }
+        found
+    }
+
+    /// Points within [`FAR`] supports that face the same half space, with their squared distances.
+    fn far_of_same_side(&self, x: Vec3, normal: Vec3) -> Vec<(f32, u32)> {
+        let mut found = Vec::new();
         self.each_far(x, |squared, entry| {
             if entry.normal.dot(normal) > 0.0 {
-                best.offer(squared, entry.index);
+                found.push((squared, entry.index));
             }
         });
-        best.index()
+        found
     }
 
     /// Calls `visit` with the squared distance of every point within [`FAR`] of its supports.
@@ -334,8 +352,14 @@ impl<'a> FunctionsInOrder<'a> {
         }
     }
 
-    /// [`Level::functions_or_nearest_at`], bit by bit.
-    pub fn functions_or_nearest_at(&mut self, x: Vec3, normal: Vec3, out: &mut Vec<(u32, f32)>) {
+    /// [`Level::functions_or_nearest_at`], bit by bit; of a place that no function covers, points that `is_separated` rejects are left out.
+    pub fn functions_or_nearest_at(
+        &mut self,
+        x: Vec3,
+        normal: Vec3,
+        is_separated: impl Fn(u32) -> bool,
+        out: &mut Vec<(u32, f32)>,
+    ) {
         let start = out.len();
         let mut sum = 0.0;
         for (memo, band) in self.memos.iter_mut().zip(&self.level.bands) {
@@ -352,7 +376,8 @@ impl<'a> FunctionsInOrder<'a> {
             entry.1 /= sum;
         }
         if out.len() == start {
-            out.extend((self.level.nearest_in_gap(x, normal)).map(|index| (index, 1.0)));
+            let nearest = self.level.nearest_in_gap(x, normal, is_separated);
+            out.extend(nearest.map(|index| (index, 1.0)));
         }
     }
 }
@@ -669,7 +694,7 @@ mod tests {
             row.clear();
             in_order.clear();
             level.functions_at(x, normal, &mut row);
-            memo.functions_or_nearest_at(x, normal, &mut in_order);
+            memo.functions_or_nearest_at(x, normal, |_| false, &mut in_order);
             assert_eq!(row, in_order);
             assert!((row.iter().map(|e| e.1).sum::<f32>() - 1.0).abs() < 1e-5);
             let reaching =
@@ -698,7 +723,7 @@ mod tests {
                 let normal = from.lerp(to, step as f32 / 50.0).normalize_or(from);
                 let x = normal * [1.0, 1.01, 1.3][step % 3];
                 level.functions_or_nearest_at(x, normal, &mut alone);
-                memo.functions_or_nearest_at(x, normal, &mut in_order);
+                memo.functions_or_nearest_at(x, normal, |_| false, &mut in_order);
             }
         }
         assert!(alone.len() > 50_000, "{}", alone.len());

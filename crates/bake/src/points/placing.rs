@@ -155,20 +155,22 @@ struct Spread {
     rays: u64,
 }
 
-/// Where it is looked from; of a scene without cameras of its own, `viewpoints` and `rays` tell how it was found.
+/// Where it is looked from and what at; of a scene without cameras of its own, `viewpoints` and `rays` tell how it was found.
 fn chosen_viewpoints(surfaces: &dyn Surfaces, request: &Request) -> Result<OpenSpace, BakeError> {
     let mut places = viewpoints::of_cameras(&request.scene, request.lights);
     places.extend(&request.params.viewpoints);
-    let known = OpenSpace {
-        places,
-        ..OpenSpace::default()
-    };
     let chosen = match surfaces.bounds() {
-        Some(bounds) if known.places.is_empty() => {
+        Some(bounds) if places.is_empty() => {
             let focus = viewpoints::focus(&request.scene, bounds);
             viewpoints::in_open_space(surfaces, focus, request.params.seed)
         }
-        _ => known,
+        bounds => OpenSpace {
+            places,
+            within: bounds
+                .and_then(|bounds| viewpoints::most(&request.scene, bounds))
+                .map(viewpoints::with_margin),
+            ..OpenSpace::default()
+        },
     };
     if chosen.places.is_empty() {
         return Err(BakeError::NothingReachable {

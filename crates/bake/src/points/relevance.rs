@@ -29,12 +29,11 @@ const STAGE: u32 = 13;
 /// a room are, its mouldings are not; and as many landings are in one as leave its width a few per cent of noise.
 const SHARE: f32 = 1.0 / 512.0;
 
-/// Part of all importance that is where points are as close as levels say: what is looked at may be a tenth of all that is seen, before
-/// a sky dome.
+/// Part of what is looked at where points are as close as levels say: the rest of it may be a sky dome.
 const CLOSE: f64 = 0.1;
 
-/// One in so many landings is asked how closely others are: enough to know a tenth of all to a few per cent.
-const SAMPLED: usize = 16;
+/// So many landings are asked how closely others are: enough to know a tenth of them to a few per cent of all.
+const ASKED: usize = 2048;
 
 /// How many times as far apart as usual particles may land before radii become wider: within a room they do, and whoever walks
 /// about in it comes near all of it.
@@ -68,12 +67,20 @@ pub struct Relevance {
     pub rays: u64,
 }
 
-/// Where a particle landed, and what it still carried.
-type Landing = (Vec3, f32);
+/// Where a particle landed.
+#[derive(Clone, Copy, Debug)]
+struct Landing {
+    position: Vec3,
+    /// What it still carried.
+    carried: f32,
+    /// Whether an image shows it: how bright surfaces are has no part in that.
+    in_image: bool,
+}
 
 impl Relevance {
     /// Of what is seen from `viewpoints`, of which there must be one, and in the images of `cameras`. Where nothing is, all is as relevant.
-    /// `within`: bounds of what is looked at, if not all that is seen is: a dark room in a bright dome has little of the importance.
+    /// `within`: bounds of what is looked at, if not all that is seen is: a dark room in a bright dome has little of the importance, and
+    /// little of an image that was made from far away.
     pub fn of(
         surfaces: &dyn Surfaces,
         viewpoints: &[Vec3],
@@ -108,9 +115,9 @@ impl Relevance {
     }
 
     fn with(self, landings: &[Landing], within: Option<(Vec3, Vec3)>) -> Relevance {
-        let total: f64 = landings.iter().map(|l| f64::from(l.1)).sum();
+        let total: f64 = landings.iter().map(|l| f64::from(l.carried)).sum();
         let (low, high) = (landings.iter()).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), l| {
-            (low.min(l.0), high.max(l.0))
+            (low.min(l.position), high.max(l.position))
         });
         let extent = (high - low).max_element();
         if !(total > 0.0 && extent > 0.0 && extent.is_finite()) {
@@ -124,7 +131,7 @@ impl Relevance {
             .into_par_iter()
             .map(|power| {
                 let mut cells = Cells::default();
-                for (position, carried) in landings {
+                for Landing { position, carried, .. } in landings {
                     let cell = (position / edge(power)).floor().as_ivec3();
                     *cells.entry(key_of(cell)).or_default() += (f64::from(*carried) / total) as f32;
                 }
@@ -137,25 +144,35 @@ impl Relevance {
         relevance.cells.drain(..narrow);
         relevance.first += narrow as i32;
         relevance.usual = relevance.usual_of(landings, within);
-        let sampled = landings.par_iter().step_by(SAMPLED);
-        let wide = sampled.filter(|landing| relevance.widening(landing.0) > 0);
-        relevance.is_even = wide.count() * SAMPLED <= landings.len() / 100;
+        let sampled = sampled(landings, |_| true);
+        let wide = (sampled.par_iter()).filter(|landing| relevance.widening(landing.position) > 0);
+        relevance.is_even = wide.count() <= sampled.len() / 100;
         relevance
     }
 
-    /// The radius of disks where particles land closely, [`CLOSE`] of all importance `within` what is looked at, or of all there is where none
-    /// lands there: a ground that most of it falls on does not change the room's.
+    /// The radius of disks where particles land closely: [`CLOSE`] of what images show or of what lies `within` the bounds, whichever is
+    /// less; of all there is, where neither has a landing. Too small a radius takes few points from other places, since those never get fewer
+    /// than a quarter of what their importance asks for; too large a one gives them by area, and a dome has ten thousand times a room's.
     fn usual_of(&self, landings: &[Landing], within: Option<(Vec3, Vec3)>) -> f32 {
-        let is_within = |(low, high): (Vec3, Vec3)| {
-            let held =
-                move |&(position, _): &Landing| position.cmpge(low).all() && position.cmple(high).all();
-            let inside: Vec<Landing> = landings.iter().step_by(SAMPLED).copied().filter(held).collect();
-            (!inside.is_empty()).then_some(inside)
+        let is_within = |landing: &Landing| {
+            within.is_some_and(|(low, high)| {
+                landing.position.cmpge(low).all() && landing.position.cmple(high).all()
+            })
         };
-        let looked_at = (within.and_then(is_within))
-            .unwrap_or_else(|| landings.iter().step_by(SAMPLED).copied().collect());
-        let mut radii: Vec<(f32, f32)> = (looked_at.par_iter())
-            .map(|&(position, carried)| (self.radius(position), carried))
+        let looked_at = [
+            sampled(landings, |landing| landing.in_image),
+            sampled(landings, is_within),
+        ];
+        let close = looked_at.iter().filter_map(|landings| self.close(landings));
+        (close.reduce(f32::min))
+            .or_else(|| self.close(&sampled(landings, |_| true)))
+            .unwrap_or(f32::INFINITY)
+    }
+
+    /// The radius of disks at the closest [`CLOSE`] of some landings; `None` of none.
+    fn close(&self, landings: &[Landing]) -> Option<f32> {
+        let mut radii: Vec<(f32, f32)> = (landings.par_iter())
+            .map(|landing| (self.radius(landing.position), landing.carried))
             .collect();
         let total: f64 = radii.iter().map(|disk| f64::from(disk.1)).sum();
         radii.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -164,7 +181,7 @@ impl Relevance {
             below += f64::from(carried);
             below >= CLOSE * total
         });
-        close.map_or(f32::INFINITY, |disk| disk.0)
+        close.map(|disk| disk.0)
     }
 
     /// Of a disk around a place that holds [`SHARE`], about, metres.
@@ -244,10 +261,16 @@ impl Relevance {
 
     fn particle(&self, surfaces: &dyn Surfaces, number: u32, seed: u64) -> Vec<Landing> {
         let mut s = Stream::new(seed, STAGE, u64::from(number));
-        let ray = self.ray(u64::from(number), number / 2 % 2 == 1, &mut s);
+        let in_view = number / 2 % 2 == 1;
+        let ray = self.ray(u64::from(number), in_view, &mut s);
+        let through_image = in_view && !self.cameras.is_empty();
         let (mut landings, mut carried) = (Vec::with_capacity(LANDINGS), 1.0);
         walk(surfaces, ray, &mut s, LANDINGS, |_, hit, _| {
-            landings.push((hit.position, carried));
+            landings.push(Landing {
+                position: hit.position,
+                carried,
+                in_image: through_image && landings.is_empty(),
+            });
             carried *= surfaces.albedo(hit).max_element().clamp(0.0, 1.0);
             carried > 0.0
         });
@@ -257,6 +280,13 @@ impl Relevance {
 
 fn edge(power: i32) -> f32 {
     2.0f32.powi(power)
+}
+
+/// Of the landings that count, evenly, [`ASKED`] or all.
+fn sampled(landings: &[Landing], counts: impl Fn(&Landing) -> bool) -> Vec<Landing> {
+    let counting: Vec<Landing> = landings.iter().copied().filter(counts).collect();
+    let step = counting.len().div_ceil(ASKED).max(1);
+    counting.into_iter().step_by(step).collect()
 }
 
 /// A ray through a camera's image, at `at` of its width and height.

@@ -87,16 +87,20 @@ const MOST: usize = 8;
 /// Part of all that is seen from anywhere that another viewpoint must add.
 const WORTH: f32 = 0.04;
 
-/// What is looked at where nobody says what: the surfaces' bounds or, in a vast scene, those of most triangles or of most things,
-/// whichever are narrower: a sky dome may have more triangles than the room in it, but it is one thing.
+/// What is looked at where nobody says what: the surfaces' bounds or, in a vast scene, those of [`most()`].
 pub fn focus(scene: &Scene, bounds: (Vec3, Vec3)) -> (Vec3, Vec3) {
+    most(scene, bounds).unwrap_or(bounds)
+}
+
+/// In a vast scene the bounds of most triangles or of most things, whichever are narrower: a sky dome may have more triangles than the room
+/// in it, but it is one thing. `None` where they are about as wide as the whole scene's.
+pub fn most(scene: &Scene, bounds: (Vec3, Vec3)) -> Option<(Vec3, Vec3)> {
     let wide = |(low, high): (Vec3, Vec3)| (high - low).length();
     [of_triangles(scene), of_things(scene)]
         .into_iter()
         .flatten()
         .filter(|&most| wide(most) > 0.0 && wide(bounds) > VAST * wide(most))
         .min_by(|&a, &b| wide(a).total_cmp(&wide(b)))
-        .unwrap_or(bounds)
 }
 
 /// Bounds of the middles of most triangles.
@@ -149,6 +153,12 @@ fn most_of(lows: &[Vec3], highs: &[Vec3]) -> Option<(Vec3, Vec3)> {
     Some((within(lows, BEYOND), within(highs, 1.0 - BEYOND)))
 }
 
+/// Bounds with [`MARGIN`] around them.
+pub fn with_margin((min, max): (Vec3, Vec3)) -> (Vec3, Vec3) {
+    let margin = (max - min) * MARGIN;
+    (min - margin, max + margin)
+}
+
 /// Where somebody may look from, of whom nothing is known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OpenSpace {
@@ -166,9 +176,9 @@ pub struct OpenSpace {
 /// Places in open space from which much of what lies in `focus` is seen: first the one with the largest mean distance to what it sees,
 /// sky counting as nothing and backs of surfaces little; then, while they add to it, those that see most of what those
 /// before don't see. None where no ray meets anything.
-pub fn in_open_space(surfaces: &dyn Surfaces, (min, max): (Vec3, Vec3), seed: u64) -> OpenSpace {
-    let margin = (max - min) * MARGIN;
-    let (min, size) = (min - margin, (max - min) + margin * 2.0);
+pub fn in_open_space(surfaces: &dyn Surfaces, focus: (Vec3, Vec3), seed: u64) -> OpenSpace {
+    let (min, max) = with_margin(focus);
+    let size = max - min;
     let views: Vec<(Vec3, Vec<SurfaceHit>)> = (0..PLACES)
         .into_par_iter()
         .map(|i| {
@@ -183,7 +193,7 @@ pub fn in_open_space(surfaces: &dyn Surfaces, (min, max): (Vec3, Vec3), seed: u6
         .collect();
     let mut rays = u64::from(PLACES * RAYS);
     // Of a vast scene only what lies near: a dome is seen from everywhere, and has more surface than all else.
-    let is_within = |hit: &SurfaceHit| hit.position.cmpge(min).all() && hit.position.cmple(min + size).all();
+    let is_within = |hit: &SurfaceHit| hit.position.cmpge(min).all() && hit.position.cmple(max).all();
     let any_within = views.iter().flat_map(|view| &view.1).any(is_within);
     let is_near = |hit: &SurfaceHit| !any_within || is_within(hit);
     let score = |hits: &[SurfaceHit]| -> f32 {
@@ -228,7 +238,7 @@ pub fn in_open_space(surfaces: &dyn Surfaces, (min, max): (Vec3, Vec3), seed: u6
     OpenSpace {
         rays: rays + (eyes.len() * viewpoints.len()) as u64,
         places: [&viewpoints[..], &others].concat(),
-        within: any_within.then_some((min, min + size)),
+        within: any_within.then_some((min, max)),
         viewpoints,
     }
 }
