@@ -8,9 +8,10 @@
 //! Light from all sides is the first of the lights; the others are lamps at the pilots, in groups, each in a part of the
 //! open.
 
-use crate::links::test_lights::{in_lights, lamplight};
+use crate::links::lamps::{Lamps, most_power, power};
+use crate::links::test_lights::in_lights;
 use glam::{DVec3, Mat3, Vec3, Vec3A};
-use relight_transport::senders::{PILOTS, SenderTree, Signed};
+use relight_transport::senders::SenderTree;
 
 /// Number of trial lights: the even one and the groups of pilots. What a point is in all of them fills half a cache line, which
 /// every ray loads.
@@ -134,24 +135,23 @@ impl<const N: usize> Answers<N> {
 }
 
 impl TrialLights {
-    /// Lights of pilots. `places`: the finest points; `softness`, m: how near a lamp comes to a surface, or one point beside
-    /// a pilot would be all that its light shows.
-    pub fn new(tree: &SenderTree, places: &[Signed], pilots: &[Vec3], softness: f32) -> TrialLights {
-        let group = groups(pilots);
-        let mut at_points: Vec<InTrials> = places
-            .iter()
-            .map(|place| {
+    /// Lights of lamps at the pilots.
+    pub fn new(tree: &SenderTree, lamps: &Lamps) -> TrialLights {
+        let group = groups(lamps.pilots);
+        let mut at_points: Vec<InTrials> = (0..lamps.places.len())
+            .map(|p| {
                 let mut light = [0.0; TRIALS];
                 light[EVEN] = 1.0;
-                for k in 0..PILOTS {
-                    light[group[k]] += lamplight(place, pilots, k, softness);
+                for (k, &g) in group.iter().enumerate() {
+                    light[g] += lamps.light(k, p);
                 }
                 light
             })
             .collect();
+        let most = most_power(&lamps.means());
         for g in 1..TRIALS {
             let sum: f64 = at_points.iter().map(|b| f64::from(b[g])).sum();
-            let scale = if sum > 0.0 { places.len() as f64 / sum } else { 0.0 };
+            let scale = power(sum / at_points.len() as f64, most);
             at_points
                 .iter_mut()
                 .for_each(|b| b[g] = (f64::from(b[g]) * scale) as f32);
@@ -283,6 +283,7 @@ fn solved(mut a: [[f64; TRIALS]; TRIALS], mut x: [DVec3; TRIALS]) -> [DVec3; TRI
 mod tests {
     use super::*;
     use relight_transport::random::Stream;
+    use relight_transport::senders::{PILOTS, Signed};
 
     /// Four coarse senders of ten points each, lit at random.
     fn lights(s: &mut Stream) -> TrialLights {
@@ -398,7 +399,14 @@ mod tests {
             })
             .collect();
         let tree = SenderTree::new(&[1], vec![0; 200], Vec::new(), vec![0; 200]);
-        let lights = TrialLights::new(&tree, &places, &pilots, 0.5);
+        let lamps = Lamps {
+            pilots: &pilots,
+            places: &places,
+            coarse: 1.0,
+            finest: 0.1,
+            softness: 0.5,
+        };
+        let lights = TrialLights::new(&tree, &lamps);
         for g in 0..TRIALS {
             let mean = lights
                 .at_points

@@ -5,6 +5,7 @@ pub mod bounces;
 pub mod choice;
 pub mod fitting;
 pub mod gather;
+pub mod lamps;
 pub mod matching_pursuit;
 pub mod operators;
 pub mod refinement;

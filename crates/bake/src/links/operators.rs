@@ -6,6 +6,7 @@ use crate::links::fitting::TrialLights;
 use crate::links::gather::SenderField;
 use crate::links::refinement::{Refinement, RowWatch, Spared, most_rays, refine};
 use crate::links::solution::{Solution, solution};
+use crate::links::lamps::Lamps;
 use crate::links::test_lights::TestLights;
 use crate::params::{BakeParams, Omittable};
 use crate::points::candidates::Candidate;
@@ -210,17 +211,16 @@ pub fn with_refinement<T>(
     let (importance, mut rays) = importance(surfaces, &nearest_point, near, relevance, params.seed, units)?;
     let SenderClusters { tree, pilots, finest } =
         sender_clusters(surfaces, points, importance, params, units)?;
-    let radius = levels[0].disk_radius;
-    let trials = TrialLights::new(&tree, &finest, &pilots, SOFTNESS * radius);
+    let lamps = |softness| Lamps {
+        pilots: &pilots,
+        places: &finest,
+        coarse: levels[0].disk_radius,
+        finest: levels[levels.len() - 1].disk_radius,
+        softness,
+    };
+    let trials = TrialLights::new(&tree, &lamps(SOFTNESS));
     let finest_points = &points.levels[points.levels.len() - 1].points;
-    let test_lights = TestLights::new(
-        surfaces,
-        &tree,
-        finest_points,
-        &finest,
-        &pilots,
-        LAMP_SOFTNESS * radius,
-    );
+    let test_lights = TestLights::new(surfaces, &tree, finest_points, &lamps(LAMP_SOFTNESS));
     let places: Vec<Candidate> = points
         .levels
         .iter()

@@ -3,13 +3,14 @@
 //! Lamps at pilots, suns, and light from all sides. Unlike trial lights ([`crate::links::fitting`]) each is a light of its own: what few
 //! lamps tell apart, groups of them don't.
 
+use crate::links::lamps::{Lamps, most_power, power};
 use crate::points::candidates::Candidate;
 use crate::points::seen::open_ways;
-use glam::{DVec3, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use relight_scene::surface::Surfaces;
 use relight_transport::sampling::{r2, uniform_hemisphere};
-use relight_transport::senders::{PILOTS, SenderTree, Signed};
+use relight_transport::senders::{PILOTS, SenderTree};
 
 /// Number of lights: even light, lamps, suns.
 pub const TEST_LIGHTS: usize = 128;
@@ -37,29 +38,20 @@ pub struct TestLights {
 }
 
 impl TestLights {
-    /// Lights of pilots and suns on the finest points, `places`, of which `signed` says what pilots they see. `softness`, m: how near
-    /// a lamp comes to a surface.
-    pub fn new(
-        surfaces: &dyn Surfaces,
-        tree: &SenderTree,
-        places: &[Candidate],
-        signed: &[Signed],
-        pilots: &[Vec3],
-        softness: f32,
-    ) -> TestLights {
+    /// Lights of lamps at the pilots and of suns on the finest points, `places`.
+    pub fn new(surfaces: &dyn Surfaces, tree: &SenderTree, places: &[Candidate], lamps: &Lamps) -> TestLights {
         let suns: Vec<Vec3> = (0..SUNS).map(|i| sphere(r2(i as u32, Vec2::ZERO))).collect();
         let sunlit = sunlit(surfaces, places, &suns);
         let light = |g: usize, p: usize| {
-            let place = &signed[p];
             if g == EVEN {
                 return 1.0;
             }
             if g <= AT_PILOTS {
-                return lamplight(place, pilots, g - 1, softness);
+                return lamps.light(g - 1, p);
             }
             let sun = g - 1 - AT_PILOTS;
             if sunlit[p] >> sun & 1 == 1 {
-                place.normal.dot(suns[sun]).max(0.0)
+                places[p].normal.dot(suns[sun]).max(0.0)
             } else {
                 0.0
             }
@@ -67,25 +59,26 @@ impl TestLights {
         TestLights::from_radiosity(tree, light)
     }
 
-    /// From `light`, the radiosity in a light at a finest point: at any scale, for each light is scaled to a mean of 1.
+    /// From `light`, the radiosity in a light at a finest point: of lamps alike and of suns alike, for each light is scaled to a mean of 1, or
+    /// as far as [`most_power`] lets it be.
     pub fn from_radiosity(tree: &SenderTree, light: impl Fn(usize, usize) -> f32 + Sync) -> TestLights {
         let points = tree.leaf_of_point.len();
+        let means: Vec<f64> = (0..TEST_LIGHTS)
+            .into_par_iter()
+            .map(|g| (0..points).map(|p| f64::from(light(g, p))).sum::<f64>() / points as f64)
+            .collect();
+        let (lamps, suns) = means[1..].split_at(AT_PILOTS);
+        let most = [most_power(&means[..1]), most_power(lamps), most_power(suns)];
+        let kind = |g: usize| usize::from(g > EVEN) + usize::from(g > AT_PILOTS);
+        let scales: InTestLights = std::array::from_fn(|g| power(means[g], most[kind(g)]) as f32);
         let (coefficients, leaf_means) = in_lights(tree, |first| {
-            let channel = |c: usize, p: usize| {
-                if first + c < TEST_LIGHTS {
-                    light(first + c, p)
-                } else {
-                    0.0
-                }
+            let channel = |c: usize, p: usize| match first + c {
+                g if g < TEST_LIGHTS => light(g, p) * scales[g],
+                _ => 0.0,
             };
-            let colours: Vec<Vec3> = (0..points)
+            (0..points)
                 .map(|p| Vec3::new(channel(0, p), channel(1, p), channel(2, p)))
-                .collect();
-            let sum = colours.iter().map(|c| c.as_dvec3()).sum::<DVec3>();
-            let scale = sum
-                .to_array()
-                .map(|s| if s > 0.0 { (points as f64 / s) as f32 } else { 0.0 });
-            colours.iter().map(|&c| c * Vec3::from(scale)).collect()
+                .collect()
         });
         TestLights {
             coefficients,
@@ -120,17 +113,6 @@ pub fn in_lights<const N: usize>(
         }
     }
     (coefficients, leaf_means)
-}
-
-/// Irradiance of a place from a lamp at a pilot, up to a factor.
-pub fn lamplight(place: &Signed, pilots: &[Vec3], k: usize, softness: f32) -> f32 {
-    if place.signature >> k & 1 == 0 {
-        return 0.0;
-    }
-    let way = pilots[k] - place.position;
-    let squared = way.length_squared();
-    let cosine = way.dot(place.normal).max(0.0) / squared.sqrt().max(f32::MIN_POSITIVE);
-    cosine / (squared + softness * softness).max(f32::MIN_POSITIVE)
 }
 
 fn sphere(u: Vec2) -> Vec3 {

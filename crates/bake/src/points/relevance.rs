@@ -63,6 +63,8 @@ pub struct Relevance {
     is_even: bool,
     /// Usual radius of a disk that holds [`SHARE`], metres.
     usual: f32,
+    /// Bounds of what is looked at, if not all that is seen is.
+    within: Option<(Vec3, Vec3)>,
     /// Rays that were cast.
     pub rays: u64,
 }
@@ -110,6 +112,7 @@ impl Relevance {
             cells: Vec::new(),
             first: 0,
             usual: f32::INFINITY,
+            within: None,
             rays: 0,
         }
     }
@@ -144,6 +147,7 @@ impl Relevance {
         relevance.cells.drain(..narrow);
         relevance.first += narrow as i32;
         relevance.usual = relevance.usual_of(landings, within);
+        relevance.within = within;
         let sampled = sampled(landings, |_| true);
         let wide = (sampled.par_iter()).filter(|landing| relevance.widening(landing.position) > 0);
         relevance.is_even = wide.count() <= sampled.len() / 100;
@@ -213,10 +217,16 @@ impl Relevance {
     pub fn widening(&self, x: Vec3) -> u8 {
         let limit = SLACK * self.usual;
         // Nearly all places: their own cell, no wider than that, holds its share.
-        if !limit.is_finite() || self.holds_its_share(x, limit) {
+        let limit2 = if self.within.is_some_and(|(low, high)| !(x.cmpge(low).all() && x.cmple(high).all())) { self.usual } else { limit };
+        if !limit.is_finite() || self.holds_its_share(x, limit2) {
             return 0;
         }
         let apart = self.radius(x) / self.usual;
+        if self.within.is_some_and(|(low, high)| !(x.cmpge(low).all() && x.cmple(high).all())) {
+            let power = apart.log2();
+            let wider = (1.5 * power - 2.0).floor().min(power.floor() + 1.0).max(power.round());
+            return wider.clamp(0.0, f32::from(WIDEST)) as u8;
+        }
         if apart < SLACK {
             return 0;
         }

@@ -1,0 +1,63 @@
+//! Lamps at the pilots, by which links are chosen and to which they are fitted.
+
+use glam::Vec3;
+use relight_transport::kernel::width;
+use relight_transport::senders::Signed;
+
+/// How many times as much power as the middle one of all lamps one may have for the points to get a mean of 1 from it. A lamp far out on a ground
+/// lights a single wide point among ten thousand: with all of the mean there, and errors counted by it, rows that do not even see that
+/// point would have no other care. Lamps in a cupboard or in the next room, which light a fiftieth of what others do, keep their say.
+const MOST_POWER: f64 = 64.0;
+
+/// Lamps and what they may light.
+#[derive(Clone, Copy, Debug)]
+pub struct Lamps<'a> {
+    /// Where they are.
+    pub pilots: &'a [Vec3],
+    /// The finest points.
+    pub places: &'a [Signed],
+    /// Distance of the coarsest points that are not wider than others, metres.
+    pub coarse: f32,
+    /// The same of the finest points.
+    pub finest: f32,
+    /// How near a lamp comes to a surface, in distances of the coarsest points or, where points are farther apart, in theirs: nearer,
+    /// one point beside a lamp would be all that its light shows.
+    pub softness: f32,
+}
+
+impl Lamps<'_> {
+    /// Irradiance of point `p` from lamp `k`, up to a factor.
+    pub fn light(&self, k: usize, p: usize) -> f32 {
+        let place = &self.places[p];
+        if place.signature >> k & 1 == 0 {
+            return 0.0;
+        }
+        let way = self.pilots[k] - place.position;
+        let squared = way.length_squared();
+        let cosine = way.dot(place.normal).max(0.0) / squared.sqrt().max(f32::MIN_POSITIVE);
+        let softness = self.softness * self.coarse.max(self.finest * width(place.widening));
+        cosine / (squared + softness * softness).max(f32::MIN_POSITIVE)
+    }
+
+    /// Mean over the points of each lamp's light.
+    pub fn means(&self) -> Vec<f64> {
+        let points = 0..self.places.len();
+        let mean = |k| {
+            let sum: f64 = points.clone().map(|p| f64::from(self.light(k, p))).sum();
+            sum / points.len().max(1) as f64
+        };
+        (0..self.pilots.len()).map(mean).collect()
+    }
+}
+
+/// What lights are multiplied by at most, given the means of lights of one power: of those that light something.
+pub fn most_power(means: &[f64]) -> f64 {
+    let mut lit: Vec<f64> = means.iter().copied().filter(|&mean| mean > 0.0).collect();
+    lit.sort_unstable_by(f64::total_cmp);
+    (lit.get(lit.len() / 2)).map_or(0.0, |middle| MOST_POWER / middle)
+}
+
+/// What a light with this mean is multiplied by: for a mean of 1, or by `most`.
+pub fn power(mean: f64, most: f64) -> f64 {
+    if mean > 0.0 { (1.0 / mean).min(most) } else { 0.0 }
+}
