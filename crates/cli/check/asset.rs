@@ -7,6 +7,7 @@ use crate::failure::Failure;
 use glam::{DVec3, Vec3};
 use relight_format::{self as format, Limits};
 use relight_play::Player;
+use relight_play::near::near;
 use relight_play::open::{Sections, asset_hash};
 use relight_play::transfer::Transfer;
 use relight_render::expose::expose;
@@ -142,10 +143,8 @@ fn coverage(player: &Player, transfer: &Transfer) -> Vec<Measure> {
             transfer.finest.functions_at(hit.position, hit.normal, &mut row);
             if row.is_empty() {
                 fallen += 1;
-                transfer
-                    .finest
-                    .functions_or_nearest_at(hit.position, hit.normal, &mut row);
-                bare += usize::from(row.is_empty());
+                let near = near(&player.prepared, (hit.position, hit.normal));
+                bare += usize::from(near.is_none_or(|near| near.points.is_empty()));
             }
         }
     }

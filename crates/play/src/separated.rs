@@ -143,4 +143,33 @@ mod tests {
         }
         assert!(asked.into_inner() > 500);
     }
+
+    /// Truth: what the front of a sheet receives says nothing about its back.
+    #[test]
+    fn the_back_of_a_sheet_takes_no_point_of_its_front_and_a_gap_in_the_front_does() {
+        let sheet = Sdf::Ellipsoid {
+            center: DVec3::ZERO,
+            radii: DVec3::new(2.0, 2.0, 0.0005),
+        };
+        let sheet = ImplicitSurface::new(sheet, (Vec3::splat(-2.0), Vec3::splat(2.0)), Vec3::ONE);
+        let positions: Vec<Vec3> = (0..100)
+            .map(|i| Vec3::new((i % 10) as f32 - 4.5, (i / 10) as f32 - 4.5, 0.01) * DISTANCE)
+            .collect();
+        let points = Level::new(positions, vec![Vec3::Z; 100], DISTANCE, 2.0 * DISTANCE);
+        let each_separated = |questions: &[Asked]| {
+            let pairs: Vec<Pair> = (questions.iter())
+                .map(|&(place, point)| pair_of(&points, place, DISTANCE, point))
+                .collect();
+            each_separated(&sheet, &pairs)
+        };
+        let of = |place: (Vec3, Vec3)| {
+            let weights = weights_at(&points, &[Some(place)], &Separated::default(), each_separated, &());
+            row(&weights, 0).map(|entry| entry.1).sum::<f32>()
+        };
+        let at = |z: f32| Vec3::new(0.03, 0.02, z * 0.0005);
+        assert!((of((at(1.0), Vec3::Z)) - 1.0).abs() < 1e-5);
+        assert_eq!(of((at(-1.0), Vec3::NEG_Z)), 0.0);
+        // A step in the front that has no points.
+        assert_eq!(of((at(1.0), Vec3::X)), 1.0);
+    }
 }

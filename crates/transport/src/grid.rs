@@ -63,6 +63,13 @@ pub fn key_of(cell: IVec3) -> u64 {
     (cell.x as u64 & MASK) | ((cell.y as u64 & MASK) << 21) | ((cell.z as u64 & MASK) << 42)
 }
 
+/// A cell that has a key: that with coordinates from 0 to 2²¹ − 1.
+#[inline]
+pub fn cell_of(key: u64) -> IVec3 {
+    const MASK: u64 = (1 << 21) - 1;
+    IVec3::new((key & MASK) as i32, (key >> 21 & MASK) as i32, (key >> 42 & MASK) as i32)
+}
+
 /// Hashes of [`key_of`]: the keys are short, and tables of cells are asked a hundred million times.
 #[derive(Clone, Default)]
 pub struct CellHasher(u64);

@@ -61,3 +61,61 @@ pub fn most_power(means: &[f64]) -> f64 {
 pub fn power(mean: f64, most: f64) -> f64 {
     if mean > 0.0 { (1.0 / mean).min(most) } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use relight_transport::random::Stream;
+    use relight_transport::senders::PILOTS;
+
+    /// A floor of 4 × 4 m with a point every 25 cm and lamps above it, and 1 km away a single point, as wide as that is far, with a lamp
+    /// of its own, 20 cm above it.
+    fn floor_and_far_point() -> (Vec<Signed>, Vec<Vec3>) {
+        let mut s = Stream::new(5, 0, 0);
+        let of_floor = (1 << (PILOTS - 1)) - 1;
+        let at = |i: i32| 0.25 * i as f32 - 2.0;
+        let floor = (0..256).map(|i| (Vec3::new(at(i % 16), 0.0, at(i / 16)), 0, of_floor));
+        let far = Vec3::X * 1000.0;
+        let places = floor.chain([(far, 12, 1 << (PILOTS - 1))]);
+        let signed = |(position, widening, signature)| Signed {
+            position,
+            normal: Vec3::Y,
+            widening,
+            signature,
+        };
+        let above = |_| Vec3::new(4.0 * s.uniform() - 2.0, 0.2 + 2.0 * s.uniform(), 4.0 * s.uniform() - 2.0);
+        let lamps = (1..PILOTS).map(above).chain([far + Vec3::Y * 0.2]);
+        (places.map(signed).collect(), lamps.collect())
+    }
+
+    /// Truth: a lamp lights what its flux falls on. Of one point among 257 the share of all light would be all of it.
+    #[test]
+    fn a_lamp_beside_a_far_wide_point_has_little_to_say_and_all_others_a_mean_of_one() {
+        let (places, pilots) = floor_and_far_point();
+        let lamps = Lamps {
+            pilots: &pilots,
+            places: &places,
+            coarse: 0.5,
+            finest: 0.25,
+            softness: 0.5,
+        };
+        let means = lamps.means();
+        let most = most_power(&means);
+        let (far, floor) = means.split_last().unwrap();
+        for &mean in floor {
+            assert!((mean * power(mean, most) - 1.0).abs() < 1e-9, "{mean}");
+        }
+        // A disk of 1 km has a millionth of the irradiance of one of 1 m.
+        assert!(far * power(*far, most) < 1e-4, "{far}");
+        assert_eq!(power(0.0, most), 0.0);
+    }
+
+    #[test]
+    fn lights_of_a_fiftieth_of_the_middle_ones_are_as_bright_as_others_and_darker_ones_less() {
+        let means = [0.0, 1.0, 1.0, 1.0, 1.0, 1.0 / 50.0, 1.0 / 128.0, 0.0];
+        let most = most_power(&means);
+        let mean = |i: usize| means[i] * power(means[i], most);
+        assert_eq!([0, 1, 5, 6].map(mean), [0.0, 1.0, 1.0, 0.5]);
+        assert_eq!(most_power(&[0.0]), 0.0);
+    }
+}

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use relight_scene::camera::Camera;
 use relight_scene::rays::Ray;
 use relight_scene::surface::Surfaces;
-use relight_transport::grid::{CellHasher, key_of};
+use relight_transport::grid::{CellHasher, cell_of, key_of};
 use relight_transport::random::Stream;
 use relight_transport::sampling::uniform_hemisphere;
 use std::collections::HashMap;
@@ -35,8 +35,9 @@ const CLOSE: f64 = 0.1;
 /// So many landings are asked how closely others are: enough to know a tenth of them to a few per cent of all.
 const ASKED: usize = 2048;
 
-/// How many times as far apart as usual particles may land before radii become wider: within a room they do, and whoever walks
-/// about in it comes near all of it.
+/// How many times as far apart as usual particles may land before radii become wider, in what is looked at: within a room they do, and
+/// whoever walks about in it comes near all of it. The ground around it has points as its importance asks for, or the half of them would be
+/// beneath the camera.
 const SLACK: f32 = 8.0;
 
 /// Part of the particles that go on from where points are wide. Few points are to be found from there, so that all would find what is known
@@ -58,6 +59,8 @@ pub struct Relevance {
     cameras: Vec<Camera>,
     /// Importance in cells of edge 2^first, 2^(first + 1), …, as parts of all.
     cells: Vec<Cells>,
+    /// The same in cubes of two cells each way, by the lowest of them.
+    cubes: Vec<Cells>,
     first: i32,
     /// Whether hardly any particle lands where radii are wider.
     is_even: bool,
@@ -110,6 +113,7 @@ impl Relevance {
             cameras: Vec::new(),
             is_even: true,
             cells: Vec::new(),
+            cubes: Vec::new(),
             first: 0,
             usual: f32::INFINITY,
             within: None,
@@ -146,6 +150,7 @@ impl Relevance {
         let narrow = relevance.cells.iter().position(holds).unwrap_or(0);
         relevance.cells.drain(..narrow);
         relevance.first += narrow as i32;
+        relevance.cubes = relevance.cells.par_iter().map(cubes).collect();
         relevance.usual = relevance.usual_of(landings, within);
         relevance.within = within;
         let sampled = sampled(landings, |_| true);
@@ -158,11 +163,7 @@ impl Relevance {
     /// less; of all there is, where neither has a landing. Too small a radius takes few points from other places, since those never get fewer
     /// than a quarter of what their importance asks for; too large a one gives them by area, and a dome has ten thousand times a room's.
     fn usual_of(&self, landings: &[Landing], within: Option<(Vec3, Vec3)>) -> f32 {
-        let is_within = |landing: &Landing| {
-            within.is_some_and(|(low, high)| {
-                landing.position.cmpge(low).all() && landing.position.cmple(high).all()
-            })
-        };
+        let is_within = |landing: &Landing| within.is_some_and(|within| holds(within, landing.position));
         let looked_at = [
             sampled(landings, |landing| landing.in_image),
             sampled(landings, is_within),
@@ -190,12 +191,10 @@ impl Relevance {
 
     /// Of a disk around a place that holds [`SHARE`], about, metres.
     fn radius(&self, x: Vec3) -> f32 {
-        for (power, cells) in (self.first..).zip(&self.cells) {
+        for (power, cubes) in (self.first..).zip(&self.cubes) {
             let edge = edge(power);
             let corner = (x / edge - 0.5).floor().as_ivec3();
-            let held: f32 = (0..8)
-                .filter_map(|i| cells.get(&key_of(corner + IVec3::new(i & 1, (i >> 1) & 1, i >> 2))))
-                .sum();
+            let held = cubes.get(&key_of(corner)).copied().unwrap_or(0.0);
             if held >= SHARE {
                 // Twice as wide as a cell; of surfaces that cross it a disk of its edge's radius has about as much. Between powers
                 // importance goes with the disk's area.
@@ -215,25 +214,22 @@ impl Relevance {
 
     /// By how much radii are wider at a place, as a power of two.
     pub fn widening(&self, x: Vec3) -> u8 {
-        let limit = SLACK * self.usual;
+        let is_aside = (self.within).is_some_and(|within| !holds(within, x));
+        let slack = if is_aside { 1.0 } else { SLACK };
+        let limit = slack * self.usual;
         // Nearly all places: their own cell, no wider than that, holds its share.
-        let limit2 = if self.within.is_some_and(|(low, high)| !(x.cmpge(low).all() && x.cmple(high).all())) { self.usual } else { limit };
-        if !limit.is_finite() || self.holds_its_share(x, limit2) {
+        if !limit.is_finite() || self.holds_its_share(x, limit) {
             return 0;
         }
         let apart = self.radius(x) / self.usual;
-        if self.within.is_some_and(|(low, high)| !(x.cmpge(low).all() && x.cmple(high).all())) {
-            let power = apart.log2();
-            let wider = (1.5 * power - 2.0).floor().min(power.floor() + 1.0).max(power.round());
-            return wider.clamp(0.0, f32::from(WIDEST)) as u8;
-        }
-        if apart < SLACK {
+        if apart < slack {
             return 0;
         }
+        let power = apart.log2();
         // A point at the limit still stands for less importance than a usual one, and farther away for more, up to four times as much: what
         // lies there is many things to nobody.
-        let power = apart.log2();
         let wider = (1.5 * power - 2.0).floor().min(power.floor() + 1.0);
+        let wider = if is_aside { wider.max(power.round()) } else { wider };
         wider.clamp(0.0, f32::from(WIDEST)) as u8
     }
 
@@ -292,6 +288,26 @@ fn edge(power: i32) -> f32 {
     2.0f32.powi(power)
 }
 
+/// Sums over cubes of two cells each way, by the lowest of them.
+fn cubes(cells: &Cells) -> Cells {
+    let offsets = || (0..8).map(|i| IVec3::new(i & 1, (i >> 1) & 1, i >> 2));
+    let mut sums = Cells::default();
+    for &key in cells.keys() {
+        for lowest in offsets().map(|offset| cell_of(key) - offset) {
+            sums.entry(key_of(lowest)).or_insert_with(|| {
+                let within = offsets().filter_map(|offset| cells.get(&key_of(lowest + offset)));
+                within.sum()
+            });
+        }
+    }
+    sums
+}
+
+/// Whether bounds hold a place.
+fn holds((low, high): (Vec3, Vec3), x: Vec3) -> bool {
+    x.cmpge(low).all() && x.cmple(high).all()
+}
+
 /// Of the landings that count, evenly, [`ASKED`] or all.
 fn sampled(landings: &[Landing], counts: impl Fn(&Landing) -> bool) -> Vec<Landing> {
     let counting: Vec<Landing> = landings.iter().copied().filter(counts).collect();
@@ -348,6 +364,10 @@ mod tests {
     }
 
     fn scene(quads: &[[Vec3; 4]]) -> TracedScene {
+        scene_of(quads, Material::default())
+    }
+
+    fn scene_of(quads: &[[Vec3; 4]], material: Material) -> TracedScene {
         let mesh = Mesh {
             positions: quads.iter().flatten().copied().collect(),
             triangles: (0..quads.len() as u32)
@@ -361,7 +381,7 @@ mod tests {
                 mesh: 0,
                 world_from_mesh: Affine3A::IDENTITY,
             }],
-            materials: vec![Material::default()],
+            materials: vec![material],
             ..Scene::default()
         };
         TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap()
@@ -471,6 +491,36 @@ mod tests {
         // Where nothing of it is seen, all that is seen is as good.
         let nowhere = Some((Vec3::splat(1e6), Vec3::splat(2e6)));
         assert_eq!(usual(nowhere), all);
+    }
+
+    /// Truth: the same room in the same image, in a dome a hundred times as wide. The darker its walls, the fewer particles go on within it: its
+    /// share of all importance falls below a tenth.
+    #[test]
+    fn points_are_as_close_in_a_dark_room_as_in_a_bright_one_and_from_far_away_as_from_near() {
+        let wide = |v: Vec3| (v - Vec3::Y * 1.5) * 100.0;
+        let dome: Vec<[Vec3; 4]> = room().into_iter().map(|quad| quad.map(wide)).collect();
+        let quads = [room(), dome].concat();
+        let usual = |reflectance: f32, away: f32, within| {
+            let material = Material {
+                base_color: Vec3::splat(reflectance).extend(1.0),
+                ..Material::default()
+            };
+            let eye = Vec3::new(0.0, 1.5, 2.0 + away);
+            let camera = Camera::looking(eye, Vec3::NEG_Z, Vec3::Y, 0.4);
+            Relevance::of(&scene_of(&quads, material), &[eye], within, vec![camera], 0).usual
+        };
+        let within = Some((Vec3::new(-3.0, -1.0, -3.0), Vec3::new(3.0, 4.0, 3.0)));
+        let near = usual(0.8, 6.0, None);
+        assert!(near < 1.0, "{near}");
+        for reflectance in [0.8, 0.4, 0.1, 0.02] {
+            let in_image = usual(reflectance, 6.0, None);
+            assert!((0.5..2.0).contains(&(in_image / near)), "{reflectance}: {in_image} {near}");
+            // A thirtieth or a hundredth of an image: most things are there.
+            for away in [20.0, 40.0] {
+                let far = usual(reflectance, away, within);
+                assert!((0.2..5.0).contains(&(far / near)), "{reflectance} {away}: {far} {near}");
+            }
+        }
     }
 
     #[test]
