@@ -163,7 +163,13 @@ mod tests {
             each_separated(&sheet, &pairs)
         };
         let of = |place: (Vec3, Vec3)| {
-            let weights = weights_at(&points, &[Some(place)], &Separated::default(), each_separated, &());
+            let weights = weights_at(
+                &points,
+                &[Some(place)],
+                &Separated::default(),
+                each_separated,
+                &(),
+            );
             row(&weights, 0).map(|entry| entry.1).sum::<f32>()
         };
         let at = |z: f32| Vec3::new(0.03, 0.02, z * 0.0005);

@@ -67,7 +67,11 @@ pub fn key_of(cell: IVec3) -> u64 {
 #[inline]
 pub fn cell_of(key: u64) -> IVec3 {
     const MASK: u64 = (1 << 21) - 1;
-    IVec3::new((key & MASK) as i32, (key >> 21 & MASK) as i32, (key >> 42 & MASK) as i32)
+    IVec3::new(
+        (key & MASK) as i32,
+        (key >> 21 & MASK) as i32,
+        (key >> 42 & MASK) as i32,
+    )
 }
 
 /// Hashes of [`key_of`]: the keys are short, and tables of cells are asked a hundred million times.

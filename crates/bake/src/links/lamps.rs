@@ -83,7 +83,13 @@ mod tests {
             widening,
             signature,
         };
-        let above = |_| Vec3::new(4.0 * s.uniform() - 2.0, 0.2 + 2.0 * s.uniform(), 4.0 * s.uniform() - 2.0);
+        let above = |_| {
+            Vec3::new(
+                4.0 * s.uniform() - 2.0,
+                0.2 + 2.0 * s.uniform(),
+                4.0 * s.uniform() - 2.0,
+            )
+        };
         let lamps = (1..PILOTS).map(above).chain([far + Vec3::Y * 0.2]);
         (places.map(signed).collect(), lamps.collect())
     }

@@ -39,7 +39,12 @@ pub struct TestLights {
 
 impl TestLights {
     /// Lights of lamps at the pilots and of suns on the finest points, `places`.
-    pub fn new(surfaces: &dyn Surfaces, tree: &SenderTree, places: &[Candidate], lamps: &Lamps) -> TestLights {
+    pub fn new(
+        surfaces: &dyn Surfaces,
+        tree: &SenderTree,
+        places: &[Candidate],
+        lamps: &Lamps,
+    ) -> TestLights {
         let suns: Vec<Vec3> = (0..SUNS).map(|i| sphere(r2(i as u32, Vec2::ZERO))).collect();
         let sunlit = sunlit(surfaces, places, &suns);
         let light = |g: usize, p: usize| {

@@ -2,6 +2,7 @@
 
 pub mod candidates;
 pub mod coverage;
+pub mod known_lamps;
 pub mod openness;
 pub mod particles;
 pub mod placing;

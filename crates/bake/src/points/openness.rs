@@ -5,8 +5,9 @@
 //! about as much of itself as a step is of the harmonic mean distance to all that is seen. The same distance tells crevices in
 //! Lehtinen et al. 2008, section 2.3. Deviation from the latter, whose points are equally close everywhere: where that distance is
 //! long, finer levels have no points of their own but inherit the coarser one's, so that a plain wall takes few and its corners keep
-//! theirs.
+//! theirs. So does the way to a lamp, where one is known: of a lantern over open ground the spot is as wide as the lantern is high.
 
+use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::rays::Ray;
 use relight_scene::surface::{SurfaceHit, Surfaces, WAYS, ray_from};
@@ -30,6 +31,9 @@ const LEVELS: usize = 6;
 /// Most that openness widens, as a power of two, beyond what relevance does.
 const MOST: u8 = 4;
 
+/// Part of the way to a lamp on which nothing may be: what is around its middle is its own.
+const LAMP: f32 = 0.9;
+
 type Cells = HashMap<u64, u8, BuildHasherDefault<CellHasher>>;
 
 /// A cell that was asked: which way its surfaces face and how relevant they are, its key, and by how much radii are wider there.
@@ -42,6 +46,8 @@ pub struct Openness {
     /// Disk radius over distance.
     step: f32,
     directions: DirectionSet,
+    /// Where lamps are.
+    lamps: Vec<Vec3>,
     /// Widenings by what normals face, for each widening by relevance.
     cells: Vec<Cells>,
     /// What has been asked in order, as [`Openness::restore`] takes it.
@@ -49,8 +55,9 @@ pub struct Openness {
 }
 
 impl Openness {
-    /// For points on `levels` levels, of which the coarsest have disks of `coarse_radius`. A single level has nothing to inherit.
-    pub fn new(levels: usize, coarse_radius: f32, seed: u64) -> Openness {
+    /// For points on `levels` levels, of which the coarsest have disks of `coarse_radius`, under `lamps` at these places. A single level has
+    /// nothing to inherit.
+    pub fn new(levels: usize, coarse_radius: f32, lamps: Vec<Vec3>, seed: u64) -> Openness {
         let radius = match levels {
             1 => f32::INFINITY,
             _ => coarse_radius / (1u64 << (levels - 1)) as f32,
@@ -60,6 +67,7 @@ impl Openness {
             radius,
             step: STEP * 2.0f32.powi(-further),
             directions: DirectionSet::uniform(RAYS, &mut Stream::new(seed, STAGE, 0)),
+            lamps,
             cells: Vec::new(),
             asked: Vec::new(),
         }
@@ -67,12 +75,17 @@ impl Openness {
 
     /// Nothing is widened.
     pub fn none() -> Openness {
-        Openness::new(1, f32::INFINITY, 0)
+        Openness::new(1, f32::INFINITY, Vec::new(), 0)
     }
 
     /// Whether anything is widened.
     pub fn widens(&self) -> bool {
         self.radius.is_finite()
+    }
+
+    /// Where lamps are.
+    pub fn lamps(&self) -> &[Vec3] {
+        &self.lamps
     }
 
     /// What was asked since the last call.
@@ -124,12 +137,14 @@ impl Openness {
                 0
             });
         }
-        let found: Vec<u8> = new
+        let found: Vec<(u8, u64)> = new
             .par_iter()
             .with_min_len(64)
             .map(|&i| self.widening(surfaces, &hits[i], relevant[i]))
             .collect();
-        for (&i, widening) in new.iter().zip(found) {
+        let mut rays = 0;
+        for (&i, (widening, cast)) in new.iter().zip(found) {
+            rays += cast;
             let (side, cell) = keys[i];
             self.cells_of(side).insert(cell, widening);
             self.asked.push((side, cell, widening));
@@ -137,19 +152,60 @@ impl Openness {
         let widenings = keys
             .iter()
             .map(|(side, cell)| self.cells[usize::from(*side)][cell]);
-        (widenings.collect(), (RAYS * new.len()) as u64)
+        (widenings.collect(), rays)
     }
 
-    fn widening(&self, surfaces: &dyn Surfaces, hit: &SurfaceHit, relevant: u8) -> u8 {
+    /// By how much radii may be wider at a place, and the number of rays cast.
+    fn widening(&self, surfaces: &dyn Surfaces, hit: &SurfaceHit, relevant: u8) -> (u8, u64) {
         let radius = self.radius * width(relevant);
         let farthest = radius * f32::from(1u16 << (MOST + 1)) / self.step;
         let distances = distances(surfaces, hit, farthest, &self.directions);
         // The sky, which sends no indirect light, says nothing about how far away that is which does.
         let (sum, count) = (distances.flatten()).fold((0.0, 0), |(sum, count), t| (sum + 1.0 / t, count + 1));
         let distance = if count > 0 { count as f32 / sum } else { farthest };
-        let wider = (self.step * distance / radius).log2().floor();
-        relevant + wider.clamp(0.0, f32::from(MOST)) as u8
+        let (wider, cast) = self.under_lamps(surfaces, hit, radius, self.wider(radius, distance));
+        (relevant + wider, RAYS as u64 + cast)
     }
+
+    /// By how much radii may be wider than `radius`, as a power of two, where light changes over `distance`.
+    fn wider(&self, radius: f32, distance: f32) -> u8 {
+        let power = (self.step * distance / radius).log2().floor();
+        power.clamp(0.0, f32::from(MOST)) as u8
+    }
+
+    /// What is left of `wider` at a place on which lamps shine, whose light changes over a part of their distances; and the number of rays cast.
+    fn under_lamps(
+        &self,
+        surfaces: &dyn Surfaces,
+        hit: &SurfaceHit,
+        radius: f32,
+        mut wider: u8,
+    ) -> (u8, u64) {
+        let mut cast = 0;
+        for &lamp in &self.lamps {
+            if wider == 0 {
+                break;
+            }
+            let way = lamp - hit.position;
+            let own = self.wider(radius, way.length());
+            if own < wider && way.dot(hit.geometric_normal) > 0.0 {
+                cast += 1;
+                if shines_on(surfaces, hit, way) {
+                    wider = own;
+                }
+            }
+        }
+        (wider, cast)
+    }
+}
+
+/// Whether nothing is on the way from a place to a lamp but, maybe, the lamp itself, at the way's end.
+fn shines_on(surfaces: &dyn Surfaces, place: &SurfaceHit, way: Vec3) -> bool {
+    let ray = Ray {
+        t_max: LAMP,
+        ..ray_from(place, way)
+    };
+    !surfaces.occluded(&ray)
 }
 
 /// Harmonic mean distance to the geometry above a place, along rays of length `farthest`, misses counting as that.
@@ -191,7 +247,7 @@ mod tests {
     use crate::points::poisson::{PointLevels, distribute, levels_of};
     use crate::points::relevance::Relevance;
     use crate::units::Units;
-    use glam::{Affine3A, Vec3};
+    use glam::Affine3A;
     use relight_scene::material::Material;
     use relight_scene::scene::{Instance, Mesh, Scene};
     use relight_scene::traced::{Shading, TracedScene};
@@ -265,7 +321,7 @@ mod tests {
     fn plain_walls_inherit_and_corners_have_their_own() {
         let scene = cube();
         let all = points(&scene, Openness::none());
-        let open = points(&scene, Openness::new(LEVELS, COARSE, 0));
+        let open = points(&scene, Openness::new(LEVELS, COARSE, Vec::new(), 0));
         // The middle of a wall sees some two metres far: a fifth of that is more than a finest radius of 0.1.
         let finest = &open.levels[LEVELS - 1].points;
         let own = finest.iter().filter(|p| !p.inherited);
@@ -292,10 +348,53 @@ mod tests {
         }
     }
 
+    /// Truth: a plane that sees nothing. Under a lamp 0.5 m above it a fifth of that is the finest radius.
+    #[test]
+    fn an_open_ground_has_close_points_under_a_lamp_and_none_where_nothing_shines_on_it() {
+        let quad = |edge: f32, height: f32| Mesh {
+            positions: [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]]
+                .map(|[x, z]| Vec3::new(x * edge, height, z * edge))
+                .to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..Mesh::default()
+        };
+        let material = Material {
+            double_sided: true,
+            ..Material::default()
+        };
+        let scene = Scene {
+            meshes: vec![quad(4.0, 0.0)],
+            instances: vec![Instance {
+                mesh: 0,
+                world_from_mesh: Affine3A::IDENTITY,
+            }],
+            materials: vec![material],
+            ..Scene::default()
+        };
+        let ground = TracedScene::new(Arc::new(scene), Shading::Lambert).unwrap();
+        let own_around = |lamps: Vec<Vec3>| {
+            let openness = Openness::new(LEVELS, COARSE, lamps, 0);
+            let finest = points(&ground, openness).levels.remove(LEVELS - 1).points;
+            let own = |within: f32| {
+                let is_own = |p: &&crate::points::candidates::Candidate| {
+                    !p.inherited && p.position.length() < within && p.normal.y > 0.0
+                };
+                finest.iter().filter(is_own).count()
+            };
+            [own(0.3), own(f32::INFINITY)]
+        };
+        assert_eq!(own_around(Vec::new()), [0, 0]);
+        assert_eq!(own_around(vec![Vec3::new(0.0, 30.0, 0.0)]), [0, 0], "a high lamp");
+        let [near, all] = own_around(vec![Vec3::new(0.0, 0.5, 0.0)]);
+        // 0.70 points for each squared radius of 0.1, up to where twice that is a fifth of the way to the lamp.
+        assert!((12..=28).contains(&near), "{near}");
+        assert!(all < 400, "{all}");
+    }
+
     #[test]
     fn an_inherited_point_is_the_coarser_levels() {
         let scene = cube();
-        let points = points(&scene, Openness::new(LEVELS, COARSE, 0));
+        let points = points(&scene, Openness::new(LEVELS, COARSE, Vec::new(), 0));
         let parents = fine_from_coarse(&levels_of(&points), |_, _| false);
         let places: Vec<_> = points.levels.iter().flat_map(|level| &level.points).collect();
         let inherited: Vec<usize> = (0..places.len()).filter(|&i| places[i].inherited).collect();

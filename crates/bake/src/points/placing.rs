@@ -5,6 +5,7 @@ use crate::memory;
 use crate::params::Omittable;
 use crate::points::candidates::Candidate;
 use crate::points::coverage::everywhere;
+use crate::points::known_lamps;
 use crate::points::openness::Openness;
 use crate::points::poisson::{self, PointLevels};
 use crate::points::relevance::Relevance;
@@ -241,7 +242,10 @@ fn spread(
     // Visibility cuts have a site at each finest point, and edges of shadows lie anywhere.
     let openness = match request.uses_cuts() {
         true => Openness::none(),
-        false => Openness::new(params.levels, radius, params.seed),
+        false => {
+            let lamps = known_lamps::places(&request.scene, request.lights);
+            Openness::new(params.levels, radius, lamps, params.seed)
+        }
     };
     let points = poisson::distribute(
         surfaces,

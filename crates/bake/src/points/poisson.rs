@@ -128,6 +128,7 @@ pub fn distribute(
 ) -> Result<PointLevels, BakeError> {
     let inputs = units.inputs(|key| {
         key.vectors(relevance.viewpoints.iter())
+            .vectors(openness.lamps().iter())
             .f32s(&[coarse_radius])
             .u64s(&[levels as u64, seed, u64::from(openness.widens())]);
     });

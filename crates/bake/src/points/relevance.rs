@@ -138,7 +138,10 @@ impl Relevance {
             .into_par_iter()
             .map(|power| {
                 let mut cells = Cells::default();
-                for Landing { position, carried, .. } in landings {
+                for Landing {
+                    position, carried, ..
+                } in landings
+                {
                     let cell = (position / edge(power)).floor().as_ivec3();
                     *cells.entry(key_of(cell)).or_default() += (f64::from(*carried) / total) as f32;
                 }
@@ -514,11 +517,17 @@ mod tests {
         assert!(near < 1.0, "{near}");
         for reflectance in [0.8, 0.4, 0.1, 0.02] {
             let in_image = usual(reflectance, 6.0, None);
-            assert!((0.5..2.0).contains(&(in_image / near)), "{reflectance}: {in_image} {near}");
+            assert!(
+                (0.5..2.0).contains(&(in_image / near)),
+                "{reflectance}: {in_image} {near}"
+            );
             // A thirtieth or a hundredth of an image: most things are there.
             for away in [20.0, 40.0] {
                 let far = usual(reflectance, away, within);
-                assert!((0.2..5.0).contains(&(far / near)), "{reflectance} {away}: {far} {near}");
+                assert!(
+                    (0.2..5.0).contains(&(far / near)),
+                    "{reflectance} {away}: {far} {near}"
+                );
             }
         }
     }
