@@ -35,8 +35,9 @@ const CLOSE: f64 = 0.1;
 /// So many landings are asked how closely others are: enough to know a tenth of them to a few per cent of all.
 const ASKED: usize = 2048;
 
-/// How many times as far apart as usual particles may land before radii become wider: within a room they do, and whoever walks
-/// about in it comes near all of it.
+/// How many times as far apart as usual particles may land before radii become wider, in what is looked at: within a room they do, and
+/// whoever walks about in it comes near all of it. The ground around it has points as its importance asks for, or the half of them would be
+/// beneath the camera.
 const SLACK: f32 = 8.0;
 
 /// Part of the particles that go on from where points are wide. Few points are to be found from there, so that all would find what is known
@@ -65,6 +66,8 @@ pub struct Relevance {
     is_even: bool,
     /// Usual radius of a disk that holds [`SHARE`], metres.
     usual: f32,
+    /// Bounds of what is looked at, if not all that is seen is.
+    within: Option<(Vec3, Vec3)>,
     /// Rays that were cast.
     pub rays: u64,
 }
@@ -113,6 +116,7 @@ impl Relevance {
             cubes: Vec::new(),
             first: 0,
             usual: f32::INFINITY,
+            within: None,
             rays: 0,
         }
     }
@@ -151,6 +155,7 @@ impl Relevance {
         relevance.first += narrow as i32;
         relevance.cubes = relevance.cells.par_iter().map(cubes).collect();
         relevance.usual = relevance.usual_of(landings, within);
+        relevance.within = within;
         let sampled = sampled(landings, |_| true);
         let wide = (sampled.par_iter()).filter(|landing| relevance.widening(landing.position) > 0);
         relevance.is_even = wide.count() <= sampled.len() / 100;
@@ -212,19 +217,22 @@ impl Relevance {
 
     /// By how much radii are wider at a place, as a power of two.
     pub fn widening(&self, x: Vec3) -> u8 {
-        let limit = SLACK * self.usual;
+        let is_aside = (self.within).is_some_and(|within| !holds(within, x));
+        let slack = if is_aside { 1.0 } else { SLACK };
+        let limit = slack * self.usual;
         // Nearly all places: their own cell, no wider than that, holds its share.
         if !limit.is_finite() || self.holds_its_share(x, limit) {
             return 0;
         }
         let apart = self.radius(x) / self.usual;
-        if apart < SLACK {
+        if apart < slack {
             return 0;
         }
+        let power = apart.log2();
         // A point at the limit still stands for less importance than a usual one, and farther away for more, up to four times as much: what
         // lies there is many things to nobody.
-        let power = apart.log2();
         let wider = (1.5 * power - 2.0).floor().min(power.floor() + 1.0);
+        let wider = if is_aside { wider.max(power.round()) } else { wider };
         wider.clamp(0.0, f32::from(WIDEST)) as u8
     }
 
