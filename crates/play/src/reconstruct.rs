@@ -19,8 +19,8 @@ pub(crate) type Asked = ((Vec3, Vec3), u32);
 ///
 /// A place that no function covers (a crevice that no candidate met) takes the nearest point that no surface separates from it, whatever
 /// its normal, and failing that stays empty: the back of a sheet knows nothing of its front's light. Of several points that cover a place,
-/// those that a surface separates from it count for nothing, as long as others are left: `each_separated` is asked of many places at a time, about those alone that are `separated` from others that
-/// cover the place. Rows from where on `watch` stops it stay empty.
+/// those that a surface separates from it count for nothing, as long as others are left: `each_separated` is asked of many places at a
+/// time, about those alone that are `separated` from others that cover the place. Rows from where on `watch` stops it stay empty.
 pub(crate) fn weights_at(
     finest: &Level,
     places: &[Option<(Vec3, Vec3)>],

@@ -55,18 +55,19 @@ struct Cells {
 /// No block.
 const EMPTY: u32 = u32::MAX;
 
+/// A coordinate's bits in a key.
+const MASK: u64 = (1 << 21) - 1;
+
 /// Packs the coordinates of a cell or a block, 21 bits each. Those 2²¹ apart share a key: their points are found and then
 /// rejected by distance.
 #[inline]
 pub fn key_of(cell: IVec3) -> u64 {
-    const MASK: u64 = (1 << 21) - 1;
     (cell.x as u64 & MASK) | ((cell.y as u64 & MASK) << 21) | ((cell.z as u64 & MASK) << 42)
 }
 
 /// A cell that has a key: that with coordinates from 0 to 2²¹ − 1.
 #[inline]
 pub fn cell_of(key: u64) -> IVec3 {
-    const MASK: u64 = (1 << 21) - 1;
     IVec3::new(
         (key & MASK) as i32,
         (key >> 21 & MASK) as i32,

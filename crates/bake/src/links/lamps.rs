@@ -1,6 +1,7 @@
 //! Lamps at the pilots, by which links are chosen and to which they are fitted.
 
 use glam::Vec3;
+use rayon::prelude::*;
 use relight_transport::kernel::width;
 use relight_transport::senders::Signed;
 
@@ -46,7 +47,7 @@ impl Lamps<'_> {
             let sum: f64 = points.clone().map(|p| f64::from(self.light(k, p))).sum();
             sum / points.len().max(1) as f64
         };
-        (0..self.pilots.len()).map(mean).collect()
+        (0..self.pilots.len()).into_par_iter().map(mean).collect()
     }
 }
 
