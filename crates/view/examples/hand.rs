@@ -44,7 +44,7 @@ const WATCH: &str = "
                 hand.asked = null;
             }
         }
-        if (names.includes('data-wanted') && hand.moved !== null && !hand.asked) {
+        if (names.includes('data-wanted') && wanted !== '' && hand.moved !== null && !hand.asked) {
             hand.asked = { id: Number(wanted), at: hand.moved };
             hand.moved = null;
         }

@@ -9,6 +9,7 @@ export class Link {
     Object.assign(this, { seen, told, state });
     this.wait = FIRST_WAIT;
     this.id = 0;
+    this.wished = null;
     this.sent = new Map();
     this.lightsSent = this.materialsSent = -1;
     this.arrived = 0;
@@ -59,16 +60,17 @@ export class Link {
     this.seen({ head, bitmap, blob, latency: began === undefined ? null : performance.now() - began });
   }
 
-  // Asks for a picture of the state.
+  // Asks for a picture of the state. Returns the number of the wish that asks for it, null if none could be sent.
   show(state, moving) {
-    if (!this.ready || !state.hello) return;
+    if (!this.ready || !state.hello) return null;
     // A server that can't keep up is not buried.
-    if (moving && this.socket.bufferedAmount > 1 << 20) return;
+    if (moving && this.socket.bufferedAmount > 1 << 20) return null;
     // What is shown at rest needs no picture again.
     const picture = moving ? null : JSON.stringify([wishOf(state, 0, false), state.lightsVersion, state.materialsVersion]);
-    if (picture !== null && picture === this.asked) return;
+    if (picture !== null && picture === this.asked) return this.wished;
     this.asked = picture;
-    const show = wishOf(state, ++this.id, moving);
+    this.wished = ++this.id;
+    const show = wishOf(state, this.wished, moving);
     if (this.lightsSent !== state.lightsVersion) {
       show.lights = state.shining();
       this.lightsSent = state.lightsVersion;
@@ -80,6 +82,7 @@ export class Link {
     this.sent.set(show.id, performance.now());
     if (this.sent.size > 200) this.sent.delete(this.sent.keys().next().value);
     this.socket.send(JSON.stringify({ show }));
+    return this.wished;
   }
 
   // Asks what a place of the picture shows; links: and what brings indirect light there; clusters: and which clusters of lights light it.

@@ -39,6 +39,7 @@ let frames = [];
 function want(moving) {
   if (wanted === null) requestAnimationFrame(send);
   wanted = moving || wanted === true;
+  document.body.dataset.wanted = "";
   if (moving) {
     clearTimeout(resting);
     resting = setTimeout(() => want(false), REST);
@@ -48,9 +49,9 @@ function want(moving) {
 function send() {
   const moving = wanted;
   wanted = null;
-  link.show(state, moving);
-  // For whoever waits for the picture of the newest wish.
-  document.body.dataset.wanted = link.id;
+  const asked = link.show(state, moving);
+  // For whoever waits for the picture of the newest wish: none is named until it is sent.
+  if (asked !== null) document.body.dataset.wanted = asked;
 }
 
 state.on((what) => {

@@ -226,8 +226,6 @@ impl Chromium {
 
     /// Waits until the newest wish is shown, refined.
     pub fn rest(&mut self) {
-        // A change asks for a picture at the screen's next one, and for refinement soon after.
-        std::thread::sleep(Duration::from_millis(400));
         self.wait(
             "document.body.dataset.stage === 'final' && document.body.dataset.shown === document.body.dataset.wanted",
         );
