@@ -398,11 +398,11 @@ fn yard(seed: u64) -> Player {
     baked_with(&glb, &params)
 }
 
-/// Truth: light is never negative. Tolerance: what the last clamp may add to an asset's light, a thousandth (`relight check`), on most seeds; a
-/// hundredth on any, since a few points at the foot of a wall have up to -2.3 of the mean on some (docs/notebook/openness.md).
-/// Coefficients of siblings that did not leave their mean to their parent, over links of 20 and more, gave patches of it.
+/// Truth: light is never negative. Tolerance: a fifth of the mean at any point, on any of eight seeds; links are right to within some per cent, and
+/// what a point is passed on may be a few times what it gets. What siblings left to their parent over links of 20 and more, differences
+/// that were multiplied by lobes of grazing light, and links that were turned around to fit lamps gave patches of it, down to -10 of the mean.
 #[test]
-fn shining_ground_under_a_sky_gives_hardly_any_negative_light() {
+fn shining_ground_under_a_sky_gives_negative_light_nowhere() {
     let sky = LightTrack {
         name: "day".into(),
         kind: LightKind::SunSky {
@@ -411,25 +411,18 @@ fn shining_ground_under_a_sky_gives_hardly_any_negative_light() {
             scale: Animated::Constant(Vec3::splat(0.01)),
         },
     };
-    let share = |seed| {
+    for seed in 0..8 {
         let player = yard(seed);
         let lights = player.lights(std::slice::from_ref(&sky)).unwrap();
         let lit = lit_points(&player.prepared, &lights, 0.0, &FrameSettings::default(), &())
             .unwrap()
             .remove(0);
-        let finest = &player.prepared.transfer.as_ref().unwrap().finest;
-        // By the area that each point stands for.
-        let of = |counts: fn(f32) -> bool| -> f32 {
-            let counting = (lit.indirect.iter().enumerate()).filter(|(_, e)| counts(e.y));
-            counting
-                .map(|(i, e)| e.y * finest.disk_radius_of(i).powi(2))
-                .sum()
-        };
-        let (light, negative) = (of(|e| e > 0.0), of(|e| e < 0.0));
-        assert!(light > 0.0, "{light}");
-        -negative / light
-    };
-    let mut shares: Vec<f32> = (0..5).map(share).collect();
-    shares.sort_unstable_by(f32::total_cmp);
-    assert!(shares[2] < 1e-3 && shares[4] < 1e-2, "{shares:?}");
+        let mean = lit.indirect.iter().map(|e| e.y).sum::<f32>() / lit.indirect.len() as f32;
+        let least = (lit.indirect.iter().map(|e| e.y / mean)).fold(f32::INFINITY, f32::min);
+        println!(
+            "seed {seed}: {least} of the mean of {} points, {mean}",
+            lit.indirect.len()
+        );
+        assert!(mean > 0.0 && least > -0.2, "seed {seed}: {least} of {mean}");
+    }
 }

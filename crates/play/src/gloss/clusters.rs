@@ -123,11 +123,7 @@ impl Clusters {
     }
 
     /// Irradiance of a receiver by radiosity 1 of a sender with nothing in the way.
-    pub fn form_factor(&self, transfer: &Transfer, sender: u32, receiver: usize) -> f32 {
-        let to = Receiver {
-            place: transfer.position_of(receiver),
-            normal: transfer.normal_of(receiver),
-        };
+    pub fn form_factor(&self, transfer: &Transfer, sender: u32, to: &Receiver) -> f32 {
         let of = |sample: &Sample| {
             let point = sample.point as usize;
             let disk = Disk {

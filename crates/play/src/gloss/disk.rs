@@ -1,6 +1,7 @@
 //! Disks of surface, and how much of their light arrives at a place.
 
 use crate::spread::sunflower;
+use crate::transfer::Transfer;
 use glam::Vec3;
 
 /// A piece of surface.
@@ -35,6 +36,14 @@ pub(super) struct Receiver {
 }
 
 impl Receiver {
+    /// One of a transfer's receivers, numbered over all levels.
+    pub fn at(transfer: &Transfer, receiver: usize) -> Receiver {
+        Receiver {
+            place: transfer.position_of(receiver),
+            normal: transfer.normal_of(receiver),
+        }
+    }
+
     /// Irradiance by radiosity 1 of a small disk; zero where either faces away.
     pub fn form_factor(&self, place: Vec3, normal: Vec3, radius: f32) -> f32 {
         let way = place - self.place;

@@ -2,7 +2,9 @@
 
 use super::clusters::{SAMPLES, Sample};
 use super::disk::{Disk, Receiver};
+use super::links::LobeLink;
 use super::senders::{GlossyPoint, GlossySenders};
+use super::weights::lobes_end;
 use crate::lit::{Lit, share};
 use crate::transfer::{OverLobes, Transfer};
 use glam::Vec3;
@@ -114,14 +116,15 @@ impl LampLight<'_> {
     /// What receivers of all levels get of what is glossy.
     pub fn over_lobes(self) -> OverLobes {
         let links = &self.of.weighed.links;
-        let received = links.received(self.transfer, |sender, receiver, weight| {
-            let (most, least) = (self.most[sender as usize] * weight.length(), self.least);
+        let received = links.received(self.transfer, |link, receiver| {
+            let (part, least) = (link.part_over_lobes, self.least);
+            let most = self.most[link.sender as usize] * link.weight.length() * part;
             // Fading in: a lamp that moves is not to switch what it adds.
             let over_lobes = match most > least {
-                true => self.difference(sender, receiver) * (most / least - 1.0).min(1.0),
+                true => self.difference(link, receiver) * part * (most / least - 1.0).min(1.0),
                 false => Vec3::ZERO,
             };
-            self.matt[sender as usize] + over_lobes
+            self.matt[link.sender as usize] + over_lobes
         });
         OverLobes {
             received,
@@ -129,12 +132,11 @@ impl LampLight<'_> {
         }
     }
 
-    /// What a sender has to send to a receiver over lobes, less what it would have if it were matt: radiosity, W/m².
-    fn difference(&self, sender: u32, receiver: usize) -> Vec3 {
-        let clusters = &self.of.weighed.clusters;
-        let to = Receiver {
-            place: self.transfer.position_of(receiver),
-            normal: self.transfer.normal_of(receiver),
+    /// What a link's sender has to send over lobes to where the link has them end, less what it would have if it were matt: radiosity, W/m².
+    fn difference(&self, link: &LobeLink, receiver: usize) -> Vec3 {
+        let (sender, clusters) = (link.sender, &self.of.weighed.clusters);
+        let Some(to) = lobes_end(self.transfer, receiver, link.weight) else {
+            return Vec3::ZERO;
         };
         let (radius, spread) = (clusters.radius_of(sender), clusters.spread_of(sender));
         let mut seen = Seen::default();

@@ -21,8 +21,17 @@ pub(super) struct LobeLinks {
     starts: Vec<u32>,
     /// Per receiver, where those of its senders end that finer receivers have, too.
     splits: Vec<u32>,
-    senders: Vec<u32>,
-    weights: Vec<Vec3>,
+    links: Vec<LobeLink>,
+}
+
+/// What a receiver gets of a sender.
+#[derive(Clone, Copy)]
+pub(super) struct LobeLink {
+    pub sender: u32,
+    /// Vector irradiance per radiosity.
+    pub weight: Vec3,
+    /// Part of it that lobes count by ([`Making::part_over_lobes`]).
+    pub part_over_lobes: f32,
 }
 
 impl LobeLinks {
@@ -33,14 +42,13 @@ impl LobeLinks {
         let mut all = LobeLinks {
             starts: vec![0],
             splits: Vec::new(),
-            senders: Vec::new(),
-            weights: Vec::new(),
+            links: Vec::new(),
         };
         // Of each receiver so far, weights of what it shares with finer ones.
         let mut shared: Vec<Row> = Vec::new();
         for level in 0..ranges.levels() {
             let is_finest = level + 1 == ranges.levels();
-            let rows: Vec<(Row, Row, usize)> = (ranges.range(level).into_par_iter())
+            let rows: Vec<(Row, Vec<LobeLink>, usize)> = (ranges.range(level).into_par_iter())
                 .with_min_len(64)
                 .map_init(
                     || making.buffers(),
@@ -53,15 +61,19 @@ impl LobeLinks {
                         let count = of_finer.len();
                         of_finer.extend(of_itself);
                         own.retain(is_shared);
-                        (own, of_finer, count)
+                        let link = |(sender, weight)| LobeLink {
+                            sender,
+                            weight,
+                            part_over_lobes: making.part_over_lobes((sender, weight), receiver),
+                        };
+                        (own, of_finer.into_iter().map(link).collect(), count)
                     },
                 )
                 .collect();
             for (own, row, count) in rows {
-                all.splits.push((all.senders.len() + count) as u32);
-                all.senders.extend(row.iter().map(|entry| entry.0));
-                all.weights.extend(row.iter().map(|entry| entry.1));
-                all.starts.push(all.senders.len() as u32);
+                all.splits.push((all.links.len() + count) as u32);
+                all.links.extend(row);
+                all.starts.push(all.links.len() as u32);
                 shared.push(own);
             }
         }
@@ -71,20 +83,24 @@ impl LobeLinks {
     /// Senders that the coarser receivers around one have and do not share with it; some more than once.
     fn others<'a>(&'a self, transfer: &'a Transfer, receiver: usize) -> impl Iterator<Item = u32> + 'a {
         let parents = sparse::row(transfer.parents().0, receiver);
-        parents.flat_map(|(parent, _)| self.senders[self.parts(parent as usize).1].iter().copied())
+        parents.flat_map(|(parent, _)| {
+            self.links[self.parts(parent as usize).1]
+                .iter()
+                .map(|link| link.sender)
+        })
     }
 
     /// Vector irradiance at all receivers, as T has it: beyond what the coarser ones around a receiver pass on to it.
-    /// `sent(sender, receiver, weight)` is what a sender sends there, W/m².
+    /// `sent(link, receiver)` is what the link's sender sends there, W/m².
     pub fn received(
         &self,
         transfer: &Transfer,
-        sent: impl Fn(u32, usize, Vec3) -> Vec3 + Sync,
+        sent: impl Fn(&LobeLink, usize) -> Vec3 + Sync,
     ) -> Vec<VectorIrradiance> {
         let sum = |receiver: usize, range: Range<usize>| {
             let mut sum = VectorIrradiance::default();
-            for (&sender, &weight) in self.senders[range.clone()].iter().zip(&self.weights[range]) {
-                sum.add(weight, sent(sender, receiver, weight).into());
+            for link in &self.links[range] {
+                sum.add(link.weight, sent(link, receiver).into());
             }
             sum
         };

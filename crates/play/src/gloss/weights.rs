@@ -1,6 +1,7 @@
 //! Weights of glossy senders, row by row.
 
 use super::clusters::Clusters;
+use super::disk::Receiver;
 use super::marks::{Marks, Sums};
 use crate::transfer::Transfer;
 use glam::Vec3;
@@ -134,10 +135,10 @@ impl Making<'_> {
             .filter(|entry| is_whole(entry.0))
             .map(|entry| (self.ancestors(entry.0).last().unwrap_or(entry.0), entry))
             .collect();
-        let normal = self.transfer.normal_of(receiver);
+        let to = Receiver::at(self.transfer, receiver);
         for (root, (sender, weight)) in &mut whole {
-            let had = weight.dot(normal);
-            let has = had.clamp(0.0, self.clusters.form_factor(self.transfer, *sender, receiver));
+            let had = weight.dot(to.normal);
+            let has = had.clamp(0.0, self.clusters.form_factor(self.transfer, *sender, &to));
             *weight *= if had > 0.0 { has / had } else { 0.0 };
             let sum = &mut sums[*root as usize];
             *sum = [sum[0] + had, sum[1] + has];
@@ -205,10 +206,11 @@ impl Making<'_> {
         let has_link = |child: u32| links.iter().any(|link| link.0 == child);
         let children = self.transfer.senders.children_of(cluster);
         let share = |child: u32| self.transfer.senders.shares[child as usize];
+        let to = Receiver::at(self.transfer, receiver);
         let seen: Vec<f32> = (children.clone())
             .map(|child| match has_link(child) {
                 true => 0.0,
-                false => self.clusters.form_factor(self.transfer, child, receiver),
+                false => self.clusters.form_factor(self.transfer, child, &to),
             })
             .collect();
         let all: f32 = seen.iter().sum();
@@ -224,6 +226,17 @@ impl Making<'_> {
         children.zip(seen).map(part).collect()
     }
 
+    /// The part of a weight that lobes count by: what the receiver may see of the sender, or where the weight takes light back, what those see
+    /// of it that pass the light on; no more. The rest is what links take from one sender to give it to another: right for light that goes
+    /// all ways alike, but lobes send a hundred times as much to where next to nothing of them is seen.
+    pub fn part_over_lobes(&self, (sender, weight): (u32, Vec3), receiver: usize) -> f32 {
+        let along = weight.dot(self.transfer.normal_of(receiver)).abs();
+        let most = lobes_end(self.transfer, receiver, weight).map_or(0.0, |to| {
+            MOST * self.clusters.form_factor(self.transfer, sender, &to)
+        });
+        if along > most { most / along } else { 1.0 }
+    }
+
     /// Whether lobes of a sender differ over the disk of a receiver.
     pub fn is_close(&self, sender: u32, receiver: usize) -> bool {
         let place = self.transfer.position_of(receiver);
@@ -232,6 +245,22 @@ impl Making<'_> {
         (self.clusters.samples_of(sender).iter())
             .any(|sample| positions[sample.point as usize].distance_squared(place) < reach * reach)
     }
+}
+
+/// Where lobes end that a weight of a receiver counts by: there, or if it takes light back, in the middle of those that pass the light on to the
+/// receiver; `None` where none do.
+pub(super) fn lobes_end(transfer: &Transfer, receiver: usize, weight: Vec3) -> Option<Receiver> {
+    let here = Receiver::at(transfer, receiver);
+    if weight.dot(here.normal) >= 0.0 {
+        return Some(here);
+    }
+    let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+    for (parent, weight) in sparse::row(transfer.parents().0, receiver) {
+        sum += transfer.position_of(parent as usize) * weight;
+        weights += weight;
+    }
+    let place = sum / weights;
+    (weights > 0.0).then_some(Receiver { place, ..here })
 }
 
 /// Leaves out the shortest weights, which together are next to nothing, and gives theirs to the others: light that goes elsewhere over lobes
