@@ -377,10 +377,10 @@ mod tests {
             let mut s = Stream::new(seed, 0, 0);
             let tree = SenderTree::new(&[2], (0..40).map(|p| p / 20).collect(), Vec::new(), vec![9; 40]);
             let lit = (0..40)
-                .map(|_| std::array::from_fn(|g| if g == EVEN { 1.0 } else { 1.0 + 0.3 * s.uniform() }));
+                .map(|_| std::array::from_fn(|g| if g == EVEN { 1.0 } else { 1.0 + s.uniform() }));
             let lights = TrialLights::from_radiosity(&tree, lit);
             let links = [(0, Vec3::Y * 0.3), (1, Vec3::Y * 0.05)];
-            let missing = answered(&[(0, Vec3::Y * 0.5), (1, Vec3::Y * -0.5)], &lights);
+            let missing = answered(&[(0, Vec3::Y), (1, -Vec3::Y)], &lights);
             let mut fitted = links;
             fit(&mut fitted, &lights, &missing);
             for ((_, before), (_, after)) in links.iter().zip(&fitted) {
