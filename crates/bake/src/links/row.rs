@@ -112,7 +112,8 @@ pub(super) fn correct(
         missing.add(-Vec3A::from(vector), &coefficients[j as usize]);
     }
     let fitted = &mut links[..coarse_kept];
-    fit(fitted, row.trials, &missing);
+    let whole = |sender: u32| row.strength(row.gathered.sum[sender as usize]);
+    fit(fitted, whole, row.trials, &missing);
     fitted.iter_mut().for_each(|link| link.1 = quantised(link.1));
 }
 
