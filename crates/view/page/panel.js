@@ -14,10 +14,25 @@ const shown = (x) => String(Number(x.toPrecision(4)));
 
 export class Panel {
   constructor(state, root) {
-    Object.assign(this, { state, root, fills: [], hues: new Map() });
+    Object.assign(this, { state, root, fills: [], hues: new Map(), stale: false, pressed: false });
     this.picture = new PictureCard(this);
     this.material = new MaterialCard(this);
-    state.on((what) => (what.structure ? this.build() : this.fill()));
+    state.on((what) => {
+      this.stale ||= what.structure;
+      this.renew();
+    });
+    // What is pressed stays where it is until it is let go: a button that was taken away in between is never clicked. The click comes in
+    // the same task as its pointerup.
+    root.addEventListener("pointerdown", ({ button, target }) => (this.pressed = button === 0 && Boolean(target.closest("button, [type=range]"))));
+    for (const end of ["pointerup", "pointercancel"]) addEventListener(end, () => setTimeout(() => {
+      this.pressed = false;
+      if (this.stale) this.renew();
+    }));
+  }
+
+  renew() {
+    if (!this.stale) this.fill();
+    else if (!this.pressed) this.build();
   }
 
   // A slider with a number beside it, for one value.
@@ -70,6 +85,7 @@ export class Panel {
   build() {
     const { state } = this;
     if (!state.sequence) return;
+    this.stale = false;
     const scroll = this.root.scrollTop;
     const focused = document.activeElement?.getAttribute?.("aria-label");
     const inside = this.root.contains(document.activeElement);

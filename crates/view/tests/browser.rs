@@ -218,6 +218,17 @@ fn what_goes_wrong_is_survived_in_a_browser() {
     page.wait(&says(" m away"));
     mute(&mut page);
 
+    // An answer that comes while a button is pressed doesn't take it away.
+    let button = page.middle_of("[aria-label='Mute lamp']");
+    page.mouse("mousePressed", button);
+    page.evaluate("sockets[1].send('{\"pick\": {\"id\": 1, \"x\": 0.0, \"y\": 0.0}}')");
+    page.wait(&says("Nothing is there"));
+    page.mouse("mouseReleased", button);
+    page.rest();
+    assert!(mean(&page.picture()) < 0.8 * mean(&first));
+    page.click("#undo");
+    page.rest();
+
     page.evaluate(
         "const head = '#?RADIANCE\\nFORMAT=32-bit_rle_rgbe\\n\\n-Y 16384 +X 32768\\n';
          const dataTransfer = new DataTransfer();
