@@ -4,6 +4,7 @@ mod cuts;
 mod furnace;
 mod gloss;
 mod golden;
+mod open_ground;
 mod product;
 mod stage;
 mod sums;

@@ -150,7 +150,7 @@ impl RelitShot {
             Some(transfer) => {
                 let weights = weights(transfer, scene, &seen, watch);
                 go_on(watch)?;
-                let (albedo, reflections) = lobes(transfer, scene, &seen, lobe_rays, watch)?;
+                let (albedo, reflections) = lobes(transfer, scene, &seen, &weights, lobe_rays, watch)?;
                 let functions = Functions {
                     components: components(&transfer.finest, &seen, &weights),
                     weights,
@@ -197,10 +197,11 @@ impl RelitShot {
 
     /// Finds again what depends on how surfaces reflect: what `seen` has of it was changed.
     pub(crate) fn weigh_lobes(&mut self, transfer: &Transfer, scene: &TracedScene, rays: u32) {
+        let Some(functions) = &mut self.functions else {
+            return;
+        };
         // Nobody stops it.
-        if let (Some(functions), Ok(lobes)) =
-            (&mut self.functions, lobes(transfer, scene, &self.seen, rays, &()))
-        {
+        if let Ok(lobes) = lobes(transfer, scene, &self.seen, &functions.weights, rays, &()) {
             (functions.albedo, self.reflections) = lobes;
         }
     }
@@ -232,22 +233,28 @@ fn lobes(
     transfer: &Transfer,
     scene: &TracedScene,
     seen: &Exposure,
+    weights: &SparseMatrix,
     rays: u32,
     watch: &dyn Watch,
 ) -> Result<(Vec<Vec3>, Reflections), Cancelled> {
-    let (albedo, lobes): (Vec<Vec3>, Vec<u32>) = (seen.points.par_iter().zip(&seen.directions))
+    let at_points = transfer.enclosed();
+    let enclosed = |f| {
+        let sum: f32 = row(weights, f).map(|(j, w)| w * at_points[j as usize]).sum();
+        sum.clamp(0.0, 1.0)
+    };
+    let (albedo, lobes): (Vec<Vec3>, Vec<u32>) = (seen.points.par_iter().zip(&seen.directions).enumerate())
         .with_min_len(256)
-        .map(|(point, direction)| {
+        .map(|(f, (point, direction))| {
             let (Some(point), wo) = (point, -*direction) else {
                 return (Vec3::ZERO, 0);
             };
-            match reflections::rays(point, wo, rays) {
+            match reflections::rays(point, wo, rays, enclosed(f)) {
                 0 => (bsdf::hemispherical_albedo(point), 0),
                 rays => (reflections::matt_albedo(point, wo), rays),
             }
         })
         .unzip();
-    let reflections = Reflections::new(scene, transfer, &lobes, rays, |f| seen.sighted(scene, f), watch)?;
+    let reflections = Reflections::new(scene, transfer, seen, &lobes, rays, watch)?;
     Ok((albedo, reflections))
 }
 

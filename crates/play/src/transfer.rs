@@ -86,6 +86,8 @@ pub struct Transfer {
     pub near_separated: Vec<bool>,
     /// From which; found when it is first asked for.
     separated: OnceLock<Separated>,
+    /// Found when it is first asked for.
+    enclosed: OnceLock<Vec<f32>>,
     /// Reflectance at the finest points.
     pub albedo: Vec<Vec3>,
     ranges: LevelRanges,
@@ -204,6 +206,7 @@ impl Transfer {
             finest,
             near_separated,
             separated: OnceLock::new(),
+            enclosed: OnceLock::new(),
             albedo,
             ranges,
             positions,
@@ -244,6 +247,18 @@ impl Transfer {
     /// Which finest points walls separate from which others.
     pub(crate) fn separated(&self, surfaces: &dyn Surfaces) -> &Separated {
         (self.separated).get_or_init(|| Separated::find(surfaces, &self.finest, &self.near_separated))
+    }
+
+    /// Irradiance at the finest points over the radiosity that all surfaces send alike: how much of what each sees are surfaces, 0 to 1 but for what
+    /// links leave out.
+    pub(crate) fn enclosed(&self) -> &[f32] {
+        self.enclosed.get_or_init(|| {
+            let even = vec![Vec3::ONE; self.finest.len()];
+            let values = self.one_bounce(&even, None, &mut TransferStats::default());
+            (values.iter().zip(&self.finest.normals))
+                .map(|(value, normal)| value.irradiance(*normal).x)
+                .collect()
+        })
     }
 
     /// Other reflectances at the finest points, one each. A baked solution keeps those that it was solved with.

@@ -64,6 +64,19 @@ pub struct Sighted {
     pub view: Vec3,
 }
 
+/// An image in square blocks.
+#[derive(Clone, Debug)]
+pub struct Blocks {
+    /// Pixels along a side of each.
+    pub side: usize,
+    /// Blocks in a row.
+    pub across: usize,
+    /// Where they are seen from.
+    pub eye: Vec3,
+    /// Of each block, row by row: its fragments, and the column and row of the pixel that each is of.
+    pub fragments: Vec<Vec<(u32, [u32; 2])>>,
+}
+
 impl Exposure {
     /// Unit direction from the camera to where fragment `f` shows in the image.
     pub fn through(&self, f: usize) -> Vec3 {
@@ -78,6 +91,29 @@ impl Exposure {
     /// Fragments of a pixel.
     pub fn fragments_of(&self, pixel: usize) -> Range<usize> {
         self.offsets[pixel] as usize..self.offsets[pixel + 1] as usize
+    }
+
+    /// Fragments of each block of `side` by `side` pixels, row by row, and the pixels that they are of.
+    pub fn blocks(&self, side: usize) -> Blocks {
+        let [across, down] = [self.width, self.height].map(|pixels| pixels.div_ceil(side));
+        let pixels = |block: usize| {
+            let (x, y) = (block % across * side, block / across * side);
+            let columns = x..(x + side).min(self.width);
+            (y..(y + side).min(self.height)).flat_map(move |y| columns.clone().map(move |x| (x, y)))
+        };
+        let of_pixel = |(x, y): (usize, usize)| {
+            let fragments = self.fragments_of(y * self.width + x);
+            fragments.map(move |f| (f as u32, [x as u32, y as u32]))
+        };
+        Blocks {
+            side,
+            across,
+            eye: self.eye,
+            fragments: (0..across * down)
+                .into_par_iter()
+                .map(|block| pixels(block).flat_map(of_pixel).collect())
+                .collect(),
+        }
     }
 
     /// Unit directions from the fragments to the eye.

@@ -152,5 +152,5 @@ impl Weighed {
 
 /// Whether a lobe matters, as for what the eye sees.
 fn reflects_on(point: &ShadingPoint) -> bool {
-    reflections::rays(point, point.shading_normal, 1) > 0
+    reflections::rays(point, point.shading_normal, 1, 1.0) > 0
 }
