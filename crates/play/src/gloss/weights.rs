@@ -18,7 +18,7 @@ const LEAST: f32 = 1e-3;
 /// so many radians over the disk then, and half vectors by half of that.
 const CLOSE: f32 = 0.25;
 
-/// Most by which weights are lengthened so that their sum stays.
+/// Most by which weights are lengthened so that their sum stays, and by which they are longer than what their receiver may see of the sender, where lobes count by them.
 const MOST: f32 = 2.0;
 
 /// Senders and their weights, ascending.
