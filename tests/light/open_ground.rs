@@ -1,14 +1,15 @@
 //! What a lit wall sends over open ground to an eye that looks along it.
 
 use crate::gloss::baked_with;
+use crate::stage::indirect;
 use glam::{Vec3, dvec3};
 use relight_bake::params::BakeParams;
 use relight_data_generate::glb::{Glb, Material, Placement, matt};
 use relight_data_generate::mesh::quad;
+use relight_play::Integrator;
 use relight_play::choice::Tracer;
 use relight_play::scene::animated::Animated;
 use relight_play::scene::light::{LightKind, LightTrack};
-use relight_play::{FrameSettings, Integrator, Player, ShotSettings};
 
 /// A wall at the far end of ground as most files have it: rough, and no metal.
 fn square() -> Glb {
@@ -43,23 +44,6 @@ fn square() -> Glb {
 /// Pixels of the picture along a side.
 const SIDE: usize = 128;
 
-/// Indirect light of the picture, green, row by row.
-fn indirect(player: &Player, lamp: &LightTrack, integrator: Integrator, samples: u32) -> Vec<f32> {
-    let lights = player.lights(std::slice::from_ref(lamp)).unwrap();
-    let settings = ShotSettings {
-        integrator,
-        width: SIDE,
-        height: SIDE,
-        samples: Some(samples),
-        ..ShotSettings::default()
-    };
-    let camera = player.scene().cameras[0].at(0.0);
-    let shot = player.shot(&camera, &settings).unwrap();
-    let frame = (player.frame(&shot, &lights, 0.0, &FrameSettings::default())).unwrap();
-    let pixels = frame.layers.rgb("indirect").unwrap().pixels;
-    pixels.iter().map(|pixel| pixel[1]).collect()
-}
-
 /// Truth: the path tracer. The wall's light comes over the ground towards the eye, where a rough surface sends more of it by its lobe and less by its matt part than
 /// it would of even light. Tolerance: a tenth for bands of sixteen rows across the middle, of which points and links are off by some per cent, and the lobes have
 /// noise; with an even matt part beside the lobe the first band was too bright by 15 %.
@@ -80,8 +64,8 @@ fn rough_ground_before_a_lit_wall_shines_where_it_should_and_has_no_dots() {
             intensity: Animated::Constant(Vec3::splat(5.0)),
         },
     };
-    let truth = indirect(&player, &lamp, Tracer::default().into(), 512);
-    let found = indirect(&player, &lamp, Integrator::Transfer, 16);
+    let truth = indirect(&player, &lamp, Tracer::default().into(), SIDE, 512);
+    let found = indirect(&player, &lamp, Integrator::Transfer, SIDE, 16);
     let middle = SIDE / 4..3 * SIDE / 4;
     let mean = |picture: &[f32], rows: std::ops::Range<usize>| {
         let all: Vec<f32> = rows

@@ -7,7 +7,7 @@ use relight_data_generate::glb::Glb;
 use relight_format::{self as format, Asset};
 use relight_play::frame::light::Lit;
 use relight_play::shot::RelitShot;
-use relight_play::{FrameSettings, Player, ShotSettings};
+use relight_play::{FrameSettings, Integrator, Player, ShotSettings};
 use relight_render::expose::expose;
 use relight_scene::gltf::{ImportOptions, import};
 use relight_scene::light::LightTrack;
@@ -88,4 +88,27 @@ pub fn light_sampled(
 /// Mean over places, RGB.
 pub fn mean(values: &[Vec3]) -> DVec3 {
     values.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / values.len() as f64
+}
+
+/// Indirect light of one light in what the scene's first camera sees, `side` pixels square, row by row: green.
+pub fn indirect(
+    player: &Player,
+    track: &LightTrack,
+    integrator: Integrator,
+    side: usize,
+    samples: u32,
+) -> Vec<f32> {
+    let lights = player.lights(std::slice::from_ref(track)).unwrap();
+    let settings = ShotSettings {
+        integrator,
+        width: side,
+        height: side,
+        samples: Some(samples),
+        ..ShotSettings::default()
+    };
+    let camera = player.scene().cameras[0].at(0.0);
+    let shot = player.shot(&camera, &settings).unwrap();
+    let frame = (player.frame(&shot, &lights, 0.0, &FrameSettings::default())).unwrap();
+    let pixels = frame.layers.rgb("indirect").unwrap().pixels;
+    pixels.iter().map(|pixel| pixel[1]).collect()
 }

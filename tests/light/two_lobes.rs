@@ -1,6 +1,7 @@
 //! A lamp's light that reaches the eye over two glossy surfaces, one after the other.
 
 use crate::gloss::baked_with;
+use crate::stage;
 use glam::{Vec3, dvec3};
 use relight_bake::params::BakeParams;
 use relight_data_generate::glb::{Glb, Placement, matt, metal};
@@ -8,7 +9,7 @@ use relight_data_generate::mesh::quad;
 use relight_play::choice::Tracer;
 use relight_play::scene::animated::Animated;
 use relight_play::scene::light::{LightKind, LightTrack};
-use relight_play::{FrameSettings, Integrator, Player, ShotSettings};
+use relight_play::{Integrator, Player};
 use std::sync::OnceLock;
 
 /// A floor and a wall behind it, both of rough metal, and a matt wall before them.
@@ -84,23 +85,11 @@ const BLOCK: usize = 4;
 
 /// Indirect light in a picture of the wall at the back: means of blocks of pixels, green.
 fn indirect(track: &LightTrack, integrator: Integrator, samples: u32) -> Vec<f64> {
-    let player = player();
-    let lights = player.lights(std::slice::from_ref(track)).unwrap();
-    let settings = ShotSettings {
-        integrator,
-        width: SIDE,
-        height: SIDE,
-        samples: Some(samples),
-        ..ShotSettings::default()
-    };
-    let camera = player.scene().cameras[0].at(0.0);
-    let shot = player.shot(&camera, &settings).unwrap();
-    let frame = (player.frame(&shot, &lights, 0.0, &FrameSettings::default())).unwrap();
-    let pixels = frame.layers.rgb("indirect").unwrap().pixels;
+    let pixels = stage::indirect(player(), track, integrator, SIDE, samples);
     let mut blocks = vec![0.0; (SIDE / BLOCK) * (SIDE / BLOCK)];
     for (i, pixel) in pixels.iter().enumerate() {
         let (x, y) = (i % SIDE / BLOCK, i / SIDE / BLOCK);
-        blocks[y * (SIDE / BLOCK) + x] += f64::from(pixel[1]) / (BLOCK * BLOCK) as f64;
+        blocks[y * (SIDE / BLOCK) + x] += f64::from(*pixel) / (BLOCK * BLOCK) as f64;
     }
     blocks
 }

@@ -225,6 +225,7 @@ mod tests {
             let point = ShadingPoint {
                 lambert: false,
                 alpha,
+                f0: Vec3::splat(0.04),
                 ..ShadingPoint::lambert(&hit, Vec3::splat(matt))
             };
             let view = Vec3::Y;
