@@ -84,22 +84,21 @@ impl Reflections {
                 .filter(|(f, _)| rays[*f as usize] > 0)
                 .map(|&(f, pixel)| (f, pixel, seen.sighted(scene, f as usize)))
                 .collect();
-            lobes.push_block(follower, rays, &followed, blocks.eye, most);
+            let groups = lobes.push_block(follower, rays, &followed, blocks.eye, most);
             lobes.entries.shrink_to_fit();
             lobes.shared.shrink_to_fit();
             lobes.sky.shrink_to_fit();
-            Ok(lobes)
+            Ok((lobes, groups))
         });
-        let mut lobes: Vec<Lobes> = lobes.collect::<Result<_, Cancelled>>()?;
+        let lobes: Vec<(Lobes, Vec<Group>)> = lobes.collect::<Result<_, Cancelled>>()?;
+        let (mut lobes, groups): (Vec<Lobes>, Vec<Vec<Group>>) = lobes.into_iter().unzip();
         let mut narrow = vec![false; rays.len()];
         for &fragment in lobes.iter().flat_map(|lobes| &lobes.narrow) {
             narrow[fragment as usize] = true;
         }
         let ends = lobes.iter_mut().map(|lobes| std::mem::take(&mut lobes.ends));
         let ends = GlossyEnds::joined(ends.collect(), transfer.finest.len() as u32);
-        let groups: Vec<&[Group]> = lobes.iter().map(|lobes| lobes.groups.as_slice()).collect();
         let shares = shared::shares(&blocks, &groups);
-        (lobes.iter_mut().flat_map(|lobes| &mut lobes.groups)).for_each(|group| group.members = Vec::new());
         Ok(Reflections {
             lobes,
             shares,
@@ -148,10 +147,7 @@ impl Reflections {
                     .collect()
             };
             let own = sums(&lobes.entries, &mut lobes.fragments.iter().map(|f| f.1));
-            (
-                own,
-                sums(&lobes.shared, &mut lobes.groups.iter().map(|group| group.end)),
-            )
+            (own, sums(&lobes.shared, &mut lobes.groups.iter().copied()))
         };
         let all: Vec<(Vec<Vec3>, Vec<Vec3>)> = self.lobes.par_iter().with_min_len(4).map(reflected).collect();
         let mut of_groups = Vec::new();

@@ -1,7 +1,7 @@
 //! Lobes of the fragments of a block of pixels: what their rays found.
 
 use super::follower::{Follower, Saw};
-use super::shared::{self, Followed, Group};
+use super::shared::{self, Followed, Group, Member};
 use super::which::FIXED_RAYS;
 use crate::glossy_ends::GlossyEnds;
 use glam::Vec3;
@@ -22,8 +22,8 @@ const NARROW: f32 = 0.1;
 pub(super) struct Lobes {
     /// Each fragment, and the end of its entries.
     pub(super) fragments: Vec<(u32, u32)>,
-    /// Those that share what they see far away.
-    pub(super) groups: Vec<Group>,
+    /// Where the entries of each group that shares what it sees far away end.
+    pub(super) groups: Vec<u32>,
     /// Entries of the groups, for a lobe that reflects all.
     pub(super) shared: Vec<(u32, Vec3)>,
     /// Those that are narrow wherever their rays start.
@@ -81,7 +81,7 @@ impl Lobes {
         }
     }
 
-    /// Appends the fragments of a block, seen from `eye`; each takes `rays[fragment]` rays.
+    /// Appends the fragments of a block, seen from `eye`; each takes `rays[fragment]` rays. Returns its groups.
     pub(super) fn push_block(
         &mut self,
         follower: &mut Follower,
@@ -89,14 +89,14 @@ impl Lobes {
         followed: &[Followed],
         eye: Vec3,
         most: u32,
-    ) {
+    ) -> Vec<Group> {
         let rays_of = |fragment: u32| (fragment, rays[fragment as usize]);
         let (groups, narrow) = shared::groups(followed, eye);
         for at in narrow {
             let (fragment, _, starts) = &followed[at];
             self.push(follower, rays_of(*fragment), starts, most, None);
         }
-        for group in groups {
+        let follow = |group: Vec<(usize, Member)>| {
             let places = group.iter().flat_map(|&(at, _)| &followed[at].2);
             let mut far = FarThings {
                 beyond: shared::beyond(&group, places.map(|start| start.hit.position)),
@@ -110,9 +110,10 @@ impl Lobes {
             }
             take(&mut far.found, (far.rays as f32).recip(), &mut self.shared);
             let members = group.into_iter().map(|member| member.1).collect();
-            let end = self.shared.len() as u32;
-            self.groups.push(Group::new(members, far.beyond, end));
-        }
+            self.groups.push(self.shared.len() as u32);
+            Group::new(members, far.beyond)
+        };
+        groups.into_iter().map(follow).collect()
     }
 }
 

@@ -56,8 +56,6 @@ pub(super) struct Group {
     depth: f32,
     /// How far away what they share is, m: a power of two, so that it is the same for most blocks around.
     pub beyond: f32,
-    /// Where its part of what all of them found ends.
-    pub end: u32,
 }
 
 /// Fragments whose lobes are followed, one block's: which they are, their pixels, and where their rays start.
@@ -134,14 +132,13 @@ pub(super) fn beyond(members: &[(usize, Member)], places: impl Iterator<Item = V
 }
 
 impl Group {
-    /// `beyond`: [`beyond`] of its members; `end`: as in [`Group::end`].
-    pub fn new(members: Vec<Member>, beyond: f32, end: u32) -> Group {
+    /// `beyond`: [`beyond`] of its members.
+    pub fn new(members: Vec<Member>, beyond: f32) -> Group {
         let depth = members.iter().map(|member| member.depth).sum::<f32>() / members.len() as f32;
         Group {
             members,
             depth,
             beyond,
-            end,
         }
     }
 }
@@ -157,18 +154,18 @@ pub(super) struct Shares {
 
 /// What each fragment takes of the groups around it that are like its own one: by its place between the middles of blocks and between depths, and by how many
 /// members they have. `groups`: of each block.
-pub(super) fn shares(blocks: &Blocks, groups: &[&[Group]]) -> Shares {
+pub(super) fn shares(blocks: &Blocks, groups: &[Vec<Group>]) -> Shares {
     let firsts: Vec<u32> = (groups.iter())
         .scan(0, |first, groups| {
             Some(std::mem::replace(first, *first + groups.len() as u32))
         })
         .collect();
     let mut shares = Shares::default();
-    for group in groups.iter().copied().flatten() {
+    for group in groups.iter().flatten() {
         for member in &group.members {
             let first = shares.parts.len();
             for (block, weight) in around(blocks, member.pixel) {
-                for (number, other) in (firsts[block]..).zip(groups[block]) {
+                for (number, other) in (firsts[block]..).zip(&groups[block]) {
                     let near = 1.0 - (other.depth - member.depth).abs();
                     if near > 0.0 && other.beyond == group.beyond && other.members[0].is_like(member) {
                         let members = other.members.len() as f32;
@@ -275,7 +272,7 @@ mod tests {
         let group = |block| {
             let (mut groups, _) = groups(&of_block(block), EYE);
             let members: Vec<Member> = groups.remove(0).into_iter().map(|member| member.1).collect();
-            [Group::new(members, 4.0, 0)]
+            vec![Group::new(members, 4.0)]
         };
         let blocks = Blocks {
             side: 8,
@@ -285,7 +282,7 @@ mod tests {
                 .map(|block| of_block(block).iter().map(|f| (f.0, f.1)).collect())
                 .to_vec(),
         };
-        let all = shares(&blocks, &[&group(0), &group(1)]);
+        let all = shares(&blocks, &[group(0), group(1)]);
         let parts = |fragment: u32| {
             let at = all.fragments.iter().position(|f| f.0 == fragment).unwrap();
             let first = at.checked_sub(1).map_or(0, |before| all.fragments[before].2);
