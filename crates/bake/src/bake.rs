@@ -7,7 +7,7 @@ use crate::left_out::{Pruned, prune};
 use crate::links::operators::{Transport, Viewers, transport};
 use crate::operator_sections;
 use crate::points::coverage::{Coverage, coverage};
-use crate::points::placing::{load, placed};
+use crate::points::placing::{load, placed, reflect_as_cells};
 use crate::points::poisson::levels_of;
 use crate::progress::{Progress, Watch};
 use crate::report::Made;
@@ -49,7 +49,7 @@ pub fn bake(request: &Request, ledger: Option<&Ledger>, progress: &dyn Progress)
         relevance: &placed.relevance,
         cameras: &placed.cameras,
     };
-    let transport = transport(
+    let mut transport = transport(
         surfaces,
         points,
         viewers,
@@ -57,6 +57,15 @@ pub fn bake(request: &Request, ledger: Option<&Ledger>, progress: &dyn Progress)
         params.stored_link(),
         units,
         &watch,
+    )?;
+    let near = &transport.separations.near;
+    transport.rays += reflect_as_cells(
+        &timed,
+        &mut placed,
+        &mut transport.points,
+        near,
+        params.seed,
+        progress,
     )?;
     watch.go_on()?;
     clock.lap("refine");

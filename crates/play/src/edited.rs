@@ -1,13 +1,14 @@
 //! Edited materials while playing: what has to be evaluated again, and what stays.
 //!
 //! Rays, fragments and weights depend on geometry alone and stay. Again, at most once a frame and only for
-//! materials that are edited: reflectance at the finest points (at each point's place on the surface, without the
-//! bake's rounding), from which the bounces take theirs, and the shading points of a standing camera's fragments.
+//! materials that are edited: reflectance at the finest points ([`crate::cell_reflectances`]), from which the bounces
+//! take theirs, and the shading points of a standing camera's fragments.
 //!
 //! A fragment of a material that moves is evaluated where it is lit, not averaged over its rays: its textures are
 //! sampled once a pixel. All its frames are, so that none differs from the others. A material whose edits are
 //! constant is averaged as ever.
 
+use crate::cell_reflectances::CellReflectances;
 use crate::cuts::CutLights;
 use crate::cuts::lights::reflectances;
 use crate::prepared::PreparedScene;
@@ -117,8 +118,12 @@ impl Edited {
             points,
             cuts,
             gloss,
+            cells,
             ..
         } = prepared;
+        if let (Some(transfer), None) = (&transfer, &cells) {
+            *cells = Some(CellReflectances::of(scene, points, &transfer.albedo));
+        }
         let materials = self.edits.at(time, &scene.scene().materials);
         scene
             .set_materials(materials)
@@ -133,9 +138,9 @@ impl Edited {
             (self.edits.touches(index) && (all || is(&self.moves, index))) || (all && is(&self.stale, index))
         };
         gloss.forget();
-        if let Some(transfer) = transfer {
+        if let (Some(transfer), Some(cells)) = (transfer, cells) {
             let mut albedo = std::mem::take(&mut transfer.albedo);
-            reflectances(scene, points, &mut albedo, wanted);
+            cells.edit(scene, points, wanted, &mut albedo);
             transfer.set_albedo(albedo);
         }
         if let Some(CutLights::Surface(samples)) = cuts.as_mut().map(|c| &mut c.lights) {

@@ -56,6 +56,7 @@
 #![deny(clippy::print_stdout, clippy::print_stderr, clippy::dbg_macro)]
 
 pub mod camera;
+mod cell_reflectances;
 pub mod choice;
 mod convert;
 pub mod cuts;

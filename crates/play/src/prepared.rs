@@ -1,5 +1,6 @@
 //! A scene with its transport, ready to be lit.
 
+use crate::cell_reflectances::CellReflectances;
 use crate::cuts::VisibilityCuts;
 use crate::frame::parts::Received;
 use crate::gloss::Gloss;
@@ -34,6 +35,8 @@ pub struct PreparedScene {
     pub(crate) received: Still<Received>,
     /// Which points are glossy, of materials as they are.
     pub(crate) gloss: Gloss,
+    /// What the points reflected before any edit; found at the first.
+    pub(crate) cells: Option<CellReflectances>,
     /// What all of it together became.
     pub(crate) transferred: Transferred,
 }
@@ -68,6 +71,7 @@ impl PreparedScene {
             cuts,
             received: Still::default(),
             gloss: Gloss::default(),
+            cells: None,
             transferred: Transferred::default(),
         }
     }

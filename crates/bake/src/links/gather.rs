@@ -8,10 +8,10 @@
 
 use crate::links::fitting::{Answers, ShortInTrials};
 use crate::points::candidates::Candidate;
+use crate::points::separation::on_same_side;
 use glam::{Vec3, Vec3A};
 use relight_scene::environment::luminance;
 use relight_scene::rays::Ray;
-use relight_scene::separation::{Pair, are_separated};
 use relight_scene::surface::Surfaces;
 use relight_transport::basis::NearestPoint;
 use relight_transport::pyramid::LevelRanges;
@@ -31,26 +31,6 @@ pub struct SenderField<'a> {
     pub tree: &'a SenderTree,
     /// Its points' radiosity in trial lights.
     pub trials: &'a [ShortInTrials],
-}
-
-impl SenderField<'_> {
-    /// `nearest`, the point nearest to a place, or the next one on the place's side of all walls, if there is one.
-    #[inline]
-    fn same_side(&self, surfaces: &dyn Surfaces, (x, normal): (Vec3, Vec3), nearest: u32) -> u32 {
-        let level = self.points.level;
-        let separated = |point: u32| {
-            let point = point as usize;
-            let there = (level.positions[point], level.normals[point]);
-            let pair = Pair {
-                from: (x, normal),
-                to: there,
-                scale: level.disk_radius_of(point),
-                own: level.disk_radius,
-            };
-            are_separated(surfaces, &pair)
-        };
-        (self.points).on_same_side((x, normal), nearest, self.near_separated, separated)
-    }
 }
 
 /// A dense row over all senders with a list of what is not zero.
@@ -156,7 +136,7 @@ pub fn gather(
                 found.lost += 1;
                 continue;
             };
-            let point = field.same_side(surfaces, end, nearest);
+            let point = on_same_side(surfaces, &field.points, field.near_separated, end, nearest);
             answers.add(vector, &field.trials[point as usize].wide());
             row.add(finest + field.tree.leaf_of_point[point as usize], vector);
         }

@@ -7,6 +7,7 @@ pub mod openness;
 pub mod particles;
 pub mod placing;
 pub mod poisson;
+pub mod reflectances;
 pub mod relevance;
 pub mod seen;
 pub mod separation;

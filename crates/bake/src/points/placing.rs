@@ -8,6 +8,7 @@ use crate::points::coverage::everywhere;
 use crate::points::known_lamps;
 use crate::points::openness::Openness;
 use crate::points::poisson::{self, PointLevels};
+use crate::points::reflectances::cell_reflectances;
 use crate::points::relevance::Relevance;
 use crate::points::seen;
 use crate::points::viewpoints::{self, OpenSpace};
@@ -20,6 +21,7 @@ use relight_format as format;
 use relight_scene::camera::{Camera, CameraTrack};
 use relight_scene::surface::Surfaces;
 use relight_scene::traced::TracedScene;
+use relight_transport::basis::NearestPoint;
 
 /// Candidates until all levels are full, for each point that is expected: 15 to 31 on the scenes of docs/notebook/reliability.md.
 /// For progress only.
@@ -302,6 +304,42 @@ fn quantised(mut points: PointLevels) -> (Vec<format::Level>, PointLevels) {
         levels.push(exact);
     }
     (levels, points)
+}
+
+/// Lets the finest of `points` reflect what their cells do in the mean, as a reader of the file will see it. `near_separated`:
+/// [`Separations::near`](crate::points::separation::Separations::near). Returns the number of rays cast.
+///
+/// # Errors
+/// A stop.
+pub fn reflect_as_cells(
+    surfaces: &dyn Surfaces,
+    placed: &mut Placed,
+    points: &mut PointLevels,
+    near_separated: &[bool],
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<u64, BakeError> {
+    let levels = poisson::levels_of(points);
+    let (Some(stored), Some(finest), Some(level)) =
+        (placed.levels.last_mut(), points.levels.last_mut(), levels.last())
+    else {
+        return Ok(0);
+    };
+    let (reflectances, rays) = cell_reflectances(
+        surfaces,
+        &NearestPoint::new(level),
+        near_separated,
+        &placed.relevance,
+        finest.points.iter().map(|point| point.albedo),
+        seed,
+        || Watch(progress).go_on(),
+    )?;
+    stored.albedo = reflectances.iter().map(|albedo| albedo.to_array()).collect();
+    let read = format::quantised_level(stored).albedo;
+    for (point, albedo) in finest.points.iter_mut().zip(read) {
+        point.albedo = albedo.into();
+    }
+    Ok(rays)
 }
 
 /// The cameras that alone will look, and where they stand over all frames; none: anybody may look from anywhere.

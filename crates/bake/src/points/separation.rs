@@ -1,9 +1,10 @@
 //! Which points surfaces separate from each other: what may not be interpolated between.
 
+use glam::Vec3;
 use rayon::prelude::*;
 use relight_scene::separation::{Pair, are_separated};
 use relight_scene::surface::Surfaces;
-use relight_transport::basis::Level;
+use relight_transport::basis::{Level, NearestPoint};
 use relight_transport::pyramid::{LevelRanges, fine_from_coarse};
 use relight_transport::sparse::SparseMatrix;
 use std::sync::Mutex;
@@ -55,6 +56,30 @@ pub fn find(surfaces: &dyn Surfaces, levels: &[Level]) -> (Separations, SparseMa
     )
 }
 
+/// `nearest`, the finest point nearest to a place (position, normal), or the next one on the place's side of all walls, if there is one.
+/// `near`: [`Separations::near`].
+#[inline]
+pub fn on_same_side(
+    surfaces: &dyn Surfaces,
+    points: &NearestPoint,
+    near: &[bool],
+    place: (Vec3, Vec3),
+    nearest: u32,
+) -> u32 {
+    let level = points.level;
+    let separated = |point: u32| {
+        let point = point as usize;
+        let pair = Pair {
+            from: place,
+            to: (level.positions[point], level.normals[point]),
+            scale: level.disk_radius_of(point),
+            own: level.disk_radius,
+        };
+        are_separated(surfaces, &pair)
+    };
+    points.on_same_side(place, nearest, near, separated)
+}
+
 /// `separated` of two points, numbered over all levels.
 fn near(levels: &[Level], separated: impl Fn(usize, usize) -> bool + Sync) -> Vec<bool> {
     let Some(finest) = levels.last() else {
@@ -90,7 +115,7 @@ fn near(levels: &[Level], separated: impl Fn(usize, usize) -> bool + Sync) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{DVec3, Vec3};
+    use glam::DVec3;
     use relight_scene::implicit::{ImplicitSurface, Sdf};
     use relight_transport::sparse::row;
 

@@ -6,6 +6,7 @@ use crate::reflections;
 use crate::transfer::Transfer;
 use glam::Vec3;
 use rayon::prelude::*;
+use relight_scene::bsdf;
 use relight_scene::shading::ShadingPoint;
 use relight_scene::surface::SurfaceHit;
 use relight_scene::traced::TracedScene;
@@ -64,7 +65,7 @@ pub(super) struct GlossyPoint {
     /// Which finest point.
     number: u32,
     pub shading: ShadingPoint,
-    /// What links take it to reflect.
+    /// What it reflects of even light. Links carry the mean of its cell, which differs in colour, not in where light goes.
     pub albedo: Vec3,
 }
 
@@ -98,10 +99,11 @@ impl GlossySenders {
         let points: Vec<GlossyPoint> = (numbers.into_par_iter())
             .with_min_len(256)
             .filter_map(|number| {
+                let shading = shading_of(number as usize)?;
                 Some(GlossyPoint {
                     number,
-                    shading: shading_of(number as usize)?,
-                    albedo: transfer.albedo[number as usize],
+                    albedo: bsdf::hemispherical_albedo(&shading),
+                    shading,
                 })
             })
             .collect();
