@@ -8,4 +8,5 @@ mod open_ground;
 mod product;
 mod stage;
 mod sums;
+mod tiles;
 mod two_lobes;

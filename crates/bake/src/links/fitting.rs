@@ -213,7 +213,7 @@ pub const LONGEST: f32 = 1.0;
 
 /// What is left of the say of a link that the fit made too long or let others cancel, and how often: after that it hardly changes.
 /// Of two neighbours, which most lamps light alike, one got −0.45 and the other 0.6, and the ground before them negative light. Holding all of a
-/// row's links together instead leaves Crytek's Sponza 1 % darker (docs/notebook/transfer.md).
+/// row's links together instead leaves Crytek's Sponza 1 % darker (docs/notebook/openness.md).
 const HELD: f32 = 0.125;
 const MOST_TRIES: u32 = 6;
 
