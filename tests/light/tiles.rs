@@ -66,7 +66,7 @@ fn bathroom(reflectances: [f64; 2]) -> Glb {
 }
 
 /// Truth: the path tracer, for how much less the wall gets than from a floor that is white all over; the same points lie on both. Of a floor of some hundred
-/// points, one tile each, that would be known to 9 %: tiles differ by nine tenths of their mean. Points that know their cells are right to 1.5 %, in the
+/// points, one tile each, that would be known to 9 %: tiles differ by nine tenths of their mean. Points that know their cells are right to 1.3 %, in the
 /// root of the mean square over seeds, of which paths' noise is a part.
 #[test]
 fn a_floor_of_small_tiles_lights_a_wall_as_all_of_its_tiles_do() {
